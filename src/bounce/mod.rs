@@ -1,0 +1,113 @@
+//! An impact's angles, restitution, friction and spin; the distances x0 and x; both models' readings.
+
+use crate::quantity::Quantity;
+
+/// Velocity of the centre just before or after an impact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leg {
+    /// Along the launch, m/s.
+    pub vx_m_s: Option<Quantity>,
+    /// Up, m/s (negative going down); `None` in a top view.
+    pub vz_m_s: Option<Quantity>,
+    /// From the vertical, positive along the incident direction of motion, rad; `None` in a top view.
+    pub angle_rad: Option<Quantity>,
+}
+
+/// An impact on the floor. What does not apply or could not be measured is `None`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounce {
+    /// Time, s.
+    pub time_s: Option<Quantity>,
+    /// Place along the launch, m.
+    pub x_m: Option<Quantity>,
+    /// Before.
+    pub incident: Leg,
+    /// After.
+    pub rebound: Leg,
+    /// e = e_z.
+    pub restitution: Option<Quantity>,
+    /// vx after / vx before.
+    pub tangential_ratio: Option<Quantity>,
+    /// |change of vx| / (|vz| (1 + e)).
+    pub friction: Option<Quantity>,
+    /// e_x for the given or assumed spin before.
+    pub tangential_restitution: Option<Quantity>,
+    /// R ω_y before, m/s.
+    pub spin_in_m_s: Option<Quantity>,
+    /// R ω_y after, m/s.
+    pub spin_out_m_s: Option<Quantity>,
+    /// Deviation of the rebound in the floor plane, rad; top view only.
+    pub azimuth_rad: Option<Quantity>,
+}
+
+/// x0 (edge to first impact) and x (first to second impact).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Distances {
+    /// Edge to first impact, m.
+    pub x0_m: Option<Quantity>,
+    /// First to second impact, m.
+    pub x_m: Option<Quantity>,
+    /// Where x comes from.
+    pub x_source: Option<XSource>,
+}
+
+/// Where x comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum XSource {
+    /// The second impact was seen.
+    Observed,
+    /// The rebound's arc was continued to the floor.
+    Extrapolated,
+}
+
+/// Both models' readings of the first bounce.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Readings {
+    /// e of both models.
+    pub restitution: Option<Quantity>,
+    /// μ, where the ball slid.
+    pub friction: Option<Quantity>,
+    /// The μ-e model's regime.
+    pub mu_e_regime: MuERegime,
+    /// e_x.
+    pub tangential_restitution: Option<Quantity>,
+    /// The e-e model's regime.
+    pub e_e_regime: EERegime,
+    /// The model that describes the recording's bounces better.
+    pub preferred: Preferred,
+}
+
+/// Regimes of the μ-e model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MuERegime {
+    /// Friction at its limit throughout.
+    Sliding,
+    /// Leaves rolling.
+    Nonsliding,
+    /// The data do not tell.
+    Undetermined,
+}
+
+/// Regimes of the e-e model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EERegime {
+    /// e_x < 0.
+    Ordinary,
+    /// e_x = 0.
+    Nonsliding,
+    /// e_x > 0.
+    Grip,
+    /// The data do not tell.
+    Undetermined,
+}
+
+/// The preferred model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preferred {
+    /// Coulomb friction.
+    MuE,
+    /// Horizontal restitution.
+    EE,
+    /// The data do not tell.
+    Undetermined,
+}

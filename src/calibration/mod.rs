@@ -1,0 +1,1 @@
+//! `calib.json`, and from a pixel to a metre: the only place where that happens.

@@ -1,0 +1,42 @@
+//! `track`: a lab video of a bouncing ball, turned into measured physics.
+//!
+//! # The map
+//!
+//! A recording flows one way, and the modules stand in that order. Imports run downwards in it; nothing imports
+//! [`cli`].
+//!
+//! | module | what it does | gives |
+//! |---|---|---|
+//! | [`quantity`] | a number with its standard uncertainty | [`quantity::Quantity`] |
+//! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
+//! | [`calibration`] | `calib.json`; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
+//! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
+//! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
+//! | [`flight`] | the freely falling path among all that moves; arcs and the impacts between them | arcs |
+//! | [`bounce`] | an impact's angles, restitution, spin; x0 and x | [`bounce::Bounce`] |
+//! | [`models`] | the two rebound models of Domenech 2005: pure functions | |
+//! | [`measure`] | one recording from file to result: the order of the steps, nothing else | [`measure::Measurement`] |
+//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight` or `bounce` | |
+//! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
+//! | [`cli`] | a file a command; the only place that prints or draws progress | |
+//!
+//! # Conventions
+//!
+//! * Lengths are metres, times seconds, angles radians (degrees only in files and on the page); a raw `f64` carries
+//!   its unit in its name.
+//! * Pixel (0, 0) is the centre of the top-left pixel, u right, v down.
+//! * World: x along the launch, z up, the floor at z = 0 (the ball's centre touches at z = R).
+//! * A measured number is a [`quantity::Quantity`]; what could not be measured is `None`, never 0 or NaN.
+//! * Core code neither prints nor reads the clock.
+//! * OpenCV types stay in `detect`, `calibration` and the renderer; FFmpeg's in `frames`.
+
+pub mod bounce;
+pub mod calibration;
+pub mod cli;
+pub mod frames;
+pub mod geometry;
+pub mod measure;
+pub mod models;
+pub mod quantity;
+pub mod report;
+pub mod simulate;

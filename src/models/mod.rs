@@ -1,0 +1,1 @@
+//! The relations of Domenech 2005 (see `physics`): pure functions.
