@@ -33,6 +33,8 @@
 pub mod bounce;
 pub mod calibration;
 pub mod cli;
+pub mod detect;
+pub mod flight;
 pub mod frames;
 pub mod geometry;
 pub mod measure;

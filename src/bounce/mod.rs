@@ -1,4 +1,16 @@
 //! An impact's angles, restitution, friction and spin; the distances x0 and x; both models' readings.
+//!
+//! With v before and v' after the impact, from the arcs at the time where they meet (z up, x along the launch):
+//!
+//! ```text
+//! e     = -v'z / vz                       tan θ = vx / |vz|          tan φ = v'x / v'z
+//! μ     = |vx - v'x| / (|vz| (1 + e))     (friction, if the ball slid)
+//! Rω'   = Rω + (vx - v'x)/k               e_x = -(v'x - Rω') / (vx - Rω)          [eqs. 7, 17 of Domenech 2005]
+//! ```
+
+pub mod impacts;
+pub mod propagate;
+pub mod reading;
 
 use crate::quantity::Quantity;
 

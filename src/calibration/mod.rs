@@ -1,1 +1,246 @@
 //! `calib.json`, and from a pixel to a metre: the only place where that happens.
+//!
+//! A recording's pixel goes to a point of the plane of motion by [`Rectification`] (lens, then rotation or
+//! homography; see there) and from there to metres by [`Calibration::metres_per_unit`] (the scale, which may rest on the
+//! ball or on the fall as the recording shows them). The calibration's part of a result's uncertainty is the standard
+//! uncertainty of that scale, [`Calibration::up_std_rad`] and [`Calibration::origin_std_px`].
+//!
+//! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `up_std_deg`,
+//! `origin_std_px`, `gravity_std_m_s2`, `ball.radius_std_m`, and in `scale` `length_std_m` and `point_std_px` (ruler),
+//! `relative_std` (homography).
+//!
+//! Rules beside a homography, which has its own origin and axes: `origin_px`, `origin_std_px` and an `up_px` other
+//! than the default are errors, because they would either do nothing or contradict it.
+
+mod error;
+mod file;
+mod lens;
+mod plane;
+mod scale;
+
+pub use error::{CalibrationError, Problem};
+pub use lens::Lens;
+pub use plane::{PlaneUnit, Rectification};
+pub use scale::{Homography, ROUNDED_PIXEL_STD_PX, Scale, ScaleEvidence};
+
+use crate::geometry::PixelPoint;
+use crate::quantity::Quantity;
+use std::path::Path;
+
+/// The schema this version reads and writes.
+pub const SCHEMA: &str = "track.calib/1";
+
+/// Where the camera looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum View {
+    /// At the plane of motion, square to it: "up" is z.
+    #[default]
+    Side,
+    /// Down at the floor: "up" in the picture is y.
+    Top,
+}
+
+/// The ball, as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball {
+    /// Radius R, m.
+    pub radius_m: Option<f64>,
+    /// Standard uncertainty of the radius, m; `None`: taken as exact.
+    pub radius_std_m: Option<f64>,
+    /// Mass, kg.
+    pub mass_kg: Option<f64>,
+    /// I / (m R²), in (0, 2/3]: 0.4 solid, 2/3 a thin shell.
+    pub inertia_factor: f64,
+}
+
+impl Default for Ball {
+    fn default() -> Self {
+        Self {
+            radius_m: None,
+            radius_std_m: None,
+            mass_kg: None,
+            inertia_factor: 0.4,
+        }
+    }
+}
+
+/// How the ball starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Launch {
+    /// x of the launch edge, m. Given only where the file gives the world's origin (`origin_px` or a homography), since
+    /// without one there is no x axis to place it on; then 0 unless the file says otherwise, `None` for an explicit null.
+    pub edge_x_m: Option<f64>,
+    /// R ω_oy / u_o before the first impact: 0 unless the file says otherwise, `None` where it says "unknown" (null).
+    pub spin_ratio: Option<f64>,
+}
+
+impl Default for Launch {
+    fn default() -> Self {
+        Self {
+            edge_x_m: None,
+            spin_ratio: Some(0.0),
+        }
+    }
+}
+
+/// A calibration, checked. Built by hand (by the simulator, say) it starts from [`Calibration::new`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// Where the camera looks.
+    pub view: View,
+    /// Width and height of the pictures it is for, after the rotation tag.
+    pub image_size_px: Option<(usize, usize)>,
+    /// Where metres come from.
+    pub scale: Scale,
+    /// The world's origin in the picture (as seen, before undistortion).
+    pub origin_px: Option<PixelPoint>,
+    /// Standard uncertainty of each coordinate of the origin, px.
+    pub origin_std_px: Option<f64>,
+    /// Direction of "up" in the undistorted picture, (du, dv), a unit vector.
+    pub up_px: [f64; 2],
+    /// Standard uncertainty of that direction, rad.
+    pub up_std_rad: Option<f64>,
+    /// Lens distortion.
+    pub lens: Option<Lens>,
+    /// True capture rate, Hz, where the file's time stamps are not to be believed.
+    pub frame_rate_hz: Option<f64>,
+    /// Acceleration of free fall, m/s².
+    pub gravity_m_s2: f64,
+    /// Its standard uncertainty, m/s²; `None`: taken as exact.
+    pub gravity_std_m_s2: Option<f64>,
+    /// The ball.
+    pub ball: Ball,
+    /// How it starts.
+    pub launch: Launch,
+}
+
+impl Calibration {
+    /// A side view with `scale` and every default of the file.
+    #[must_use]
+    pub fn new(scale: Scale) -> Self {
+        let edge_x_m = matches!(scale, Scale::Homography(_)).then_some(0.0);
+        Self {
+            view: View::Side,
+            image_size_px: None,
+            scale,
+            origin_px: None,
+            origin_std_px: None,
+            up_px: [0.0, -1.0],
+            up_std_rad: None,
+            lens: None,
+            frame_rate_hz: None,
+            gravity_m_s2: 9.81,
+            gravity_std_m_s2: None,
+            ball: Ball::default(),
+            launch: Launch {
+                edge_x_m,
+                ..Launch::default()
+            },
+        }
+    }
+
+    /// The same with the world's origin at `origin_px`, where the launch edge is unless it is set otherwise.
+    #[must_use]
+    pub fn with_origin(self, origin_px: PixelPoint) -> Self {
+        let launch = Launch {
+            edge_x_m: Some(0.0),
+            ..self.launch
+        };
+        Self {
+            origin_px: Some(origin_px),
+            launch,
+            ..self
+        }
+    }
+
+    /// The calibration in the file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read (missing, a directory, above 1 MB, not UTF-8), that is not JSON, or any value that is
+    /// not accepted: all of them at once, with the file, the dotted key, what was found, what is accepted, what to try.
+    pub fn read(path: &Path) -> Result<Self, CalibrationError> {
+        file::read(path)
+    }
+
+    /// The calibration in `text`; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// As [`Self::read`], but for the file system's.
+    pub fn parse(text: &str, name: &str) -> Result<Self, CalibrationError> {
+        file::parse(text, name)
+    }
+
+    /// The calibration in the file's form: [`Self::parse`] reads the same back.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        file::to_json(self)
+    }
+
+    /// Whether the world's origin is known, by `origin_px` or by a homography; otherwise the floor is found from the
+    /// impacts and x = 0 is the first tracked centre.
+    #[must_use]
+    pub const fn has_origin(&self) -> bool {
+        self.origin_px.is_some() || matches!(self.scale, Scale::Homography(_))
+    }
+
+    /// That the recording's pictures (after the rotation tag) have the size the calibration is for, if it names one.
+    ///
+    /// # Errors
+    /// Another size: both sizes, and what may have happened (rotated, scaled, cropped).
+    pub fn check_image_size(&self, width: usize, height: usize) -> Result<(), CalibrationError> {
+        match self.image_size_px {
+            Some(calibrated) if calibrated != (width, height) => Err(CalibrationError::ImageSize {
+                calibrated,
+                found: (width, height),
+                hint: size_hint(calibrated, (width, height)),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The map between the picture and the plane of motion.
+    ///
+    /// # Errors
+    /// A singular homography, a zero `up_px` or an origin that cannot be undistorted; a calibration that was read from
+    /// a file has none of them.
+    pub fn rectification(&self) -> Result<Rectification, CalibrationError> {
+        Rectification::new(self)
+    }
+
+    /// Metres per plane unit from whichever scale the file names, with its standard uncertainty (1 and the homography's
+    /// `relative_std` where the plane unit is the metre already). The rules of the uncertainty are those of [`Scale`]:
+    /// relative variances add, and a number given without an uncertainty counts as exact beside one that has it.
+    ///
+    /// # Errors
+    /// A scale that rests on the ball or on gravity, where `evidence` has no such measurement.
+    pub fn metres_per_unit(&self, evidence: &ScaleEvidence) -> Result<Quantity, CalibrationError> {
+        scale::metres_per_unit(self, evidence)
+    }
+}
+
+fn size_hint(calibrated: (usize, usize), found: (usize, usize)) -> String {
+    let (cw, ch) = (calibrated.0 as f64, calibrated.1 as f64);
+    let (fw, fh) = (found.0 as f64, found.1 as f64);
+    let factor = fw / cw;
+    // Encoders round to even sizes: two pixels off is still the same picture, scaled.
+    let scaled = (fw - cw * fh / ch).abs() <= 2.0 && (fh - ch * factor).abs() <= 2.0;
+    if calibrated == (found.1, found.0) {
+        "width and height are swapped: the sizes are meant after the file's rotation tag, so read the pixels of the \
+         calibration off a picture as a player shows it"
+            .into()
+    } else if scaled {
+        format!(
+            "the recording looks like a version scaled by {factor:.4}: calibrate on this recording, or use the original \
+             (scaling by hand: metres_per_pixel times {:.4}; origin_px, from_px, to_px, camera_matrix times {factor:.4})",
+            1.0 / factor
+        )
+    } else {
+        "the shape differs too, as after a crop or with another camera: calibrate on this recording".into()
+    }
+}
+
+/// A matrix as the file writes it.
+fn rows_text(m: &nalgebra::Matrix3<f64>) -> String {
+    let row = |i: usize| format!("[{}, {}, {}]", m[(i, 0)], m[(i, 1)], m[(i, 2)]);
+    format!("[{}, {}, {}]", row(0), row(1), row(2))
+}

@@ -1,1 +1,133 @@
 //! The command line: a file a command; the only place that prints or draws progress.
+
+mod measure;
+mod simulate;
+
+use crate::simulate::EffectsChoice;
+use crate::simulate::scene::Switch;
+use clap::{Parser, Subcommand, ValueEnum};
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Measures a bouncing ball in a lab video: impacts, angles, restitution, friction, spin, distances, and what two
+/// rebound models make of them.
+#[derive(Debug, Parser)]
+#[command(
+    name = "track",
+    version,
+    about,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    measure: Option<measure::MeasureArgs>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Renders a recording with known truth from a scene file.
+    Simulate {
+        /// The scene (JSON, schema track.scene/1).
+        scene: PathBuf,
+        /// Folder for <name>.mp4 (or .mkv), .truth.json and .calib.json.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Which effects to simulate, in place of the scene's own choice.
+        #[arg(long, value_enum)]
+        effects: Option<Effects>,
+        /// Print each effect with its estimate, the tolerance, and whether it is simulated.
+        #[arg(long)]
+        explain: bool,
+    },
+}
+
+/// Which effects a scene is rendered with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Effects {
+    /// Those that move a centre by more than the scene's tolerance.
+    Auto,
+    /// Every one.
+    All,
+    /// None beyond the parabola, the rigid impact and the disc.
+    None,
+}
+
+/// How a command ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Status {
+    /// Everything was done.
+    Done,
+    /// It ran, but a measurement was rejected.
+    Rejected,
+}
+
+/// Runs the command line of this process.
+///
+/// Exit status: 0 measured; 1 it ran, but the measurement was rejected; 2 it could not run.
+#[must_use]
+pub fn run() -> ExitCode {
+    let cli = Cli::parse();
+    let outcome = match (cli.command, cli.measure) {
+        (
+            Some(Command::Simulate {
+                scene,
+                out,
+                effects,
+                explain,
+            }),
+            _,
+        ) => {
+            let choice = effects.map(|e| {
+                EffectsChoice::all(match e {
+                    Effects::Auto => Switch::Auto,
+                    Effects::All => Switch::On,
+                    Effects::None => Switch::Off,
+                })
+            });
+            simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
+        }
+        (None, Some(args)) => measure::run(&args),
+        (None, None) => Err(anyhow::anyhow!("no recording given; see track --help")),
+    };
+    match outcome {
+        Ok(Status::Done) => ExitCode::SUCCESS,
+        Ok(Status::Rejected) => ExitCode::from(1),
+        Err(error) => {
+            say(&format!("error: {}", chain(&error)));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The error with its causes, each said once.
+fn chain(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        let cause = cause.to_string();
+        if !text.contains(&cause) {
+            text.push_str(": ");
+            text.push_str(&cause);
+        }
+    }
+    text
+}
+
+/// A line on stderr. A closed stderr is no reason to fail.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+/// The result on stdout, whole or an error. A reader that closed the pipe has what it wanted.
+fn answer(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(anyhow::Error::new(e).context("the result could not be written to stdout"))
+        }
+        _ => Ok(()),
+    }
+}

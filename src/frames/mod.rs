@@ -1,6 +1,39 @@
 //! From a file (or a folder of numbered images) to frames: the luma plane with each frame's own time.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `av/` | FFmpeg's C structs behind a safe face; the only `unsafe` |
+//! | [`encode`] | frames to a video file |
+//! | [`error`] | why a recording could not be read |
+//! | `folder` | a folder of numbered images |
+//! | `pixels` | from a decoded picture to upright planes of 8 bits |
+//! | [`readahead`] | decoding in a thread of its own |
+//! | [`recode`](mod@recode) | a recording drawn over |
+//! | `stamps` | from a file's stamps to times |
+//! | [`timebase`] | when each frame was taken: stamps or the true capture rate |
+//! | [`survey`] | a few frames spread over the whole |
+//! | [`video`] | a video file, frame by frame |
 
 use std::path::PathBuf;
+
+mod av;
+pub mod encode;
+pub mod error;
+mod folder;
+mod pixels;
+pub mod readahead;
+pub mod recode;
+mod stamps;
+pub mod survey;
+pub mod timebase;
+pub mod video;
+
+pub use encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
+pub use error::FrameError;
+pub use readahead::ReadAhead;
+pub use recode::{RecodeError, recode};
+pub use survey::open_sparse;
+pub use video::{FrameSource, open};
 
 /// One channel, 8 bits, rows top to bottom without padding.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,6 +51,63 @@ impl Luma {
     #[must_use]
     pub fn row(&self, v: usize) -> &[u8] {
         &self.data[v * self.width..(v + 1) * self.width]
+    }
+}
+
+/// A colour picture: luma, and chroma at half the columns and rows (rounded up), code values of full range.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Yuv420 {
+    /// Columns of luma.
+    pub width: usize,
+    /// Rows of luma.
+    pub height: usize,
+    /// Luma, 0 black to 255 white.
+    pub y: Vec<u8>,
+    /// Blue-yellow, 128 is colourless.
+    pub u: Vec<u8>,
+    /// Red-cyan, 128 is colourless.
+    pub v: Vec<u8>,
+}
+
+impl Yuv420 {
+    /// A black picture.
+    #[must_use]
+    pub fn black(width: usize, height: usize) -> Self {
+        let chroma = width.div_ceil(2) * height.div_ceil(2);
+        Self {
+            width,
+            height,
+            y: vec![0; width * height],
+            u: vec![128; chroma],
+            v: vec![128; chroma],
+        }
+    }
+
+    /// Columns of chroma.
+    #[must_use]
+    pub fn chroma_width(&self) -> usize {
+        self.width.div_ceil(2)
+    }
+
+    /// Rows of chroma.
+    #[must_use]
+    pub fn chroma_height(&self) -> usize {
+        self.height.div_ceil(2)
+    }
+
+    /// Paints one pixel `[y, u, v]`; its three neighbours in the same 2x2 block take on the colour, not the
+    /// brightness. A pixel outside the picture is left out.
+    pub fn put(&mut self, x: i64, y: i64, [luma, u, v]: [u8; 3]) {
+        let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else {
+            return;
+        };
+        if x >= self.width || y >= self.height {
+            return;
+        }
+        let chroma = (y / 2) * self.chroma_width() + x / 2;
+        self.y[y * self.width + x] = luma;
+        self.u[chroma] = u;
+        self.v[chroma] = v;
     }
 }
 
@@ -58,6 +148,13 @@ pub struct SourceInfo {
     pub luma_range: LumaRange,
     /// Codec or image format, for people.
     pub codec: String,
+    /// Whether [`Frame::time_s`] counts seconds. A folder of images and a bare stream (.h264) have no clock: their
+    /// `time_s` is the number of frame periods since the first frame, and the user has to give `frame_rate_hz`.
+    pub has_time_base: bool,
+    /// The unit that the file stores times in, s: no stamp is better than this. `None` without a time base.
+    pub time_resolution_s: Option<f64>,
+    /// Width of a pixel over its height, as shown; 1 for square pixels.
+    pub pixel_aspect: f64,
 }
 
 /// What went wrong while reading, known in full once the last frame is read.
@@ -67,7 +164,8 @@ pub struct StreamHealth {
     pub frames_read: u64,
     /// Frames by the container's own count.
     pub frames_expected: Option<u64>,
-    /// Packets or frames that the decoder called damaged.
+    /// Packets or frames that were damaged: lost, or decoded with errors concealed (those are given, for the decoder
+    /// cannot say reliably which they are).
     pub damaged: u64,
     /// Frames stored as two fields.
     pub interlaced: u64,
@@ -75,4 +173,16 @@ pub struct StreamHealth {
     pub stamps_repaired: u64,
     /// The stream ended with an error of the container (a file cut short), in words.
     pub ended_early: Option<String>,
+    /// What else the user has to know of the file, in order of appearance.
+    pub notes: Vec<Note>,
+}
+
+/// A word on the file that stops nothing: a stable code and a sentence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// Stable, lower case with underscores: `rotation_ignored`, `pixels_not_square`, `several_video_streams`,
+    /// `no_time_stamps`, `image_numbers_missing`, `images_without_number`.
+    pub code: &'static str,
+    /// What was noticed, with numbers, and what to do.
+    pub message: String,
 }

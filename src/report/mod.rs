@@ -1,1 +1,26 @@
 //! The only place that knows the shapes of output files.
+//!
+//! | file | form |
+//! |---|---|
+//! | [`table`] | the table for people on stdout; how a quantity with its uncertainty is written |
+//! | [`json`] | `<stem>.result.json` and `--json`, schema `track.result/1` |
+//! | [`csv`] | `<stem>.points.csv` |
+//! | [`page`] | `<stem>.report.html`: picture, numbers and plots in one file |
+//! | [`strobe`] | the stroboscopic picture of that page |
+//! | [`plots`] | the plots of that page |
+//! | [`overlay`] | the drawing on each frame of `<stem>.overlay.mp4` |
+//! | [`write`](mod@write) | files that appear whole or not at all |
+
+pub mod csv;
+pub mod json;
+pub mod overlay;
+pub mod page;
+mod places;
+pub mod plots;
+pub mod strobe;
+pub mod table;
+mod words;
+pub mod write;
+
+#[cfg(test)]
+mod fake;

@@ -1,1 +1,181 @@
 //! Scenes rendered with known truth: a road to the numbers that shares nothing with `detect`, `flight` or `bounce`.
+//!
+//! [`scene`] (what there is) → [`effects`] (what of it matters) → [`flight`] (where the ball is) → [`camera`] and
+//! [`render`] (what the camera sees) → [`truth`] and the files.
+//!
+//! Same scene, same seed: same bytes of frames.
+
+pub mod camera;
+mod coverage;
+pub mod effects;
+pub mod flight;
+mod quadrature;
+mod reader;
+pub mod render;
+pub mod scene;
+pub mod truth;
+mod write;
+
+use crate::frames::Luma;
+use effects::{Decision, Ideal};
+use flight::Trajectory;
+use render::Renderer;
+pub use scene::{EffectsChoice, Scene, SceneError};
+use truth::Truth;
+pub use write::{WriteError, Written, calibration, write};
+
+/// A scene with its flight computed, ready to be rendered.
+pub struct Recording {
+    scene: Scene,
+    decisions: Vec<Decision>,
+    trajectory: Trajectory,
+    renderer: Renderer,
+    lossy_crf: Option<u8>,
+}
+
+impl Recording {
+    /// Decides on the effects of `scene` and flies its ball.
+    ///
+    /// # Errors
+    /// [`SceneError::NeverLands`], [`SceneError::NeverSeen`], or a recording of more than [`MOST_FRAMES`] frames.
+    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+        check_length(scene, &Trajectory::new(scene, &flight::Acts::default())?)?;
+        let ideal = Ideal::new(scene)?;
+        let (decisions, mut chosen) = effects::decide(scene, &scene.effects, &ideal);
+        let trajectory = Trajectory::new(scene, &chosen.acts)?;
+        chosen.acts = flight::Acts::default();
+        check_in_front(scene, &trajectory)?;
+        let recording = Self {
+            scene: scene.clone(),
+            decisions,
+            trajectory,
+            lossy_crf: chosen.lossy_crf.as_ref().map(|crf| *crf.apply()),
+            renderer: Renderer::new(scene, chosen),
+        };
+        check_length(scene, &recording.trajectory)?;
+        recording.check_seen()?;
+        Ok(recording)
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The table of effects.
+    #[must_use]
+    pub fn decisions(&self) -> &[Decision] {
+        &self.decisions
+    }
+
+    /// The way of the ball.
+    #[must_use]
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// How many frames it has.
+    #[must_use]
+    pub fn frame_count(&self) -> usize {
+        frame_times_s(&self.scene, &self.trajectory).len()
+    }
+
+    /// The frame with number `index`, exposed centred on `index` / frame rate.
+    #[must_use]
+    pub fn frame(&self, index: usize) -> Luma {
+        self.renderer.frame(&self.trajectory, index)
+    }
+
+    /// All frames in order.
+    pub fn frames(&self) -> impl Iterator<Item = Luma> + '_ {
+        (0..self.frame_count()).map(|i| self.frame(i))
+    }
+
+    /// What a measurement should find.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        Truth::of(self)
+    }
+
+    /// Constant rate factor, where the file is compressed with loss.
+    fn lossy_crf(&self) -> Option<u8> {
+        self.lossy_crf
+    }
+
+    /// The lens, where its distortion is simulated.
+    fn lens(&self) -> Option<scene::Lens> {
+        let used = self.decisions.iter().any(|d| d.name == "lens" && d.used);
+        self.scene.camera.lens.filter(|_| used)
+    }
+
+    fn check_seen(&self) -> Result<(), SceneError> {
+        let centres = self.truth().centres;
+        if centres.iter().any(|c| c.visible) {
+            return Ok(());
+        }
+        let least = |of: fn(&truth::CentreTruth) -> f64| centres.iter().map(of).fold(f64::INFINITY, f64::min);
+        let most =
+            |of: fn(&truth::CentreTruth) -> f64| centres.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
+        Err(SceneError::NeverSeen {
+            u_from_px: least(|c| c.u_px),
+            u_to_px: most(|c| c.u_px),
+            v_from_px: least(|c| c.v_px),
+            v_to_px: most(|c| c.v_px),
+            width_px: self.scene.camera.width_px,
+            height_px: self.scene.camera.height_px,
+        })
+    }
+}
+
+/// The longest recording, frames.
+pub const MOST_FRAMES: f64 = 200_000.0;
+
+/// Times of all frames: from the launch to the recording's end.
+fn frame_times_s(scene: &Scene, trajectory: &Trajectory) -> impl ExactSizeIterator<Item = f64> + use<> {
+    let rate_hz = scene.camera.frame_rate_hz;
+    // Finite and not negative: the cast saturates where a recording is far too long, which `check_length` refuses.
+    let last = (trajectory.end_s() * rate_hz).floor().min(MOST_FRAMES) as usize;
+    (0..last + 1).map(move |i| i as f64 / rate_hz)
+}
+
+fn check_length(scene: &Scene, trajectory: &Trajectory) -> Result<(), SceneError> {
+    let frames = trajectory.end_s() * scene.camera.frame_rate_hz;
+    if frames < MOST_FRAMES {
+        return Ok(());
+    }
+    Err(SceneError::Invalid {
+        key: "camera.frame_rate_hz".into(),
+        found: format!(
+            "{}, which makes {frames:.0} frames of {:.3} s",
+            scene.camera.frame_rate_hz,
+            trajectory.end_s()
+        ),
+        accepted: format!("what makes at most {MOST_FRAMES:.0} frames"),
+        hint: "lower it, or ask for fewer stop.bounces or a shorter stop.tail_s".into(),
+    })
+}
+
+/// That the ball stays in front of the camera, where perspective is defined.
+fn check_in_front(scene: &Scene, trajectory: &Trajectory) -> Result<(), SceneError> {
+    let Some(distance_m) = scene.camera.distance_m else {
+        return Ok(());
+    };
+    let nearest_m = frame_times_s(scene, trajectory)
+        .map(|t| camera::nearness_m(&scene.camera, &trajectory.state(t).position_m))
+        .fold(f64::NEG_INFINITY, f64::max)
+        + scene.ball.radius_m;
+    if nearest_m < distance_m {
+        return Ok(());
+    }
+    Err(SceneError::Invalid {
+        key: "camera.distance_m".into(),
+        found: distance_m.to_string(),
+        accepted: format!("above {nearest_m:.3}, beyond the ball's nearest place"),
+        hint: "move the camera away, or give null for one infinitely far".into(),
+    })
+}

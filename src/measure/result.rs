@@ -1,6 +1,7 @@
-//! One recording, from file to result.
+//! What a measurement of one recording consists of: the shapes that `measure` fills and `report` writes.
 
 use crate::bounce::{Bounce, Distances, Readings};
+pub use crate::calibration::View;
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::quantity::Quantity;
@@ -11,6 +12,8 @@ use std::path::PathBuf;
 pub struct Measurement {
     /// The file.
     pub video: VideoFacts,
+    /// What the second coordinate of a [`WorldPoint`] is.
+    pub view: View,
     /// Whether it was measured, and why not.
     pub outcome: Outcome,
     /// The ball in every frame where it was seen.

@@ -1,0 +1,436 @@
+//! From fitted arcs and the calibration to bounces and distances, with uncertainties.
+
+use super::propagate::{Evidence, Outputs};
+use super::{Bounce, Distances, Leg, XSource};
+use crate::calibration::{Calibration, Scale, View};
+use crate::flight::Flight;
+use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, meeting, motion, return_time};
+use crate::quantity::Quantity;
+use nalgebra::{DMatrix, DVector};
+
+/// The measured motion with everything that turns it into metres.
+#[derive(Debug)]
+pub struct Scene<'a> {
+    flight: &'a Flight,
+    calibration: &'a Calibration,
+    evidence: Evidence,
+    /// +1 when the launch goes to the right in the picture, −1 to the left.
+    pub x_sign: f64,
+    /// Metres a plane unit.
+    pub metres_per_unit: Quantity,
+    /// Where x = 0 lies: `right` of the plane, plane units.
+    pub zero_right: f64,
+}
+
+/// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
+/// half the contact time, lift before and after.
+const EXTRAS: usize = 7;
+const SCALE: usize = 0;
+const UP: usize = 1;
+const ZERO_RIGHT: usize = 2;
+const ZERO_UP: usize = 3;
+const CONTACT: usize = 4;
+const LIFT_IN: usize = 5;
+const LIFT_OUT: usize = 6;
+
+/// Lift of the air on a spinning ball (Magnus) is not in the arcs. Over drag it is about the spin ratio, up to 1/2;
+/// a constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
+const LIFT_OVER_DRAG_STD: f64 = 0.3;
+
+/// Air at 20 °C and sea level, kg/m³.
+pub const AIR_DENSITY_KG_M3: f64 = 1.204;
+
+/// A centre's error that all frames share (the light's side, the edge's shape): it does not average out. The edge-band
+/// fit's on a shaded ball with a highlight is up to this, px.
+const COMMON_STD_PX: f64 = 0.03;
+
+/// Half the time of contact, s: the arcs meet in the middle of it, the ball touches before and leaves after. A steel
+/// ball of 2 cm takes 0.1 ms (Hertz); what a softer ball takes more is not contained.
+const HALF_CONTACT_STD_S: f64 = 3e-5;
+
+/// What kind of impact lies between two arcs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ImpactKind {
+    /// On the floor: the ball came down and went up.
+    Floor,
+    /// On something upright, or an edge.
+    Wall,
+}
+
+/// Incidence is too steep to have a direction below this many standard uncertainties of vx.
+const DIRECTION_SIGMAS: f64 = 3.0;
+
+/// A slip that does not stand out by this many standard uncertainties gives no e_x: it would be noise over noise.
+const SLIP_SIGMAS: f64 = 3.0;
+
+impl<'a> Scene<'a> {
+    /// The scene of `flight`. `unit_std_px` is the length of a pixel in plane units near the ball (for the origin's
+    /// uncertainty), `first_right` where the ball was first seen.
+    #[must_use]
+    pub fn new(
+        flight: &'a Flight,
+        calibration: &'a Calibration,
+        metres_per_unit: Quantity,
+        units_per_px: f64,
+        first_right: f64,
+    ) -> Self {
+        let fit = &flight.fit;
+        let n = fit.parameters.len();
+        let mut values = DVector::zeros(n + EXTRAS);
+        values.rows_mut(0, n).copy_from(&fit.parameters);
+        let mut covariance = DMatrix::zeros(n + EXTRAS, n + EXTRAS);
+        covariance.view_mut((0, 0), (n, n)).copy_from(&fit.covariance);
+        let relative = match calibration.scale {
+            // The fall's own share comes with the arcs' parameters.
+            Scale::Gravity => calibration.gravity_std_m_s2.map(|s| s / calibration.gravity_m_s2),
+            _ => metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value),
+        };
+        let common = COMMON_STD_PX * units_per_px;
+        let origin = calibration.origin_std_px.unwrap_or(0.0) * units_per_px;
+        for (i, std) in [
+            (SCALE, relative.unwrap_or(0.0)),
+            (UP, calibration.up_std_rad.unwrap_or(0.0)),
+            (ZERO_RIGHT, common.hypot(origin)),
+            (ZERO_UP, common.hypot(origin)),
+            (CONTACT, HALF_CONTACT_STD_S),
+            (LIFT_IN, LIFT_OVER_DRAG_STD),
+            (LIFT_OUT, LIFT_OVER_DRAG_STD),
+        ] {
+            covariance[(n + i, n + i)] = std * std;
+        }
+        let vr = fit.motion(0, fit.times[0]).vr;
+        let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
+        let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
+        let zero_right = if calibration.has_origin() {
+            0.0
+        } else {
+            first_right
+        };
+        Self {
+            flight,
+            calibration,
+            evidence: Evidence { values, covariance },
+            x_sign,
+            metres_per_unit,
+            zero_right,
+        }
+    }
+
+    fn arcs(&self) -> usize {
+        self.flight.fit.arcs()
+    }
+
+    fn scale(&self, p: &[f64]) -> f64 {
+        let extra = p[p.len() - EXTRAS + SCALE].exp();
+        match self.calibration.scale {
+            Scale::Gravity => self.calibration.gravity_m_s2 / p[GRAVITY] * extra,
+            _ => self.metres_per_unit.value * extra,
+        }
+    }
+
+    /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
+    fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
+        let m = motion(p, &self.flight.fit.times, k, t);
+        let s = self.scale(p);
+        let extras = &p[p.len() - EXTRAS..];
+        let (sin, cos) = extras[UP].sin_cos();
+        let right = m.r - self.zero_right - extras[ZERO_RIGHT];
+        let up = m.h - extras[ZERO_UP];
+        let x = self.x_sign * s;
+        Motion {
+            r: x * (right * cos + up * sin),
+            h: s * (up * cos - right * sin),
+            vr: x * (m.vr * cos + m.vh * sin),
+            vh: s * (m.vh * cos - m.vr * sin),
+        }
+    }
+
+    fn impact_time(&self, p: &[f64], k: usize) -> f64 {
+        meeting(p, &self.flight.fit.times, k, k + 1).map_or(f64::NAN, |m| m.0)
+    }
+
+    /// (time, motion before, motion after) of the impact between arcs k and k + 1.
+    fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
+        let t = self.impact_time(p, k);
+        let half = p[p.len() - EXTRAS + CONTACT];
+        let before = self.lifted(p, k, LIFT_IN, self.world(p, k, t - half));
+        let after = self.lifted(p, k + 1, LIFT_OUT, self.world(p, k + 1, t + half));
+        (t - half, before, after)
+    }
+
+    /// The motion with what lift may have changed in the speed along x.
+    fn lifted(&self, p: &[f64], arc: usize, lift: usize, m: Motion) -> Motion {
+        let drag_per_m = p[DRAG] / self.scale(p);
+        let (from, to) = self.flight.spans[arc];
+        let push = drag_per_m * (m.vr * m.vr + m.vh * m.vh) * (to - from) / 4.0;
+        Motion {
+            vr: m.vr + p[p.len() - EXTRAS + lift] * push,
+            ..m
+        }
+    }
+
+    /// The kind of impact between arcs k and k + 1, `None` where they do not meet.
+    #[must_use]
+    pub fn kind(&self, k: usize) -> Option<ImpactKind> {
+        self.flight.impacts[k]?;
+        if self.calibration.view == View::Top {
+            return Some(ImpactKind::Floor);
+        }
+        let (_, before, after) = self.impact(self.evidence.values.as_slice(), k);
+        let (dx, dz) = (after.vr - before.vr, after.vh - before.vh);
+        // A floor pushes up; friction adds at most about its own size sideways.
+        let floor = before.vh < 0.0 && after.vh > -0.05 * before.vh.abs() && dz > 0.8 * dx.abs();
+        Some(if floor {
+            ImpactKind::Floor
+        } else {
+            ImpactKind::Wall
+        })
+    }
+
+    /// Fitted gravity, m/s²; `None` where it cannot be checked (top view, or a scale taken from it). Where the ball's
+    /// size and mass are known, the air's buoyancy with the mass it drags along (Lamb, Hydrodynamics, art. 92) is
+    /// taken out: the ball falls with g (1 − b)/(1 + b/2), b the air's mass over the ball's.
+    #[must_use]
+    pub fn gravity_m_s2(&self) -> Option<Quantity> {
+        let told = self.calibration.view == View::Side && self.calibration.scale != Scale::Gravity;
+        let ball = &self.calibration.ball;
+        let air_share = match (ball.radius_m, ball.mass_kg) {
+            (Some(r), Some(m)) => AIR_DENSITY_KG_M3 * 4.0 / 3.0 * std::f64::consts::PI * r.powi(3) / m,
+            _ => 0.0,
+        };
+        let lift = (1.0 - air_share) / (1.0 + 0.5 * air_share);
+        if !(told && lift > 0.0) {
+            return None;
+        }
+        let out = self.evidence.outputs(|p| vec![p[GRAVITY] * self.scale(p) / lift]);
+        out.quantity(0)
+    }
+
+    /// The floor impacts as bounces, in time order, with the index of the arc before each.
+    #[must_use]
+    pub fn bounces(&self) -> Vec<(usize, Bounce)> {
+        let floors: Vec<usize> = (0..self.arcs().saturating_sub(1))
+            .filter(|&k| self.kind(k) == Some(ImpactKind::Floor))
+            .collect();
+        let mut bounces = Vec::new();
+        for (i, &k) in floors.iter().enumerate() {
+            // Spin is known along an unbroken row of bounces from the first.
+            let history = (k == i).then(|| &floors[..i]);
+            let bounce = match self.calibration.view {
+                View::Side => self.side_bounce(k, history),
+                View::Top => self.top_bounce(k),
+            };
+            bounces.push((k, bounce));
+        }
+        bounces
+    }
+
+    /// R ω_y before the impact at `k`, m/s: the launch's spin, changed at each bounce before (spin stays in flight).
+    fn spin_in(&self, p: &[f64], history: &[usize]) -> f64 {
+        let Some(ratio) = self.calibration.launch.spin_ratio else {
+            return f64::NAN;
+        };
+        let inertia = self.calibration.ball.inertia_factor;
+        let launch = self.world(p, 0, self.impact_time(p, 0)).vr;
+        history.iter().fold(ratio * launch, |spin, &j| {
+            let (_, before, after) = self.impact(p, j);
+            spin + (before.vr - after.vr) / inertia
+        })
+    }
+
+    fn side_bounce(&self, k: usize, history: Option<&[usize]>) -> Bounce {
+        let inertia = self.calibration.ball.inertia_factor;
+        let best = self.impact(self.evidence.values.as_slice(), k);
+        let spin0 = history.map_or(f64::NAN, |h| self.spin_in(self.evidence.values.as_slice(), h));
+        let speed = self.evidence.outputs(|p| vec![self.impact(p, k).1.vr]);
+        // Angles count along the incident motion; straight down, along the launch.
+        let along = if speed.stands_out(0, DIRECTION_SIGMAS) {
+            best.1.vr.signum()
+        } else {
+            1.0
+        };
+        let pull = if best.1.vr >= best.2.vr { 1.0 } else { -1.0 };
+        let out = self.evidence.outputs(|p| {
+            let (t, a, b) = self.impact(p, k);
+            let restitution = -b.vh / a.vh;
+            let spin_in = history.map_or(f64::NAN, |h| self.spin_in(p, h));
+            let spin_out = spin_in + (a.vr - b.vr) / inertia;
+            let slip = a.vr - spin_in;
+            vec![
+                t,
+                0.5 * (a.r + b.r),
+                a.vr,
+                a.vh,
+                (along * a.vr).atan2(-a.vh),
+                b.vr,
+                b.vh,
+                (along * b.vr).atan2(b.vh),
+                restitution,
+                b.vr / a.vr,
+                pull * (a.vr - b.vr) / (a.vh.abs() * (1.0 + restitution)),
+                -(b.vr - spin_out) / slip,
+                spin_in,
+                spin_out,
+                slip,
+            ]
+        });
+        let ratio = out
+            .stands_out(2, DIRECTION_SIGMAS)
+            .then(|| out.quantity(9))
+            .flatten();
+        let grips = spin0.is_finite() && out.stands_out(14, SLIP_SIGMAS);
+        Bounce {
+            time_s: out.quantity(0),
+            x_m: out.quantity(1),
+            incident: leg(&out, 2),
+            rebound: leg(&out, 5),
+            restitution: out.quantity(8),
+            tangential_ratio: ratio,
+            friction: out.quantity(10),
+            tangential_restitution: grips.then(|| out.quantity(11)).flatten(),
+            spin_in_m_s: out.quantity(12),
+            spin_out_m_s: out.quantity(13),
+            azimuth_rad: None,
+        }
+    }
+
+    /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
+    /// (towards +y, seen from above) positive.
+    fn top_bounce(&self, k: usize) -> Bounce {
+        let out = self.evidence.outputs(|p| {
+            let (t, a, b) = self.impact(p, k);
+            // Mirrored back, so that a turn to the left stays one for a launch to the left.
+            let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
+            let speed = ax.hypot(a.vh);
+            let along = (bx * ax + b.vh * a.vh) / speed;
+            let across = (ax * b.vh - a.vh * bx) / speed;
+            vec![
+                t,
+                0.5 * (a.r + b.r),
+                speed,
+                along,
+                along / speed,
+                across.atan2(along),
+            ]
+        });
+        let moving = out.stands_out(2, DIRECTION_SIGMAS);
+        let flat = |i| Leg {
+            vx_m_s: out.quantity(i),
+            vz_m_s: None,
+            angle_rad: None,
+        };
+        Bounce {
+            time_s: out.quantity(0),
+            x_m: out.quantity(1),
+            incident: flat(2),
+            rebound: flat(3),
+            restitution: None,
+            tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
+            friction: None,
+            tangential_restitution: None,
+            spin_in_m_s: None,
+            spin_out_m_s: None,
+            azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
+        }
+    }
+
+    /// x0 from the edge to the first bounce, x from the first to the second (seen, or where the rebound's arc comes
+    /// down to the first impact's height). `bounces` by [`Self::bounces`].
+    #[must_use]
+    pub fn distances(&self, bounces: &[(usize, Bounce)]) -> Distances {
+        let Some(&(first, _)) = bounces.first() else {
+            return Distances::default();
+        };
+        let place = |p: &[f64], k: usize| {
+            let (_, a, b) = self.impact(p, k);
+            0.5 * (a.r + b.r)
+        };
+        let x0_m = self.edge_distance(first, &place);
+        // Seen, when the very next impact is on the floor too.
+        let (x_m, x_source) = match bounces.get(1) {
+            Some(&(second, _)) if second == first + 1 => {
+                let out = self
+                    .evidence
+                    .outputs(|p| vec![place(p, second) - place(p, first)]);
+                (out.quantity(0), XSource::Observed)
+            }
+            _ if self.calibration.view == View::Top => {
+                return Distances {
+                    x0_m,
+                    x_m: None,
+                    x_source: None,
+                };
+            }
+            _ => {
+                let out = self.evidence.outputs(|p| {
+                    let t = self.impact_time(p, first);
+                    let down = t + return_time(p, &self.flight.fit.times, first + 1, t);
+                    vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r]
+                });
+                (out.quantity(0), XSource::Extrapolated)
+            }
+        };
+        Distances {
+            x0_m,
+            x_m,
+            x_source: x_m.map(|_| x_source),
+        }
+    }
+
+    /// Whether the arc before the first impact can have begun at the edge: followed back to there, it is not below the
+    /// floor. If it is, an impact before was missed.
+    fn comes_from(&self, edge_m: f64, first: usize) -> bool {
+        if self.calibration.view == View::Top {
+            return true;
+        }
+        let p = self.evidence.values.as_slice();
+        let (t, before, _) = self.impact(p, first);
+        if first != 0 || !(before.vr.abs() > 1e-9) {
+            return first == 0;
+        }
+        let back_s = (before.r - edge_m) / before.vr;
+        let there = self.world(p, 0, t - back_s);
+        // A tenth of the fall's height for what extrapolation and drag make of it.
+        let fall_m = before.vh * before.vh / (2.0 * p[GRAVITY] * self.scale(p));
+        !(back_s > 0.0) || there.h > before.h - 0.1 * fall_m
+    }
+
+    fn edge_distance(&self, first: usize, place: &impl Fn(&[f64], usize) -> f64) -> Option<Quantity> {
+        if let Some(edge_m) = self.calibration.launch.edge_x_m {
+            if !self.comes_from(edge_m, first) {
+                return None;
+            }
+            return self
+                .evidence
+                .outputs(|p| vec![place(p, first) - edge_m])
+                .quantity(0);
+        }
+        if self.calibration.has_origin() || self.calibration.view == View::Top || first != 0 {
+            return None;
+        }
+        // A horizontal launch is level where it begins: the apex is the edge.
+        let apex = |p: &[f64]| self.flight.fit.times[0] + p[ARCS + 3] / p[GRAVITY];
+        let start = self.flight.spans[0].0;
+        let best = apex(self.evidence.values.as_slice());
+        let level = (best - start).abs() < 2.0 * self.flight.interval_s;
+        let out = self
+            .evidence
+            .outputs(|p| vec![place(p, first) - self.world(p, 0, apex(p)).r]);
+        level.then(|| out.quantity(0)).flatten()
+    }
+
+    /// Place of arc `k` at time `t` in the world: (x, up), m.
+    #[must_use]
+    pub fn place_m(&self, k: usize, t: f64) -> (f64, f64) {
+        let m = self.world(self.evidence.values.as_slice(), k, t);
+        (m.r, m.h)
+    }
+}
+
+fn leg(out: &Outputs, i: usize) -> Leg {
+    Leg {
+        vx_m_s: out.quantity(i),
+        vz_m_s: out.quantity(i + 1),
+        angle_rad: out.quantity(i + 2),
+    }
+}

@@ -1,0 +1,424 @@
+//! The keys of `calib.json`, one by one.
+
+mod reader;
+mod scale;
+mod write;
+
+pub(super) use write::to_json;
+
+use super::error::{CalibrationError, Problem};
+use super::plane::Rectification;
+use super::{Ball, Calibration, Launch, Lens, SCHEMA, Scale, View};
+use crate::geometry::PixelPoint;
+use reader::{FINITE, POSITIVE, Range, Reader, Section, array, json, text};
+use scale::{SCALE_KEYS, scale};
+use serde_json::Value;
+use std::io::{ErrorKind, Read as _};
+use std::path::Path;
+
+/// No calibration comes near it; a video or a photograph named by mistake does.
+const LARGEST_FILE_BYTES: u64 = 1_000_000;
+/// Larger than any camera's picture.
+const LARGEST_SIDE_PX: u64 = 100_000;
+
+const TOP_KEYS: [&str; 14] = [
+    "schema",
+    "view",
+    "image_size_px",
+    "scale",
+    "origin_px",
+    "origin_std_px",
+    "up_px",
+    "up_std_deg",
+    "lens",
+    "frame_rate_hz",
+    "gravity_m_s2",
+    "gravity_std_m_s2",
+    "ball",
+    "launch",
+];
+const LENS_KEYS: [&str; 2] = ["camera_matrix", "distortion"];
+const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_factor"];
+const LAUNCH_KEYS: [&str; 2] = ["edge_x_m", "spin_ratio"];
+
+const PAIR: &str = "two numbers [u, v]";
+const PLAIN: &str = "write a plain number in the unit of the key's ending";
+
+/// Where a key that stands in the wrong place belongs, or what it is called here.
+pub(super) fn home_of(name: &str) -> Option<String> {
+    let sections: [(&str, &[&str]); 4] = [
+        ("scale", &SCALE_KEYS),
+        ("lens", &LENS_KEYS),
+        ("ball", &BALL_KEYS),
+        ("launch", &LAUNCH_KEYS),
+    ];
+    let nested = sections.iter().find_map(|(section, keys)| {
+        let leaf = name
+            .strip_prefix(section)
+            .map_or(name, |rest| rest.trim_start_matches(['_', '.']));
+        keys.contains(&leaf).then(|| format!("{section}.{leaf}"))
+    });
+    match name {
+        "fps" | "frame_rate" | "framerate" => Some("frame_rate_hz".into()),
+        "diameter_m" | "ball_diameter_m" => Some("ball.radius_m (half the diameter)".into()),
+        _ if TOP_KEYS.contains(&name) => Some(format!("{name}, at the top level")),
+        _ => nested,
+    }
+}
+
+/// See [`Calibration::read`].
+pub(super) fn read(path: &Path) -> Result<Calibration, CalibrationError> {
+    let name = path.display().to_string();
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(LARGEST_FILE_BYTES + 1).read_to_end(&mut bytes))
+        .map_err(|source| CalibrationError::Unreadable {
+            path: path.to_owned(),
+            hint: match source.kind() {
+                ErrorKind::NotFound => "no such file; check the path (samples are in the folder calib)",
+                ErrorKind::IsADirectory => "it is a folder; name the calib.json in that folder",
+                ErrorKind::PermissionDenied => "it may not be read by this user; check its permissions",
+                _ => "the system reports an error; check the path and the disk",
+            },
+            source,
+        })?;
+    if bytes.len() as u64 > LARGEST_FILE_BYTES {
+        return Err(CalibrationError::NotJson {
+            name,
+            found: "a file above 1 MB".into(),
+            hint: "name the calib.json, not a video or picture".into(),
+        });
+    }
+    let text = std::str::from_utf8(&bytes).map_err(|error| CalibrationError::NotJson {
+        name: name.clone(),
+        found: format!("bytes that are not UTF-8 text, from byte {}", error.valid_up_to()),
+        hint: if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+            "the file is UTF-16: save it as UTF-8".into()
+        } else {
+            "name the calib.json, not a video or picture, or save it as UTF-8".into()
+        },
+    })?;
+    parse(text, &name)
+}
+
+/// See [`Calibration::parse`].
+pub(super) fn parse(source: &str, name: &str) -> Result<Calibration, CalibrationError> {
+    let value = json(source, name)?;
+    let Value::Object(keys) = &value else {
+        return Err(CalibrationError::NotJson {
+            name: name.to_owned(),
+            found: format!("{}, which is not an object", text(&value)),
+            hint: "put the keys in braces".into(),
+        });
+    };
+    let mut reader = Reader::default();
+    let calibration = calibration(&mut reader, &Section::top(keys));
+    if let Some(calibration) = &calibration {
+        reader.problems.extend(geometry_problems(calibration));
+    }
+    match calibration {
+        Some(calibration) if reader.problems.is_empty() => Ok(calibration),
+        _ => Err(CalibrationError::Invalid {
+            name: name.to_owned(),
+            problems: reader.problems,
+        }),
+    }
+}
+
+/// `None` where the scale itself is missing or wrong; other problems leave the default in place.
+fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
+    reader.check_keys(top, &TOP_KEYS);
+    schema(reader, top);
+    let view = view(reader, top);
+    let image_size_px = image_size(reader, top);
+    let scale = scale(reader, top);
+    let origin_px = pixel(reader, top, "origin_px");
+    let origin_std_px = reader.number(
+        top,
+        "origin_std_px",
+        POSITIVE,
+        "leave it out where it is not known",
+    );
+    let up_px = up(reader, top);
+    let up_std_rad = reader
+        .number(top, "up_std_deg", UP_STD, "give degrees, or leave it out")
+        .map(f64::to_radians);
+    let lens = lens(reader, top);
+    let frame_rate_hz = reader.number(
+        top,
+        "frame_rate_hz",
+        POSITIVE,
+        "give the rate at which the camera captured, or leave it out to use the file's time stamps",
+    );
+    let gravity_m_s2 = reader
+        .number(top, "gravity_m_s2", POSITIVE, "leave it out for 9.81")
+        .unwrap_or(9.81);
+    let gravity_std_m_s2 = deviation(reader, top, "gravity_std_m_s2", Some(gravity_m_s2));
+    let ball = ball(reader, top, scale.as_ref());
+    let has_origin = top.get("origin_px").is_some() || matches!(scale, Some(Scale::Homography(_)));
+    let launch = launch(reader, top, has_origin);
+    if matches!(scale, Some(Scale::Homography(_))) {
+        check_beside_homography(reader, top, up_px);
+    } else if origin_std_px.is_some() && !has_origin {
+        reader.refuse(
+            "origin_std_px".into(),
+            "no origin_px beside it",
+            "only with origin_px",
+            "give origin_px or remove it",
+        );
+    }
+    Some(Calibration {
+        view,
+        image_size_px,
+        scale: scale?,
+        origin_px,
+        origin_std_px,
+        up_px,
+        up_std_rad,
+        lens,
+        frame_rate_hz,
+        gravity_m_s2,
+        gravity_std_m_s2,
+        ball,
+        launch,
+    })
+}
+
+fn schema(reader: &mut Reader, top: &Section<'_>) {
+    let hint = match top.get("schema") {
+        Some(Value::String(schema)) if schema == SCHEMA => return,
+        Some(Value::String(schema)) if schema.starts_with("track.calib/") => {
+            "this version of track reads schema track.calib/1 only: use the version that wrote the file, or rewrite it"
+        }
+        Some(Value::String(schema)) if schema.starts_with("track.") => {
+            "this is another of track's files: name the calib.json"
+        }
+        _ => "begin the file with \"schema\": \"track.calib/1\"",
+    };
+    let found = top.get("schema").map_or("nothing".to_owned(), text);
+    reader.refuse("schema".into(), found, format!("\"{SCHEMA}\""), hint);
+}
+
+fn view(reader: &mut Reader, top: &Section<'_>) -> View {
+    match top.get("view") {
+        None => View::Side,
+        Some(Value::String(view)) if view == "side" => View::Side,
+        Some(Value::String(view)) if view == "top" => View::Top,
+        Some(other) => {
+            reader.refuse(
+                "view".into(),
+                text(other),
+                "\"side\" or \"top\"",
+                "side: the camera looks at the plane of motion; top: it looks down at the floor",
+            );
+            View::Side
+        }
+    }
+}
+
+fn image_size(reader: &mut Reader, top: &Section<'_>) -> Option<(usize, usize)> {
+    let value = top.get("image_size_px")?;
+    let side = |x: &Value| {
+        let side = x
+            .as_f64()
+            .filter(|x| x.fract() == 0.0 && (1.0..=LARGEST_SIDE_PX as f64).contains(x))?;
+        Some(side as usize)
+    };
+    let size = array::<_, 2>(value, side);
+    if size.is_none() {
+        reader.refuse(
+            "image_size_px".into(),
+            text(value),
+            format!("two whole numbers [width, height], 1 to {LARGEST_SIDE_PX}"),
+            "give the size of the recording's pictures, after the rotation tag",
+        );
+    }
+    size.map(|[width, height]| (width, height))
+}
+
+fn pixel(reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<PixelPoint> {
+    let [u, v] = reader.numbers(
+        section,
+        name,
+        FINITE,
+        PAIR,
+        "read the pixel off a picture: u right, v down",
+    )?;
+    Some(PixelPoint::new(u, v))
+}
+
+/// A unit vector, the default where the key is missing or wrong.
+fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
+    const DEFAULT: [f64; 2] = [0.0, -1.0];
+    const HINT: &str = "leave it out for a level camera, or give the direction of a plumb line, upwards";
+    let Some([du, dv]) = reader.numbers(top, "up_px", FINITE, "a direction [du, dv]", HINT) else {
+        return DEFAULT;
+    };
+    let norm = du.hypot(dv);
+    if norm >= 1e-9 {
+        return [du / norm, dv / norm];
+    }
+    reader.refuse(
+        "up_px".into(),
+        format!("[{du}, {dv}], which has no direction"),
+        "a direction [du, dv] that is not zero",
+        HINT,
+    );
+    DEFAULT
+}
+
+fn lens(reader: &mut Reader, top: &Section<'_>) -> Option<Lens> {
+    let section = reader.section(top, "lens", &LENS_KEYS)?;
+    let matrix = reader.required_matrix(
+        &section,
+        "camera_matrix",
+        "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]], in px",
+        "copy the camera matrix row by row",
+    );
+    let distortion = reader.required_numbers(
+        &section,
+        "distortion",
+        FINITE,
+        "five numbers [k1, k2, p1, p2, k3]",
+        "OpenCV's order; write 0 for a coefficient that is not used (models of 8 or more are not supported)",
+    );
+    match Lens::new(matrix?, distortion?) {
+        Ok(lens) => Some(lens),
+        Err(problems) => {
+            reader.problems.extend(problems);
+            None
+        }
+    }
+}
+
+fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
+    let section = reader.section(top, "ball", &BALL_KEYS);
+    let mut ball = Ball::default();
+    if let Some(section) = &section {
+        ball.radius_m = reader.number(section, "radius_m", POSITIVE, "half the diameter, in metres");
+        ball.radius_std_m = deviation(reader, section, "radius_std_m", ball.radius_m);
+        ball.mass_kg = reader.number(section, "mass_kg", POSITIVE, "give kilograms, or leave it out");
+        let hint = "I / (m R^2): 0.4 for a solid ball, 0.6667 for a thin shell such as a table tennis ball";
+        if let Some(factor) = reader.number(section, "inertia_factor", INERTIA, hint) {
+            ball.inertia_factor = factor.min(2.0 / 3.0);
+        }
+    }
+    let given = section.is_some_and(|s| s.get("radius_m").is_some());
+    if matches!(scale, Some(Scale::Ball)) && !given {
+        reader.refuse(
+            "ball.radius_m".into(),
+            "nothing, but the ball is the scale",
+            POSITIVE.accepted,
+            "measure the ball's diameter and give half of it, in metres",
+        );
+    }
+    ball
+}
+
+fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool) -> Launch {
+    let default = Launch {
+        edge_x_m: has_origin.then_some(0.0),
+        ..Launch::default()
+    };
+    let Some(section) = reader.section(top, "launch", &LAUNCH_KEYS) else {
+        return default;
+    };
+    let edge = reader.number(&section, "edge_x_m", FINITE, PLAIN);
+    // The contract's default written out is harmless; another number would have nothing to refer to.
+    if !has_origin && edge.is_some_and(|x| x != 0.0) {
+        reader.refuse(
+            section.key("edge_x_m"),
+            "no origin_px, so that there is no x axis to place the edge on",
+            "only with origin_px (or world_from_pixel)",
+            "give origin_px, or remove edge_x_m",
+        );
+    }
+    let hint = "R w / u before the first impact: 0 for no spin, 1 for rolling, null for unknown";
+    let spin = reader.number(&section, "spin_ratio", FINITE, hint);
+    Launch {
+        edge_x_m: if section.is_explicit_null("edge_x_m") {
+            None
+        } else {
+            edge.filter(|_| has_origin).or(default.edge_x_m)
+        },
+        spin_ratio: if section.is_explicit_null("spin_ratio") {
+            None
+        } else {
+            spin.or(default.spin_ratio)
+        },
+    }
+}
+
+/// A standard uncertainty: above 0 and below the value it belongs to.
+fn deviation(reader: &mut Reader, section: &Section<'_>, name: &str, of: Option<f64>) -> Option<f64> {
+    let hint = "leave it out, or write null, where it is not known; 0 would claim an exact number";
+    let std = reader.number(section, name, POSITIVE, hint)?;
+    if of.is_none_or(|value| std < value) {
+        return Some(std);
+    }
+    reader.refuse(
+        section.key(name),
+        format!("{std}, not below the value it belongs to"),
+        "a standard uncertainty (k = 1) in the unit of the value",
+        "check the unit: it is not a percentage",
+    );
+    None
+}
+
+/// A homography has its own origin and axes.
+fn check_beside_homography(reader: &mut Reader, top: &Section<'_>, up_px: [f64; 2]) {
+    let reason = "nothing beside world_from_pixel, which has its own origin and axes";
+    for key in ["origin_px", "origin_std_px"] {
+        if let Some(value) = top.get(key) {
+            reader.refuse(
+                key.into(),
+                text(value),
+                reason,
+                "remove it, or move the homography's origin",
+            );
+        }
+    }
+    if up_px != [0.0, -1.0] {
+        let found = top.get("up_px").map_or("nothing".to_owned(), text);
+        reader.refuse("up_px".into(), found, reason, "remove it, or turn the homography");
+    }
+}
+
+const UP_STD: Range = Range {
+    accepted: "a number above 0 and below 45, in degrees",
+    holds: |x| x > 0.0 && x < 45.0,
+};
+/// To 0.667, as people write 2/3.
+const INERTIA: Range = Range {
+    accepted: "a number above 0, at most 2/3",
+    holds: |x| (1e-6..=0.667).contains(&x),
+};
+
+/// What only shows when the parts come together: points the lens cannot undistort, ruler ends outside the picture,
+/// a homography that cannot be inverted.
+fn geometry_problems(c: &Calibration) -> Vec<Problem> {
+    let mut problems = c
+        .rectification()
+        .err()
+        .map_or(Vec::new(), |error| error.problems().to_vec());
+    let Scale::Ruler { from, to, .. } = c.scale else {
+        return problems;
+    };
+    for (key, end) in [("scale.from_px", from), ("scale.to_px", to)] {
+        // A pixel reaches half a pixel beyond its centre; another half for the care of who reads it.
+        let inside = |x: f64, size: usize| x >= -1.0 && x <= size as f64;
+        if c.image_size_px
+            .is_some_and(|(w, h)| !(inside(end.u_px, w) && inside(end.v_px, h)))
+        {
+            problems.push(Problem::new(
+                key,
+                format!("[{}, {}], outside the picture", end.u_px, end.v_px),
+                "a pixel inside image_size_px",
+                "check the order: column u first, then row v",
+            ));
+        } else if c.lens.as_ref().is_some_and(|lens| lens.undistort(end).is_none()) {
+            problems.push(Rectification::beyond_lens(key, end));
+        }
+    }
+    problems
+}

@@ -1,0 +1,95 @@
+//! A calibration in the file's form.
+
+use crate::calibration::{Calibration, SCHEMA, Scale, View};
+use crate::geometry::PixelPoint;
+use nalgebra::Matrix3;
+use serde_json::{Map, Value, json};
+
+/// The keys in the order of the contract; what is not known is left out, but for the nulls that mean something.
+pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
+    let view = match c.view {
+        View::Side => "side",
+        View::Top => "top",
+    };
+    let lens = c
+        .lens
+        .as_ref()
+        .map(|l| json!({"camera_matrix": rows(l.camera_matrix()), "distortion": l.distortion()}));
+    let ball = object([
+        ("radius_m", c.ball.radius_m.map(Value::from)),
+        ("radius_std_m", c.ball.radius_std_m.map(Value::from)),
+        ("mass_kg", c.ball.mass_kg.map(Value::from)),
+        ("inertia_factor", Some(c.ball.inertia_factor.into())),
+    ]);
+    let launch = object([
+        (
+            "edge_x_m",
+            (c.launch.edge_x_m.is_some() || c.has_origin()).then(|| c.launch.edge_x_m.into()),
+        ),
+        ("spin_ratio", Some(c.launch.spin_ratio.into())),
+    ]);
+    let homography = matches!(c.scale, Scale::Homography(_));
+    object([
+        ("schema", Some(SCHEMA.into())),
+        ("view", Some(view.into())),
+        (
+            "image_size_px",
+            c.image_size_px.map(|(width, height)| json!([width, height])),
+        ),
+        ("scale", Some(scale(&c.scale))),
+        ("origin_px", c.origin_px.map(point)),
+        ("origin_std_px", c.origin_std_px.map(Value::from)),
+        ("up_px", (!homography).then(|| json!(c.up_px))),
+        ("up_std_deg", c.up_std_rad.map(|s| s.to_degrees().into())),
+        ("lens", lens),
+        ("frame_rate_hz", c.frame_rate_hz.map(Value::from)),
+        ("gravity_m_s2", Some(c.gravity_m_s2.into())),
+        ("gravity_std_m_s2", c.gravity_std_m_s2.map(Value::from)),
+        ("ball", Some(ball)),
+        ("launch", Some(launch)),
+    ])
+}
+
+fn scale(scale: &Scale) -> Value {
+    match scale {
+        Scale::MetresPerPixel { value, std } => object([
+            ("metres_per_pixel", Some((*value).into())),
+            ("std_uncertainty", std.map(Value::from)),
+        ]),
+        Scale::Ruler {
+            from,
+            to,
+            length_m,
+            length_std_m,
+            point_std_px,
+        } => object([
+            ("from_px", Some(point(*from))),
+            ("to_px", Some(point(*to))),
+            ("length_m", Some((*length_m).into())),
+            ("length_std_m", length_std_m.map(Value::from)),
+            ("point_std_px", point_std_px.map(Value::from)),
+        ]),
+        Scale::Ball => json!({"ball": true}),
+        Scale::Gravity => json!({"gravity": true}),
+        Scale::Homography(homography) => object([
+            ("world_from_pixel", Some(rows(&homography.world_from_pixel))),
+            ("relative_std", homography.relative_std.map(Value::from)),
+        ]),
+    }
+}
+
+fn point(p: PixelPoint) -> Value {
+    json!([p.u_px, p.v_px])
+}
+
+fn rows(m: &Matrix3<f64>) -> Value {
+    let row = |i: usize| [m[(i, 0)], m[(i, 1)], m[(i, 2)]];
+    json!([row(0), row(1), row(2)])
+}
+
+fn object<const N: usize>(entries: [(&str, Option<Value>); N]) -> Value {
+    let given = entries
+        .into_iter()
+        .filter_map(|(key, value)| Some((key.to_owned(), value?)));
+    Value::Object(given.collect::<Map<_, _>>())
+}

@@ -1,0 +1,513 @@
+//! From a point of the picture to the plane of motion and back.
+//!
+//! The lens comes first: p = undistort(seen). Then either
+//!
+//! * a rotation and shift, which is all that a camera square to the plane needs: with o the undistorted origin
+//!   pixel (or (0, 0)), `up` = (a, b) the unit vector `up_px` and `right` = (−b, a), which is `up` turned clockwise as
+//!   the picture shows it, the plane point is (`right` · (p − o), `up` · (p − o)) in undistorted pixels; or
+//! * a homography: (x w, up w, w) = H · (u, v, 1), in metres. Its own axes are the world's, so `origin_px` and
+//!   `up_px` have no say beside it.
+//!
+//! A homography has a horizon, the line w = 0; what lies beyond it is behind the camera and is `None`. The side that
+//! counts is the one with the picture's centre (from `image_size_px`; without it the lens's principal point;
+//! without either the pixel of the world's origin).
+
+use super::error::{CalibrationError, Problem};
+use super::lens::Lens;
+use super::scale::Scale;
+use super::{Calibration, Homography, rows_text};
+use crate::geometry::{PixelPoint, PlanePoint};
+use nalgebra::{Matrix2, Matrix3, Vector3};
+
+/// Below this relative determinant (of the rows, over their norms' product) a homography cannot be inverted in f64.
+const SMALLEST_RELATIVE_DETERMINANT: f64 = 1e-12;
+/// Ratio of the smallest to the largest scale in the picture's middle. It is the sine of the angle between the line of
+/// sight and the plane: 1e-4 is 0.006 degrees, a plane seen edge on.
+const SMALLEST_SCALE_RATIO: f64 = 1e-4;
+
+/// What a plane unit is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlaneUnit {
+    /// A pixel of the undistorted picture; [`Calibration::metres_per_unit`] makes it metres.
+    UndistortedPixel,
+    /// A metre, from a homography.
+    Metre,
+}
+
+/// The map between the picture and the plane of motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rectification {
+    lens: Option<Lens>,
+    map: Map,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Map {
+    Rotation {
+        origin: PixelPoint,
+        up: [f64; 2],
+    },
+    Homography {
+        /// Scaled so that w > 0 on the side that counts.
+        plane_from_pixel: Matrix3<f64>,
+        /// Scaled so that w > 0 there too.
+        pixel_from_plane: Matrix3<f64>,
+    },
+}
+
+impl Rectification {
+    pub(super) fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
+        let lens = calibration.lens.clone();
+        let map = match &calibration.scale {
+            Scale::Homography(homography) => homography_map(homography, reference_pixel(calibration)),
+            _ => rotation_map(calibration),
+        };
+        match map {
+            Ok(map) => Ok(Self { lens, map }),
+            Err(problem) => Err(CalibrationError::Invalid {
+                name: "calibration".into(),
+                problems: vec![problem],
+            }),
+        }
+    }
+
+    /// What a plane unit is.
+    #[must_use]
+    pub const fn unit(&self) -> PlaneUnit {
+        match self.map {
+            Map::Rotation { .. } => PlaneUnit::UndistortedPixel,
+            Map::Homography { .. } => PlaneUnit::Metre,
+        }
+    }
+
+    /// The plane point that the picture shows at `p`; `None` beyond the lens model's reach or the horizon.
+    #[must_use]
+    pub fn plane_from_pixel(&self, p: PixelPoint) -> Option<PlanePoint> {
+        let p = self.undistort(p)?;
+        let point = match &self.map {
+            Map::Rotation { origin, up: [a, b] } => {
+                let (u, v) = (p.u_px - origin.u_px, p.v_px - origin.v_px);
+                PlanePoint::new(a * v - b * u, a * u + b * v)
+            }
+            Map::Homography { plane_from_pixel, .. } => {
+                let (right, up) = apply(plane_from_pixel, p.u_px, p.v_px)?;
+                PlanePoint::new(right, up)
+            }
+        };
+        (point.right.is_finite() && point.up.is_finite()).then_some(point)
+    }
+
+    /// Where the picture shows the plane point `p`, inside the picture or not; `None` beyond the lens model's reach or
+    /// behind the camera.
+    #[must_use]
+    pub fn pixel_from_plane(&self, p: PlanePoint) -> Option<PixelPoint> {
+        let ideal = match &self.map {
+            Map::Rotation { origin, up: [a, b] } => PixelPoint::new(
+                origin.u_px - b * p.right + a * p.up,
+                origin.v_px + a * p.right + b * p.up,
+            ),
+            Map::Homography { pixel_from_plane, .. } => {
+                let (u, v) = apply(pixel_from_plane, p.right, p.up)?;
+                PixelPoint::new(u, v)
+            }
+        };
+        let seen = match &self.lens {
+            Some(lens) => lens.distort(ideal)?,
+            None => ideal,
+        };
+        (seen.u_px.is_finite() && seen.v_px.is_finite()).then_some(seen)
+    }
+
+    /// d(right, up)/d(u, v) at `p`, plane units per pixel of the picture; `None` where [`Self::plane_from_pixel`] is.
+    #[must_use]
+    pub fn jacobian(&self, p: PixelPoint) -> Option<Matrix2<f64>> {
+        let (ideal, lens) = match &self.lens {
+            Some(lens) => lens.undistort_with_jacobian(p)?,
+            None => (p, Matrix2::identity()),
+        };
+        let map = match &self.map {
+            Map::Rotation { up: [a, b], .. } => Matrix2::new(-b, *a, *a, *b),
+            Map::Homography { plane_from_pixel, .. } => {
+                jacobian_of(plane_from_pixel, ideal.u_px, ideal.v_px)?
+            }
+        };
+        let jacobian = map * lens;
+        jacobian.iter().all(|d| d.is_finite()).then_some(jacobian)
+    }
+
+    fn undistort(&self, p: PixelPoint) -> Option<PixelPoint> {
+        match &self.lens {
+            Some(lens) => lens.undistort(p),
+            None => Some(p),
+        }
+    }
+
+    /// The problem of a point that the lens model cannot undistort.
+    pub(super) fn beyond_lens(key: &str, p: PixelPoint) -> Problem {
+        Problem::new(
+            key,
+            format!("[{}, {}], which the lens model cannot undistort", p.u_px, p.v_px),
+            "a pixel within the region where the distortion is one to one",
+            "check the point and lens.distortion (a fit with large k3 fails in the corners of the picture)",
+        )
+    }
+}
+
+fn rotation_map(calibration: &Calibration) -> Result<Map, Problem> {
+    let [a, b] = calibration.up_px;
+    let norm = a.hypot(b);
+    if !(norm.is_finite() && norm > 0.0) {
+        return Err(Problem::new(
+            "up_px",
+            format!("[{a}, {b}]"),
+            "a direction [du, dv] that is not zero",
+            "leave it out for a camera held level, or give the direction of a plumb line, upwards",
+        ));
+    }
+    let origin = match (calibration.origin_px, &calibration.lens) {
+        (Some(seen), Some(lens)) => lens
+            .undistort(seen)
+            .ok_or_else(|| Rectification::beyond_lens("origin_px", seen))?,
+        (Some(seen), None) => seen,
+        (None, _) => PixelPoint::new(0.0, 0.0),
+    };
+    Ok(Map::Rotation {
+        origin,
+        up: [a / norm, b / norm],
+    })
+}
+
+/// An undistorted pixel on the side of the horizon that counts; `None`: the world's origin decides.
+fn reference_pixel(calibration: &Calibration) -> Option<PixelPoint> {
+    let lens = calibration.lens.as_ref();
+    match calibration.image_size_px {
+        Some((width, height)) => {
+            let centre = PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0));
+            // Only the side matters: where a wild lens cannot undistort the centre, the centre itself will do.
+            Some(
+                lens.map_or(Some(centre), |l| l.undistort(centre))
+                    .unwrap_or(centre),
+            )
+        }
+        None => lens.map(Lens::principal_point),
+    }
+}
+
+fn homography_map(homography: &Homography, reference: Option<PixelPoint>) -> Result<Map, Problem> {
+    let given = &homography.world_from_pixel;
+    let refuse = |what: &str| {
+        Problem::new(
+            "scale.world_from_pixel",
+            format!("{}, {what}", rows_text(given)),
+            "an invertible 3x3 matrix from undistorted pixels to metres",
+            "fit it again to four or more points of the plane, no three of them on a line",
+        )
+    };
+    let largest = given.amax();
+    if !(given.iter().all(|h| h.is_finite()) && largest > 0.0) {
+        return Err(refuse("which is zero or not finite"));
+    }
+    let scaled = given / largest;
+    let regular = relative_determinant(&scaled, reference) > SMALLEST_RELATIVE_DETERMINANT;
+    if !regular {
+        return Err(refuse("which is singular"));
+    }
+    let inverse = scaled.try_inverse().ok_or_else(|| refuse("which is singular"))?;
+    let reference = match reference {
+        Some(p) => p,
+        // Column 3 of the inverse is the pixel of the world's origin; its own w must not vanish.
+        None => {
+            let (x, y, w) = (inverse[(0, 2)], inverse[(1, 2)], inverse[(2, 2)]);
+            PixelPoint::new(x / w, y / w)
+        }
+    };
+    let terms = scaled
+        .row(2)
+        .transpose()
+        .component_mul(&Vector3::new(reference.u_px, reference.v_px, 1.0));
+    let w = terms.sum();
+    // A sum that is rounding only has no sign to go by.
+    let sided = w.abs() > 1e-9 * terms.abs().sum();
+    if !sided {
+        return Err(refuse(
+            "whose horizon runs through the picture's centre (or the world's origin)",
+        ));
+    }
+    let plane_from_pixel = scaled * w.signum();
+    let local = jacobian_of(&plane_from_pixel, reference.u_px, reference.v_px)
+        .ok_or_else(|| refuse("whose horizon runs through the picture's centre"))?;
+    let singular = local.singular_values();
+    if !(singular.min() > SMALLEST_SCALE_RATIO * singular.max() && singular.max().is_finite()) {
+        return Err(refuse("which sees the plane edge on"));
+    }
+    // (x w, up w, w) → (u, v, 1)/w: with w > 0 on the right side, the inverse's third component is positive too.
+    Ok(Map::Homography {
+        plane_from_pixel,
+        pixel_from_plane: inverse * w.signum(),
+    })
+}
+
+/// |det| over the product of the rows' norms, in pixel coordinates centred and scaled to the picture, so that neither
+/// the unit of the world nor the size of the picture decides.
+fn relative_determinant(h: &Matrix3<f64>, reference: Option<PixelPoint>) -> f64 {
+    let centre = reference.unwrap_or(PixelPoint::new(0.0, 0.0));
+    // Half a picture; the order of magnitude is enough.
+    let half = centre.u_px.abs().max(centre.v_px.abs()).max(500.0);
+    let normalise = Matrix3::new(half, 0.0, centre.u_px, 0.0, half, centre.v_px, 0.0, 0.0, 1.0);
+    let m = h * normalise;
+    let norms = m.row(0).norm() * m.row(1).norm() * m.row(2).norm();
+    m.determinant().abs() / norms
+}
+
+/// The projective map at (a, b); `None` where w is not positive.
+fn apply(h: &Matrix3<f64>, a: f64, b: f64) -> Option<(f64, f64)> {
+    let p = h * Vector3::new(a, b, 1.0);
+    let point = (p[0] / p[2], p[1] / p[2]);
+    (p[2] > 0.0 && point.0.is_finite() && point.1.is_finite()).then_some(point)
+}
+
+/// Its Jacobian: (h_ij − X_i h_3j) / w.
+fn jacobian_of(h: &Matrix3<f64>, a: f64, b: f64) -> Option<Matrix2<f64>> {
+    let (x, y) = apply(h, a, b)?;
+    let w = h[(2, 0)] * a + h[(2, 1)] * b + h[(2, 2)];
+    Some(
+        Matrix2::new(
+            h[(0, 0)] - x * h[(2, 0)],
+            h[(0, 1)] - x * h[(2, 1)],
+            h[(1, 0)] - y * h[(2, 0)],
+            h[(1, 1)] - y * h[(2, 1)],
+        ) / w,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::Scale;
+    use proptest::prelude::*;
+
+    fn pixels() -> Calibration {
+        Calibration::new(Scale::MetresPerPixel {
+            value: 0.001,
+            std: None,
+        })
+    }
+
+    fn with_homography(h: Matrix3<f64>) -> Calibration {
+        Calibration::new(Scale::Homography(h.into()))
+    }
+
+    fn lens() -> Lens {
+        let camera = Matrix3::new(900.0, 0.0, 642.0, 0.0, 905.0, 357.5, 0.0, 0.0, 1.0);
+        Lens::new(camera, [-0.12, 0.05, 0.001, -0.0007, 0.01]).unwrap()
+    }
+
+    /// An oblique view: 1 m of the plane is 800 px in the middle, and the horizon is at u = −25000.
+    fn oblique() -> Matrix3<f64> {
+        Matrix3::new(
+            0.0008, 0.00001, -0.1026, 0.00002, -0.00082, 0.5388, 0.00004, -0.00001, 1.0,
+        )
+    }
+
+    fn differences(r: &Rectification, p: PixelPoint) -> Matrix2<f64> {
+        let h = 1e-3;
+        let at = |du: f64, dv: f64| {
+            r.plane_from_pixel(PixelPoint::new(p.u_px + du, p.v_px + dv))
+                .unwrap()
+        };
+        let (e, w, s, n) = (at(h, 0.0), at(-h, 0.0), at(0.0, h), at(0.0, -h));
+        Matrix2::new(e.right - w.right, s.right - n.right, e.up - w.up, s.up - n.up) / (2.0 * h)
+    }
+
+    #[test]
+    fn up_is_up_and_right_is_right() {
+        let mut c = pixels();
+        c.origin_px = Some(PixelPoint::new(120.0, 660.0));
+        let r = c.rectification().unwrap();
+        assert_eq!(r.unit(), PlaneUnit::UndistortedPixel);
+        assert_eq!(
+            r.plane_from_pixel(PixelPoint::new(130.0, 640.0)),
+            Some(PlanePoint::new(10.0, 20.0))
+        );
+        // A phone on its side: "up" points to the right of the picture, and right is down.
+        c.up_px = [1.0, 0.0];
+        let r = c.rectification().unwrap();
+        assert_eq!(
+            r.plane_from_pixel(PixelPoint::new(140.0, 670.0)),
+            Some(PlanePoint::new(10.0, 20.0))
+        );
+    }
+
+    #[test]
+    fn the_origin_is_undistorted_too() {
+        let mut c = pixels();
+        c.lens = Some(lens());
+        c.origin_px = Some(PixelPoint::new(40.0, 700.0));
+        let zero = c
+            .rectification()
+            .unwrap()
+            .plane_from_pixel(PixelPoint::new(40.0, 700.0))
+            .unwrap();
+        assert!(zero.right.abs() < 1e-6 && zero.up.abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_homography_gives_metres_where_its_points_say() {
+        let r = with_homography(oblique()).rectification().unwrap();
+        assert_eq!(r.unit(), PlaneUnit::Metre);
+        let (u, v) = (700.0, 300.0);
+        let w = 0.00004 * u - 0.00001 * v + 1.0;
+        let p = r.plane_from_pixel(PixelPoint::new(u, v)).unwrap();
+        assert!((p.right - (0.0008 * u + 0.00001 * v - 0.1026) / w).abs() < 1e-12);
+        assert!((p.up - (0.00002 * u - 0.00082 * v + 0.5388) / w).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_sign_and_size_of_a_homography_do_not_matter() {
+        let p = PixelPoint::new(700.0, 300.0);
+        let at = |factor: f64| {
+            with_homography(oblique() * factor)
+                .rectification()
+                .unwrap()
+                .plane_from_pixel(p)
+                .unwrap()
+        };
+        for factor in [-1.0, 1e12, -1e-12] {
+            assert!((at(factor).right - at(1.0).right).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn beyond_the_horizon_there_is_nothing() {
+        // A floor seen from a low camera: the horizon is the row v = 200.
+        let floor = Matrix3::new(0.01, 0.0, -6.4, 0.0, 0.0, 20.0, 0.0, 0.02, -4.0);
+        let mut c = with_homography(floor);
+        c.image_size_px = Some((1280, 720));
+        let r = c.rectification().unwrap();
+        assert!(r.plane_from_pixel(PixelPoint::new(640.0, 201.0)).is_some());
+        for v in [200.0, 199.0, 0.0] {
+            assert_eq!(r.plane_from_pixel(PixelPoint::new(640.0, v)), None);
+            assert_eq!(r.jacobian(PixelPoint::new(640.0, v)), None);
+        }
+        // Behind the camera (up < 0): it would show above the horizon.
+        assert!(r.pixel_from_plane(PlanePoint::new(0.0, 10.0)).is_some());
+        assert_eq!(r.pixel_from_plane(PlanePoint::new(0.0, -10.0)), None);
+        // Where the picture is the other side of the same matrix, that side counts.
+        c.image_size_px = Some((1280, 200));
+        let r = c.rectification().unwrap();
+        assert!(r.plane_from_pixel(PixelPoint::new(640.0, 100.0)).is_some());
+        assert_eq!(r.plane_from_pixel(PixelPoint::new(640.0, 300.0)), None);
+    }
+
+    #[test]
+    fn homographies_that_cannot_be_inverted_are_refused() {
+        let rank_2 = Matrix3::new(1.0, 2.0, 3.0, 2.0, 4.0, 6.0, 0.0, 0.0, 1.0);
+        let rounding_away = Matrix3::new(0.1, 0.2, 0.3, 0.1 + 0.2, 0.6, 0.9, 0.0, 0.0, 1.0);
+        let edge_on = Matrix3::new(0.001, 0.0, 0.0, 0.0, -1e-9, 0.0, 0.0, 0.0, 1.0);
+        let mut nan = oblique();
+        nan[(1, 1)] = f64::NAN;
+        for h in [
+            rank_2,
+            rounding_away,
+            edge_on,
+            nan,
+            Matrix3::zeros(),
+            Matrix3::repeat(1.0),
+        ] {
+            let error = with_homography(h).rectification().unwrap_err();
+            assert_eq!(error.problems()[0].key, "scale.world_from_pixel", "{h}");
+        }
+        let mut c = with_homography(Matrix3::new(
+            0.001, 0.0, 0.0, 0.0, -0.001, 0.5, 0.002, 0.0, -1.279,
+        ));
+        c.image_size_px = Some((1280, 720));
+        assert!(c.rectification().unwrap_err().to_string().contains("horizon"));
+    }
+
+    #[test]
+    fn ordinary_homographies_in_any_unit_are_accepted() {
+        for unit in [1e-6, 1.0, 1e6] {
+            for shift_m in [0.0, 100.0] {
+                let h = Matrix3::new(
+                    unit * 1e-3,
+                    0.0,
+                    shift_m * unit,
+                    0.0,
+                    unit * -1e-3,
+                    0.0,
+                    0.0,
+                    0.0,
+                    1.0,
+                );
+                with_homography(h).rectification().unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn a_zero_up_is_refused() {
+        let mut c = pixels();
+        c.up_px = [0.0, 0.0];
+        assert_eq!(c.rectification().unwrap_err().problems()[0].key, "up_px");
+    }
+
+    prop_compose! {
+        fn any_calibration()(
+            kind in 0..2, has_lens: bool, angle in -3.2..3.2_f64, u in -100.0..1400.0, v in -100.0..900.0,
+            tilt in (-2e-4..2e-4, -2e-4..2e-4),
+        ) -> Calibration {
+            let mut c = pixels();
+            if kind == 1 {
+                let mut h = oblique();
+                (h[(2, 0)], h[(2, 1)]) = tilt;
+                c = with_homography(h);
+            } else {
+                c.up_px = [angle.sin(), -angle.cos()];
+                c.origin_px = Some(PixelPoint::new(u, v));
+            }
+            c.image_size_px = Some((1280, 720));
+            c.lens = has_lens.then(lens);
+            c
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn pixel_to_plane_and_back(c in any_calibration(), u in 0.0..1280.0, v in 0.0..720.0) {
+            let r = c.rectification().unwrap();
+            let p = PixelPoint::new(u, v);
+            let back = r.pixel_from_plane(r.plane_from_pixel(p).unwrap()).unwrap();
+            prop_assert!(back.distance_px(p) < 1e-6);
+        }
+
+        #[test]
+        fn jacobian_is_the_limit_of_differences(c in any_calibration(), u in 0.0..1280.0, v in 0.0..720.0) {
+            let r = c.rectification().unwrap();
+            let p = PixelPoint::new(u, v);
+            let exact = r.jacobian(p).unwrap();
+            prop_assert!((exact - differences(&r, p)).norm() < 1e-6 * exact.norm());
+        }
+
+        #[test]
+        fn a_rotation_keeps_distances_and_handedness(angle in -3.2..3.2_f64, u in 0.0..1280.0, v in 0.0..720.0) {
+            let mut c = pixels();
+            c.up_px = [angle.sin(), -angle.cos()];
+            let jacobian = c.rectification().unwrap().jacobian(PixelPoint::new(u, v)).unwrap();
+            prop_assert!((jacobian.determinant() + 1.0).abs() < 1e-12);
+            prop_assert!((jacobian * jacobian.transpose() - Matrix2::identity()).norm() < 1e-12);
+        }
+
+        #[test]
+        fn a_mirrored_picture_mirrors_the_plane(tilt in -0.5..0.5_f64, u in 0.0..1280.0, v in 0.0..720.0) {
+            let mut c = pixels();
+            c.up_px = [tilt.sin(), -tilt.cos()];
+            c.origin_px = Some(PixelPoint::new(120.0, 660.0));
+            let mut mirrored = c.clone();
+            mirrored.up_px[0] = -c.up_px[0];
+            mirrored.origin_px = Some(PixelPoint::new(1279.0 - 120.0, 660.0));
+            let p = c.rectification().unwrap().plane_from_pixel(PixelPoint::new(u, v)).unwrap();
+            let q = mirrored.rectification().unwrap().plane_from_pixel(PixelPoint::new(1279.0 - u, v)).unwrap();
+            prop_assert!((p.right + q.right).abs() < 1e-9 && (p.up - q.up).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! `track VIDEO --calib CALIB`: one recording.
+
+use super::{Status, answer, say};
+use crate::calibration::Calibration;
+use crate::frames;
+use crate::measure::{Measurement, Outcome, Progress, measure};
+use crate::report::overlay::Overlay;
+use crate::report::{json, table, write};
+use anyhow::Context;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+
+/// What to measure, and where to put it.
+#[derive(Debug, Args)]
+pub struct MeasureArgs {
+    /// The recording: anything FFmpeg decodes, or a folder of numbered images.
+    pub video: PathBuf,
+    /// The calibration (calib.json): scale, origin, up, frame rate, ball.
+    #[arg(long)]
+    pub calib: PathBuf,
+    /// Write <name>.result.json, .points.csv, .report.html and .overlay.mp4 into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print the result as one JSON document in place of the table.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Measures and reports.
+///
+/// # Errors
+///
+/// Whatever keeps the recording from being read, or the results from being written.
+pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
+    let calibration = Calibration::read(&args.calib)?;
+    // Kept to the end: a folder that nothing came into goes again.
+    let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
+    let bar = progress_bar();
+    let measurement = measure(
+        &args.video,
+        &calibration,
+        &args.calib.display().to_string(),
+        &mut |p| {
+            show(&bar, p);
+        },
+    )?;
+    bar.finish_and_clear();
+    for w in &measurement.warnings {
+        say(&format!("warning: {}: {}", w.code, w.message));
+    }
+    if let Some(dir) = &args.out {
+        write_all(&measurement, &args.video, dir)?;
+    }
+    if args.json {
+        answer(&String::from_utf8_lossy(&write::json_text(&json::result_json(
+            &measurement,
+        ))?))?;
+    } else {
+        answer(&table::table(&measurement))?;
+    }
+    match &measurement.outcome {
+        Outcome::Measured => Ok(Status::Done),
+        Outcome::Rejected { reason } => {
+            say(&format!("rejected: {reason}"));
+            Ok(Status::Rejected)
+        }
+    }
+}
+
+fn write_all(measurement: &Measurement, video: &Path, dir: &Path) -> anyhow::Result<()> {
+    let stem = stem(video);
+    // The largest file first, under a passing name: where it does not fit, no other is left without it.
+    let staged = write::passing_name(dir)?;
+    let overlay = Overlay::new(measurement);
+    frames::recode(video, &staged, &mut |i, picture| overlay.draw(i, picture)).with_context(|| {
+        format!(
+            "the overlay video {} could not be made",
+            dir.join(format!("{stem}.overlay.mp4")).display()
+        )
+    })?;
+    let paths = write::write_reports(measurement, dir, &stem, Some(staged))?;
+    for path in [&paths.report_html, &paths.result_json, &paths.points_csv]
+        .into_iter()
+        .chain(&paths.overlay_mp4)
+    {
+        say(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// The recording's name without its extension; for a folder, the folder's.
+fn stem(video: &Path) -> String {
+    let whole = video.canonicalize().unwrap_or_else(|_| video.to_owned());
+    let name = if whole.is_dir() {
+        whole.file_name()
+    } else {
+        whole.file_stem()
+    };
+    name.map_or_else(|| "recording".to_owned(), |n| n.to_string_lossy().into_owned())
+}
+
+/// A bar on a terminal; nothing elsewhere.
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::no_length();
+    if let Ok(style) = ProgressStyle::with_template("{msg:9} {wide_bar} {pos}/{len} {eta}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn show(bar: &ProgressBar, progress: Progress) {
+    match progress {
+        Progress::Survey => bar.set_message("surveying"),
+        Progress::Frame { index, expected } => {
+            bar.set_message("tracking");
+            if let Some(n) = expected {
+                bar.set_length(n);
+            }
+            bar.set_position(index as u64 + 1);
+        }
+        Progress::Fit => bar.set_message("fitting"),
+    }
+}

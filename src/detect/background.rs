@@ -1,0 +1,362 @@
+//! The empty scene and its noise, from frames spread over the recording.
+//!
+//! The background is the per-pixel median of the survey's frames: whatever covers a pixel in less than half of them
+//! is not part of it. The median runs as an odd-even merge network on whole rows, so that the compiler turns it into
+//! byte-wise minimum and maximum instructions: 15 frames of 1080p take a few milliseconds.
+
+use super::registration::{Registrar, Registration};
+use crate::frames::Luma;
+
+/// Side of the square blocks on which motion is first looked for, px, for a picture of this size.
+///
+/// Averaging over a block lowers white noise by its side; a block must stay below the smallest ball's diameter
+/// (R 2-3 px), so small pictures, in which balls are small, get small blocks.
+#[must_use]
+pub fn block_side_px(width: usize, height: usize) -> usize {
+    if width * height > 500_000 { 4 } else { 2 }
+}
+
+/// The scene without what moves.
+#[derive(Debug, Clone)]
+pub struct Background {
+    /// Median of the survey, in the reference frame's picture.
+    pub luma: Luma,
+    /// Standard deviation of a single pixel's noise, grey levels.
+    pub noise_grey: f64,
+    /// Side of a block, px.
+    pub block_px: usize,
+    /// Blocks a row, blocks a column.
+    pub blocks: (usize, usize),
+    /// Sum of the background over each block.
+    pub block_sums: Vec<i32>,
+    /// Least change of a block's mean that counts as motion, grey levels, a block.
+    pub block_threshold_grey: Vec<f32>,
+    /// Follows the camera's drift and the light's flicker.
+    pub registrar: Registrar,
+    /// Largest displacement of the camera seen in the survey, px.
+    pub survey_drift_px: f64,
+}
+
+/// Quantum of an 8-bit picture: rounding alone has this standard deviation, grey levels.
+const ROUNDING_STD_GREY: f64 = 0.29;
+
+/// A block is moving where its mean departs by this many standard deviations. 5 keeps false alarms of white noise
+/// below one block in a million.
+const BLOCK_SIGMAS: f64 = 5.0;
+
+/// A change below this is invisible, whatever the noise, grey levels.
+const LEAST_CHANGE_GREY: f64 = 1.5;
+
+/// Displacements in the survey below this are the estimator's own noise: the camera counts as fixed, px.
+const FIXED_CAMERA_PX: f64 = 0.35;
+
+impl Background {
+    /// The background of `survey` (frames of one size, spread over the recording, in time order). `None` when empty.
+    #[must_use]
+    pub fn from_survey(survey: &[Luma]) -> Option<Self> {
+        let reference = survey.get(survey.len() / 2)?;
+        let noise_grey = frame_noise_grey(survey);
+        let first = Registrar::new(reference, noise_grey);
+        let mut registrations: Vec<Registration> = survey.iter().map(|f| first.locate(f)).collect();
+        let drift_px = registrations.iter().map(|r| r.shift_px()).fold(0.0, f64::max);
+        let fixed = drift_px < FIXED_CAMERA_PX;
+        let luma = if fixed {
+            median_of(&survey.iter().collect::<Vec<_>>())
+        } else {
+            let aligned: Vec<Luma> = survey
+                .iter()
+                .zip(&registrations)
+                .map(|(f, r)| r.aligned(f))
+                .collect();
+            median_of(&aligned.iter().collect::<Vec<_>>())
+        };
+        let mut registrar = Registrar::new(&luma, noise_grey);
+        registrar.fixed = fixed;
+        for (frame, r) in survey.iter().zip(&mut registrations) {
+            *r = registrar.follow(frame, r);
+        }
+        let block_px = block_side_px(luma.width, luma.height);
+        let blocks = (luma.width / block_px, luma.height / block_px);
+        let block_sums = sum_blocks(&luma, block_px);
+        let mut background = Self {
+            noise_grey: pixel_noise_grey(&luma, survey, &registrations),
+            luma,
+            block_px,
+            blocks,
+            block_sums,
+            block_threshold_grey: Vec::new(),
+            registrar,
+            survey_drift_px: drift_px,
+        };
+        background.block_threshold_grey = background.thresholds(survey, &registrations);
+        Some(background)
+    }
+
+    /// Block means of `frame` minus those of the background seen as `registration` says, grey levels.
+    #[must_use]
+    pub fn block_changes(&self, frame: &Luma, registration: &Registration) -> Vec<f32> {
+        let sums = sum_blocks(frame, self.block_px);
+        self.changes_of_sums(&sums, registration)
+    }
+
+    /// The same from block sums already at hand (see [`sum_blocks`]).
+    #[must_use]
+    pub fn changes_of_sums(&self, sums: &[i32], registration: &Registration) -> Vec<f32> {
+        let area = (self.block_px * self.block_px) as f32;
+        let (gain, offset) = (registration.gain as f32, registration.offset_grey as f32);
+        if registration.is_still() {
+            return sums
+                .iter()
+                .zip(&self.block_sums)
+                .map(|(&i, &b)| (i as f32 - gain * b as f32) / area - offset)
+                .collect();
+        }
+        let seen = sum_blocks(&registration.seen(&self.luma), self.block_px);
+        sums.iter()
+            .zip(&seen)
+            .map(|(&i, &b)| (i as f32 - gain * b as f32) / area - offset)
+            .collect()
+    }
+
+    fn thresholds(&self, survey: &[Luma], registrations: &[Registration]) -> Vec<f32> {
+        let changes: Vec<Vec<f32>> = survey
+            .iter()
+            .zip(registrations)
+            .map(|(f, r)| self.block_changes(f, r))
+            .collect();
+        let count = self.block_sums.len();
+        let mut local = vec![0.0_f32; count];
+        let mut column = vec![0.0_f32; changes.len()];
+        for (i, sigma) in local.iter_mut().enumerate() {
+            for (slot, frame) in column.iter_mut().zip(&changes) {
+                *slot = frame[i].abs();
+            }
+            *sigma = 1.4826 * median_in_place(&mut column);
+        }
+        let mut sorted = local.clone();
+        let typical = median_in_place(&mut sorted).max(tail_sigma(&changes) as f32);
+        // A block's own scatter counts where it is larger (a flickering screen, leaves); the typical one elsewhere,
+        // since a median of a dozen values is itself uncertain.
+        local
+            .iter()
+            .map(|&s| {
+                let sigma = f64::from(s.max(typical)).hypot(ROUNDING_STD_GREY / self.block_px as f64);
+                (BLOCK_SIGMAS * sigma).max(LEAST_CHANGE_GREY) as f32
+            })
+            .collect()
+    }
+}
+
+/// Standard deviation by the tail of all block changes. A codec at a low rate leaves patches that are off by a few
+/// grey levels for many frames: rare in any one block, but many in all. Capped, since what moves is in the tail, too.
+fn tail_sigma(changes: &[Vec<f32>]) -> f64 {
+    /// 5 of these are 6 grey levels: no codec that is worth measuring on is worse.
+    const MOST_GREY: f64 = 1.2;
+    /// A normal variable stays within 1.645 standard deviations nine times in ten.
+    const NINE_TENTHS: f64 = 1.645;
+    let mut all: Vec<f32> = changes.iter().flatten().step_by(7).map(|c| c.abs()).collect();
+    if all.is_empty() {
+        return 0.0;
+    }
+    let index = all.len() * 9 / 10;
+    let tail = f64::from(*all.select_nth_unstable_by(index, f32::total_cmp).1);
+    (tail / NINE_TENTHS).min(MOST_GREY)
+}
+
+/// Sums of `luma` over blocks of `side` × `side` pixels, row by row; rows and columns that do not fill a block are
+/// left out.
+#[must_use]
+pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<i32> {
+    let (columns, rows) = (luma.width / side, luma.height / side);
+    let mut sums = vec![0_i32; columns * rows];
+    let mut line = vec![0_u16; luma.width];
+    for (row, out) in sums.chunks_exact_mut(columns.max(1)).enumerate().take(rows) {
+        line.fill(0);
+        for v in row * side..(row + 1) * side {
+            for (acc, &p) in line.iter_mut().zip(luma.row(v)) {
+                *acc += u16::from(p);
+            }
+        }
+        for (o, block) in out.iter_mut().zip(line.chunks_exact(side)) {
+            *o = block.iter().map(|&p| i32::from(p)).sum();
+        }
+    }
+    sums
+}
+
+/// The lower median of `values`, which are reordered; 0 for none.
+pub fn median_in_place(values: &mut [f32]) -> f32 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = (values.len() - 1) / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+/// Standard deviation of a pixel's noise by the differences of successive frames: the median of those is of pixels
+/// where nothing moves.
+fn frame_noise_grey(survey: &[Luma]) -> f64 {
+    let mut histogram = [0_u64; 256];
+    for pair in survey.windows(2) {
+        let step = (pair[0].data.len() / 20_000).max(1);
+        for (a, b) in pair[0].data.iter().zip(&pair[1].data).step_by(step) {
+            histogram[usize::from(a.abs_diff(*b))] += 1;
+        }
+    }
+    (1.4826 * interpolated_median(&histogram) / std::f64::consts::SQRT_2).max(ROUNDING_STD_GREY)
+}
+
+/// Robust standard deviation of one pixel about the background: 1.4826 × median absolute difference, corrected for
+/// the median's own share and for rounding.
+fn pixel_noise_grey(background: &Luma, survey: &[Luma], registrations: &[Registration]) -> f64 {
+    let mut histogram = [0_u64; 256];
+    let step = (background.data.len() / 40_000).max(1);
+    for (frame, r) in survey.iter().zip(registrations) {
+        let seen = if r.is_still() {
+            background.clone()
+        } else {
+            r.seen(background)
+        };
+        for i in (0..frame.data.len()).step_by(step) {
+            let expected = (r.gain * f64::from(seen.data[i]) + r.offset_grey).round();
+            let change = (f64::from(frame.data[i]) - expected).abs();
+            histogram[(change as usize).min(255)] += 1;
+        }
+    }
+    let share = if survey.len() > 2 {
+        1.0 - 1.0 / survey.len() as f64
+    } else {
+        1.0
+    };
+    (1.4826 * interpolated_median(&histogram) / share.sqrt()).max(ROUNDING_STD_GREY)
+}
+
+/// Median of absolute integer differences, interpolated within its bin: a bin at `d` holds |difference| between
+/// d − ½ and d + ½ (the bin at 0: between 0 and ½).
+fn interpolated_median(histogram: &[u64; 256]) -> f64 {
+    let total: u64 = histogram.iter().sum();
+    if total == 0 {
+        return 0.0;
+    }
+    let half = total as f64 / 2.0;
+    let mut below = 0.0;
+    for (d, &n) in histogram.iter().enumerate() {
+        let n = n as f64;
+        if below + n >= half && n > 0.0 {
+            let share = (half - below) / n;
+            return if d == 0 {
+                0.5 * share
+            } else {
+                d as f64 - 0.5 + share
+            };
+        }
+        below += n;
+    }
+    255.0
+}
+
+/// Per-pixel median of frames of one size (the mean of the middle two for an even number is not needed: the lower
+/// one is taken, and the survey asks for odd numbers).
+fn median_of(frames: &[&Luma]) -> Luma {
+    let (width, height) = (frames[0].width, frames[0].height);
+    let n = frames.len();
+    let network = sorting_network(n);
+    let middle = (n - 1) / 2;
+    let mut data = Vec::with_capacity(width * height);
+    let mut rows: Vec<Vec<u8>> = vec![vec![0; width]; n];
+    for v in 0..height {
+        for (row, frame) in rows.iter_mut().zip(frames) {
+            row.copy_from_slice(frame.row(v));
+        }
+        for &(low, high) in &network {
+            let (head, tail) = rows.split_at_mut(high);
+            for (a, b) in head[low].iter_mut().zip(tail[0].iter_mut()) {
+                let (x, y) = (*a, *b);
+                *a = x.min(y);
+                *b = x.max(y);
+            }
+        }
+        data.extend_from_slice(&rows[middle]);
+    }
+    Luma { width, height, data }
+}
+
+/// Batcher's odd-even merge sort for any `n`: pairs (low, high) to compare and swap, in order.
+/// Source: Knuth, The Art of Computer Programming 3, 5.2.2, algorithm M.
+fn sorting_network(n: usize) -> Vec<(usize, usize)> {
+    let mut pairs = Vec::new();
+    let mut p = 1;
+    while p < n {
+        let mut k = p;
+        while k >= 1 {
+            let mut j = k % p;
+            while j + k < n {
+                for i in 0..k.min(n - j - k) {
+                    if (i + j) / (p * 2) == (i + j + k) / (p * 2) {
+                        pairs.push((i + j, i + j + k));
+                    }
+                }
+                j += 2 * k;
+            }
+            k /= 2;
+        }
+        p *= 2;
+    }
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_network_sorts_every_small_input_of_zeros_and_ones() {
+        // The 0-1 principle: a network that sorts all 0-1 inputs sorts everything.
+        for n in 1..=13_usize {
+            let network = sorting_network(n);
+            for bits in 0..1_u32 << n {
+                let mut values: Vec<u32> = (0..n).map(|i| bits >> i & 1).collect();
+                for &(a, b) in &network {
+                    if values[a] > values[b] {
+                        values.swap(a, b);
+                    }
+                }
+                assert!(values.is_sorted(), "n {n}, bits {bits:b}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_thing_that_covers_a_pixel_in_few_frames_is_not_background() {
+        let frame = |x: usize| {
+            let mut data = vec![50_u8; 64 * 48];
+            for v in 10..20 {
+                for u in x..x + 8 {
+                    data[v * 64 + u] = 200;
+                }
+            }
+            Luma {
+                width: 64,
+                height: 48,
+                data,
+            }
+        };
+        let survey: Vec<Luma> = (0..9).map(|i| frame(i * 6)).collect();
+        let background = Background::from_survey(&survey).unwrap();
+        assert!(background.luma.data.iter().all(|&p| p == 50));
+        assert!(background.survey_drift_px < FIXED_CAMERA_PX);
+    }
+
+    #[test]
+    fn block_sums_are_sums() {
+        let luma = Luma {
+            width: 10,
+            height: 6,
+            data: (0..60).collect(),
+        };
+        let sums = sum_blocks(&luma, 4);
+        assert_eq!(sums.len(), 2);
+        let expected: i32 = (0..4).flat_map(|v| (0..4).map(move |u| v * 10 + u)).sum();
+        assert_eq!(sums[0], expected);
+    }
+}

@@ -1,0 +1,332 @@
+//! What moves in a frame: connected groups of blocks that differ from the background, cut out with a margin.
+
+use super::background::Background;
+use super::centre::Disc;
+use super::registration::Registration;
+use crate::frames::Luma;
+use crate::geometry::PixelPoint;
+use opencv::core::{Mat, MatTraitConst, MatTraitConstManual};
+use opencv::imgproc;
+
+/// A rectangle cut out of a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Crop {
+    /// Column of the left-most pixel in the frame.
+    pub u: usize,
+    /// Row of the top-most pixel in the frame.
+    pub v: usize,
+    /// The pixels.
+    pub luma: Luma,
+}
+
+impl Crop {
+    /// The part of `frame` within the half-open ranges, clipped to the frame.
+    #[must_use]
+    pub fn of(frame: &Luma, us: std::ops::Range<usize>, vs: std::ops::Range<usize>) -> Self {
+        let (u0, u1) = (us.start.min(frame.width), us.end.min(frame.width));
+        let (v0, v1) = (vs.start.min(frame.height), vs.end.min(frame.height));
+        let mut data = Vec::with_capacity((u1 - u0) * (v1 - v0));
+        for v in v0..v1 {
+            data.extend_from_slice(&frame.row(v)[u0..u1]);
+        }
+        Self {
+            u: u0,
+            v: v0,
+            luma: Luma {
+                width: u1 - u0,
+                height: v1 - v0,
+                data,
+            },
+        }
+    }
+
+    /// Whether the pixel nearest to `p` lies inside, at least `margin_px` from the rim.
+    #[must_use]
+    pub fn contains(&self, p: PixelPoint, margin_px: f64) -> bool {
+        let (u, v) = (p.u_px - self.u as f64, p.v_px - self.v as f64);
+        u >= margin_px
+            && v >= margin_px
+            && u <= self.luma.width as f64 - 1.0 - margin_px
+            && v <= self.luma.height as f64 - 1.0 - margin_px
+    }
+}
+
+/// A connected region that differs from the background.
+#[derive(Debug, Clone)]
+pub struct Blob {
+    /// Centroid of the pixels that differ, in the frame.
+    pub centroid: PixelPoint,
+    /// Number of pixels that differ.
+    pub area_px: f64,
+    /// Standard deviations of the pixels that differ along their long and short axis, px.
+    pub spread_px: (f64, f64),
+    /// Direction of the long axis, rad from u towards v.
+    pub direction_rad: f64,
+    /// Typical difference from the background, grey levels, with its sign.
+    pub contrast_grey: f64,
+    /// The region with a margin.
+    pub crop: Crop,
+    /// Whether the region reaches the frame's border.
+    pub at_border: bool,
+}
+
+/// A blob longer than wide by more than this is no smeared ball but a thing.
+const LONGEST_OVAL: f64 = 4.0;
+
+/// Area of an oval blob over that of the ellipse with its spreads: 1 for an ellipse, 0.95 for a long capsule.
+const OVAL_FILL: (f64, f64) = (0.88, 1.1);
+
+/// Fewer pixels than this have no shape.
+const LEAST_OVAL_AREA_PX: f64 = 20.0;
+
+impl Blob {
+    /// The region as a disc drawn out by its motion, `None` where it is no full oval inside the frame.
+    ///
+    /// Pixels above 0.3 of the full change reach R + 0.2 L along a path of length L and R across, and an ellipse's
+    /// half axis is twice its standard deviation.
+    #[must_use]
+    pub fn oval(&self) -> Option<Disc> {
+        let (long, short) = self.spread_px;
+        // An ellipse's half axes are twice its standard deviations.
+        let fill = self.area_px / (4.0 * std::f64::consts::PI * long * short);
+        let full = long < LONGEST_OVAL * short
+            && (OVAL_FILL.0..OVAL_FILL.1).contains(&fill)
+            && self.area_px > LEAST_OVAL_AREA_PX
+            && !self.at_border;
+        let length = (10.0 * (long - short)).min(6.0 * short);
+        let (s, c) = self.direction_rad.sin_cos();
+        full.then_some(Disc {
+            centre: self.centroid,
+            radius_px: 2.0 * short,
+            swept_px: [length * c, length * s],
+        })
+    }
+}
+
+/// Blobs larger than this part of the picture's width or height are not a ball; half the picture is the largest
+/// ball there is.
+const LARGEST_PART: f64 = 0.75;
+
+/// Margin around a blob's blocks, px: the outer half of a blurred edge and the background beyond it.
+const MARGIN_PX: usize = 10;
+
+/// At most this many blobs a frame, the strongest first: a picture that moves as a whole has no ball to find.
+const MOST_BLOBS: usize = 24;
+
+/// The blobs of `frame`, the largest summed change first.
+///
+/// `changes` are the block changes by [`Background::block_changes`].
+#[must_use]
+pub fn find(
+    background: &Background,
+    frame: &Luma,
+    registration: &Registration,
+    changes: &[f32],
+) -> Vec<Blob> {
+    let (columns, rows) = background.blocks;
+    let mut mask = vec![0_u8; columns * rows];
+    let mut any = false;
+    for ((m, &c), &t) in mask.iter_mut().zip(changes).zip(&background.block_threshold_grey) {
+        if c.abs() > t {
+            *m = 255;
+            any = true;
+        }
+    }
+    if !any {
+        return Vec::new();
+    }
+    let mut boxes = components(&mask, columns, rows, changes);
+    boxes.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    boxes.truncate(MOST_BLOBS);
+    boxes
+        .iter()
+        .filter_map(|b| outline(background, frame, registration, b))
+        .collect()
+}
+
+/// A component's bounding box in blocks, half-open, and the sum of its changes.
+#[derive(Debug, Clone, Copy)]
+struct BlockBox {
+    left: usize,
+    top: usize,
+    right: usize,
+    bottom: usize,
+    strength: f32,
+}
+
+fn components(mask: &[u8], columns: usize, rows: usize, changes: &[f32]) -> Vec<BlockBox> {
+    // Closing by one block joins the parts of a ball that a stripe of background grey splits.
+    let joined = || -> opencv::Result<(Mat, i32)> {
+        let flat = Mat::from_slice(mask)?;
+        let mat = flat.reshape(1, i32::try_from(rows).unwrap_or(i32::MAX))?;
+        let kernel = imgproc::get_structuring_element(
+            imgproc::MORPH_RECT,
+            opencv::core::Size::new(3, 3),
+            opencv::core::Point::new(-1, -1),
+        )?;
+        let mut closed = Mat::default();
+        imgproc::morphology_ex(
+            &mat,
+            &mut closed,
+            imgproc::MORPH_CLOSE,
+            &kernel,
+            opencv::core::Point::new(-1, -1),
+            1,
+            opencv::core::BORDER_CONSTANT,
+            imgproc::morphology_default_border_value()?,
+        )?;
+        let mut labels = Mat::default();
+        let count = imgproc::connected_components(&closed, &mut labels, 8, opencv::core::CV_32S)?;
+        Ok((labels, count))
+    };
+    let Ok((labels, count)) = joined() else {
+        return Vec::new();
+    };
+    let Ok(labels) = labels.data_typed::<i32>() else {
+        return Vec::new();
+    };
+    let empty = BlockBox {
+        left: usize::MAX,
+        top: usize::MAX,
+        right: 0,
+        bottom: 0,
+        strength: 0.0,
+    };
+    let mut boxes = vec![empty; usize::try_from(count).unwrap_or(0)];
+    for (i, &label) in labels.iter().enumerate() {
+        if label > 0 {
+            let b = &mut boxes[label as usize];
+            let (x, y) = (i % columns, i / columns);
+            b.left = b.left.min(x);
+            b.right = b.right.max(x + 1);
+            b.top = b.top.min(y);
+            b.bottom = b.bottom.max(y + 1);
+            b.strength += changes[i].abs();
+        }
+    }
+    boxes.retain(|b| b.right > b.left && b.bottom > b.top);
+    boxes
+}
+
+/// The blob of a box: its pixels that differ, their moments, and the cut-out.
+fn outline(background: &Background, frame: &Luma, registration: &Registration, b: &BlockBox) -> Option<Blob> {
+    let side = background.block_px;
+    let too_wide = (b.right - b.left) as f64 * side as f64 > LARGEST_PART * frame.width as f64;
+    let too_high = (b.bottom - b.top) as f64 * side as f64 > LARGEST_PART * frame.height as f64;
+    if too_wide || too_high {
+        return None;
+    }
+    let reach = |low: usize, high: usize, n: usize| {
+        (low * side).saturating_sub(MARGIN_PX)..(high * side + MARGIN_PX).min(n)
+    };
+    let crop = Crop::of(
+        frame,
+        reach(b.left, b.right, frame.width),
+        reach(b.top, b.bottom, frame.height),
+    );
+    let changes = pixel_changes(background, registration, &crop);
+    let mut magnitudes: Vec<f32> = changes.iter().map(|c| c.abs()).collect();
+    let strong_index = magnitudes.len() - 1 - magnitudes.len() / 20;
+    let strong = f64::from(*magnitudes.select_nth_unstable_by(strong_index, f32::total_cmp).1);
+    let threshold = (0.3 * strong).max(3.0 * background.noise_grey) as f32;
+    let moments = Moments::of(&changes, crop.luma.width, threshold)?;
+    let (u, v) = (crop.u as f64, crop.v as f64);
+    let at_border = b.left == 0
+        || b.top == 0
+        || b.right * side + side > frame.width
+        || b.bottom * side + side > frame.height;
+    Some(Blob {
+        centroid: PixelPoint::new(u + moments.u, v + moments.v),
+        area_px: moments.area,
+        spread_px: moments.spread,
+        direction_rad: moments.direction_rad,
+        contrast_grey: moments.contrast,
+        crop,
+        at_border,
+    })
+}
+
+/// Differences of a crop's pixels from the background as `registration` sees it, grey levels, row by row.
+#[must_use]
+pub fn pixel_changes(background: &Background, registration: &Registration, crop: &Crop) -> Vec<f32> {
+    background_of(background, registration, crop)
+        .iter()
+        .zip(&crop.luma.data)
+        .map(|(&b, &i)| f32::from(i) - b)
+        .collect()
+}
+
+/// The background behind a crop as `registration` sees it, grey levels, row by row.
+#[must_use]
+pub fn background_of(background: &Background, registration: &Registration, crop: &Crop) -> Vec<f32> {
+    let (gain, offset) = (registration.gain as f32, registration.offset_grey as f32);
+    let width = background.luma.width;
+    let mut values = Vec::with_capacity(crop.luma.data.len());
+    if registration.is_still() {
+        for v in 0..crop.luma.height {
+            let start = (crop.v + v) * width + crop.u;
+            let row = &background.luma.data[start..start + crop.luma.width];
+            values.extend(row.iter().map(|&p| gain * f32::from(p) + offset));
+        }
+        return values;
+    }
+    let (w, h) = ((width - 1) as f64, (background.luma.height - 1) as f64);
+    for v in 0..crop.luma.height {
+        for u in 0..crop.luma.width {
+            let here = PixelPoint::new((crop.u + u) as f64, (crop.v + v) as f64);
+            let there = registration.reference_from_frame(here);
+            let value = super::registration::bilinear(
+                &background.luma,
+                there.u_px.clamp(0.0, w),
+                there.v_px.clamp(0.0, h),
+            );
+            values.push(gain * value.map_or(0.0, |b| b as f32) + offset);
+        }
+    }
+    values
+}
+
+struct Moments {
+    u: f64,
+    v: f64,
+    area: f64,
+    spread: (f64, f64),
+    direction_rad: f64,
+    contrast: f64,
+}
+
+impl Moments {
+    /// Moments of the pixels whose change exceeds `threshold`; `None` when there are fewer than four.
+    fn of(changes: &[f32], width: usize, threshold: f32) -> Option<Self> {
+        let (mut n, mut su, mut sv, mut suu, mut suv, mut svv, mut sc) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        for (i, &c) in changes.iter().enumerate() {
+            if c.abs() > threshold {
+                let (u, v) = ((i % width) as f64, (i / width) as f64);
+                n += 1.0;
+                su += u;
+                sv += v;
+                suu += u * u;
+                suv += u * v;
+                svv += v * v;
+                sc += f64::from(c);
+            }
+        }
+        if n < 4.0 {
+            return None;
+        }
+        let (u, v) = (su / n, sv / n);
+        // 1/12 is the variance of a pixel's own square.
+        let (cuu, cvv) = (suu / n - u * u + 1.0 / 12.0, svv / n - v * v + 1.0 / 12.0);
+        let cuv = suv / n - u * v;
+        let mean = 0.5 * (cuu + cvv);
+        let half = (0.5 * (cuu - cvv)).hypot(cuv);
+        Some(Self {
+            u,
+            v,
+            area: n,
+            spread: ((mean + half).sqrt(), (mean - half).max(1.0 / 12.0).sqrt()),
+            direction_rad: 0.5 * (2.0 * cuv).atan2(cuu - cvv),
+            contrast: sc / n,
+        })
+    }
+}

@@ -1,0 +1,191 @@
+//! From frames to sightings: what moves in each frame, and where its centre is if it is a ball.
+//!
+//! ```text
+//! survey frames -> Background (median, noise, thresholds)
+//! each frame    -> Registration (drift, flicker) -> block changes -> blobs -> outline -> edge band -> Sighting
+//! ```
+//!
+//! Nothing here knows which of the moving things is the ball in flight; that is [`crate::flight`]'s question.
+
+pub mod background;
+pub mod blobs;
+pub mod centre;
+pub mod registration;
+
+use crate::frames::Frame;
+use background::Background;
+use blobs::Blob;
+use centre::edge_band::{self, Freedom};
+use centre::{Centre, Disc, Patch, outline};
+use registration::Registration;
+
+/// A moving thing in one frame.
+#[derive(Debug, Clone)]
+pub struct Sighting {
+    /// The frame in presentation order.
+    pub frame: usize,
+    /// How the frame lies against the reference picture.
+    pub registration: Registration,
+    /// The region that differs from the background.
+    pub blob: Blob,
+    /// The centre, where the region has the outline of a ball.
+    pub centre: Option<Centre>,
+}
+
+/// What one frame holds.
+#[derive(Debug, Clone)]
+pub struct FrameReading {
+    /// Moving things, the strongest first.
+    pub sightings: Vec<Sighting>,
+    /// Mean absolute change of the block means against the frame before, grey levels; `None` for the first.
+    pub change_grey: Option<f32>,
+    /// Against the reference picture.
+    pub registration: Registration,
+}
+
+/// Least part of the rays that agree on a circle before its edge is worth refining.
+const LEAST_AGREEMENT: f64 = 0.45;
+
+/// Looks at one frame after the other.
+#[derive(Debug)]
+pub struct Detector {
+    /// The empty scene.
+    pub background: Background,
+    last_registration: Registration,
+    last_sums: Option<Vec<i32>>,
+}
+
+impl Detector {
+    /// A detector against `background`.
+    #[must_use]
+    pub fn new(background: Background) -> Self {
+        Self {
+            background,
+            last_registration: Registration::IDENTITY,
+            last_sums: None,
+        }
+    }
+
+    /// Everything that moves in `frame`. Frames come in presentation order.
+    #[must_use]
+    pub fn look(&mut self, frame: &Frame) -> FrameReading {
+        let registration = self
+            .background
+            .registrar
+            .follow(&frame.luma, &self.last_registration);
+        self.last_registration = registration;
+        let sums = background::sum_blocks(&frame.luma, self.background.block_px);
+        let change_grey = self
+            .last_sums
+            .as_ref()
+            .map(|last| self.frame_change_grey(last, &sums));
+        let changes = self.background.changes_of_sums(&sums, &registration);
+        self.last_sums = Some(sums);
+        let sightings = blobs::find(&self.background, &frame.luma, &registration, &changes)
+            .into_iter()
+            .map(|blob| {
+                let centre = self.first_centre(&blob, &registration);
+                Sighting {
+                    frame: frame.index,
+                    registration,
+                    blob,
+                    centre,
+                }
+            })
+            .collect();
+        FrameReading {
+            sightings,
+            change_grey,
+            registration,
+        }
+    }
+
+    fn frame_change_grey(&self, last: &[i32], now: &[i32]) -> f32 {
+        let area = (self.background.block_px * self.background.block_px) as f32;
+        let sum: u64 = last.iter().zip(now).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        sum as f32 / last.len().max(1) as f32 / area
+    }
+
+    /// The patch of a blob, ready for a centre method.
+    #[must_use]
+    pub fn patch<'a>(&self, crop: &'a blobs::Crop, registration: &Registration) -> Patch<'a> {
+        Patch {
+            crop,
+            background: blobs::background_of(&self.background, registration, crop),
+            noise_grey: self.background.noise_grey,
+        }
+    }
+
+    /// A first centre, good to a few hundredths of the radius, where nothing is known of the ball yet: the circle
+    /// through its outline; or, where the region is a full oval that no circle fits (a ball smeared by its motion),
+    /// the middle of the oval.
+    fn first_centre(&self, blob: &Blob, registration: &Registration) -> Option<Centre> {
+        let patch = self.patch(&blob.crop, registration);
+        let round = outline::find(&patch, blob.centroid, None)
+            .filter(|o| o.agreement >= LEAST_AGREEMENT)
+            .map(|o| rough(blob, o.disc, o.agreement));
+        let Some(oval) = blob.oval() else { return round };
+        let alike = |c: &Centre| {
+            c.disc.centre.distance_px(oval.centre) < 0.1 * oval.radius_px + 0.5
+                && (c.disc.radius_px / oval.radius_px - 1.0).abs() < 0.15
+        };
+        round
+            .filter(alike)
+            .or_else(|| Some(rough(blob, oval, LEAST_AGREEMENT)))
+    }
+
+    /// A centre near `start`, whose radius, sweep and blur are known.
+    #[must_use]
+    pub fn guided_centre(
+        &self,
+        crop: &blobs::Crop,
+        registration: &Registration,
+        start: &Disc,
+        freedom: Freedom,
+    ) -> Option<Centre> {
+        edge_band::refine(&self.patch(crop, registration), start, freedom).or_else(|| {
+            self.outlined_centre(crop, registration, start, freedom)
+                .filter(|c| c.disc.centre.distance_px(start.centre) < 0.5 * start.radius_px)
+        })
+    }
+
+    /// A centre wherever around `start` the crop holds an outline of its radius.
+    #[must_use]
+    pub fn outlined_centre(
+        &self,
+        crop: &blobs::Crop,
+        registration: &Registration,
+        start: &Disc,
+        freedom: Freedom,
+    ) -> Option<Centre> {
+        let patch = self.patch(crop, registration);
+        let found = outline::find(&patch, start.centre, Some(start.radius_px))?;
+        let disc = Disc {
+            centre: found.disc.centre,
+            ..*start
+        };
+        (found.agreement >= LEAST_AGREEMENT)
+            .then(|| edge_band::refine(&patch, &disc, freedom))
+            .flatten()
+    }
+}
+
+/// A first centre is known to about this part of the radius, and not better than to some tenths of a pixel.
+const ROUGH_STD: (f64, f64) = (0.03, 0.3);
+
+/// The centre of an outline that was not refined.
+fn rough(blob: &Blob, disc: Disc, agreement: f64) -> Centre {
+    let std_px = ROUGH_STD.1.max(ROUGH_STD.0 * disc.radius_px);
+    Centre {
+        disc,
+        covariance_px2: [[std_px * std_px, 0.0], [0.0, std_px * std_px]],
+        radius_std_px: None,
+        blur_px: edge_band::USUAL_BLUR_PX,
+        outline_used: agreement,
+        residual_grey: 0.0,
+        contrast_grey: blob.contrast_grey,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,456 @@
+//! Where the camera looks and how bright the light is, frame by frame, against the reference picture.
+//!
+//! A camera "held still" by hand drifts by pixels and a lamp flickers by percents. Both are read off a few thousand
+//! pixels of the scene that carry gradient: the frame is taken as
+//! `frame(p + s) = gain · reference(p) + offset`, and shift `s`, gain and offset are found by robust Gauss-Newton
+//! (Lucas and Kanade 1981, with Tukey weights so that whatever moves does not count). Large first shifts are found on
+//! reduced pictures.
+
+use crate::frames::Luma;
+use crate::geometry::PixelPoint;
+use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Size};
+use opencv::imgproc;
+
+/// How a frame differs from the reference as a whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Registration {
+    /// A scene point at column u of the reference appears at u + `shift_u_px`.
+    pub shift_u_px: f64,
+    /// The same for rows.
+    pub shift_v_px: f64,
+    /// Brightness over the reference's.
+    pub gain: f64,
+    /// Added brightness, grey levels.
+    pub offset_grey: f64,
+}
+
+impl Registration {
+    /// No difference.
+    pub const IDENTITY: Self = Self {
+        shift_u_px: 0.0,
+        shift_v_px: 0.0,
+        gain: 1.0,
+        offset_grey: 0.0,
+    };
+
+    /// Length of the shift, px.
+    #[must_use]
+    pub fn shift_px(&self) -> f64 {
+        self.shift_u_px.hypot(self.shift_v_px)
+    }
+
+    /// Whether the picture needs no resampling.
+    #[must_use]
+    pub fn is_still(&self) -> bool {
+        self.shift_u_px == 0.0 && self.shift_v_px == 0.0
+    }
+
+    /// The place in the reference picture of a point of this frame.
+    #[must_use]
+    pub fn reference_from_frame(&self, p: PixelPoint) -> PixelPoint {
+        PixelPoint::new(p.u_px - self.shift_u_px, p.v_px - self.shift_v_px)
+    }
+
+    /// The place in this frame of a point of the reference picture.
+    #[must_use]
+    pub fn frame_from_reference(&self, p: PixelPoint) -> PixelPoint {
+        PixelPoint::new(p.u_px + self.shift_u_px, p.v_px + self.shift_v_px)
+    }
+
+    /// `frame` moved into the reference's place (brightness as it is).
+    #[must_use]
+    pub fn aligned(&self, frame: &Luma) -> Luma {
+        shifted(frame, self.shift_u_px, self.shift_v_px)
+    }
+
+    /// The `reference` as this frame's camera sees it (brightness as it is).
+    #[must_use]
+    pub fn seen(&self, reference: &Luma) -> Luma {
+        shifted(reference, -self.shift_u_px, -self.shift_v_px)
+    }
+}
+
+/// `out(u, v) = luma(u + du, v + dv)`, bilinear, edges repeated.
+fn shifted(luma: &Luma, du: f64, dv: f64) -> Luma {
+    let (w, h) = (luma.width, luma.height);
+    let (iu, iv) = (du.floor(), dv.floor());
+    // Weights in 1/256; the four sum to 65536 exactly.
+    let fu = ((du - iu) * 256.0).round() as u32;
+    let fv = ((dv - iv) * 256.0).round() as u32;
+    let clamp = |x: i64, n: usize| x.clamp(0, n as i64 - 1) as usize;
+    let columns: Vec<usize> = (0..=w).map(|u| clamp(u as i64 + iu as i64, w)).collect();
+    let mut data = Vec::with_capacity(w * h);
+    for v in 0..h as i64 {
+        let top = luma.row(clamp(v + iv as i64, h));
+        let bottom = luma.row(clamp(v + iv as i64 + 1, h));
+        for pair in columns.windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            let upper = u32::from(top[a]) * (256 - fu) + u32::from(top[b]) * fu;
+            let lower = u32::from(bottom[a]) * (256 - fu) + u32::from(bottom[b]) * fu;
+            data.push(((upper * (256 - fv) + lower * fv + 32_768) >> 16) as u8);
+        }
+    }
+    Luma {
+        width: w,
+        height: h,
+        data,
+    }
+}
+
+/// A reference pixel with what is needed to compare it.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    u: f64,
+    v: f64,
+    value: f64,
+    gradient: Vector2<f64>,
+}
+
+/// Compares frames with a reference picture.
+#[derive(Debug, Clone)]
+pub struct Registrar {
+    reference: Luma,
+    samples: Vec<Sample>,
+    /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
+    sees_shift: bool,
+    noise_grey: f64,
+    /// The camera does not move: only brightness is followed.
+    pub fixed: bool,
+}
+
+/// Samples over the whole picture; 3000 pixels of gradient 10 grey/px and noise 2 fix the shift to 0.005 px.
+const SAMPLES: usize = 3000;
+
+/// Sum of squared gradients below which a shift is not determined: noise of 2 grey levels would move it by 0.06 px.
+const LEAST_INFORMATION: f64 = 1e3;
+
+/// A gradient must exceed this many noise deviations to say where it is: chance gives 4 to one pixel in 1e4.
+const GRADIENT_SIGMAS: f64 = 4.0;
+
+/// Cells of the grid in which something must carry gradient; a ball, its shadow and a hand fill fewer.
+const LEAST_CELLS: usize = 16;
+
+/// Gauss-Newton steps; from a start within a pixel, four suffice.
+const STEPS: usize = 12;
+
+impl Registrar {
+    /// A registrar for `reference`, whose pixels have noise of `noise_grey`.
+    #[must_use]
+    pub fn new(reference: &Luma, noise_grey: f64) -> Self {
+        let (samples, cells) = choose_samples(reference, noise_grey);
+        Self {
+            samples,
+            sees_shift: cells >= LEAST_CELLS,
+            noise_grey,
+            reference: reference.clone(),
+            fixed: false,
+        }
+    }
+
+    /// Where `frame` looks, with no idea of it beforehand (within a quarter of the picture).
+    #[must_use]
+    pub fn locate(&self, frame: &Luma) -> Registration {
+        let still = self.refine(frame, Registration::IDENTITY, true);
+        if !self.sees_shift {
+            return still.0;
+        }
+        let far = self.refine(frame, self.coarse_place(frame), true);
+        match far {
+            // A moving hand can lead astray; the scene as a whole decides.
+            far if far.1 < 0.8 * still.1 || !still.1.is_finite() => far.0,
+            _ => still.0,
+        }
+    }
+
+    /// A first shift from pictures reduced to an eighth, then a quarter and a half, where a far shift is a near one.
+    fn coarse_place(&self, frame: &Luma) -> Registration {
+        let mut found = Registration::IDENTITY;
+        for factor in [8, 4, 2] {
+            let (Some(reference), Some(small)) = (reduced(&self.reference, factor), reduced(frame, factor))
+            else {
+                continue;
+            };
+            let scale = factor as f64;
+            let start = Registration {
+                shift_u_px: found.shift_u_px / scale,
+                shift_v_px: found.shift_v_px / scale,
+                ..found
+            };
+            // Averaging lowers the noise by the side of what is averaged.
+            let (r, spread) = Self::new(&reference, self.noise_grey / scale).refine(&small, start, true);
+            if spread.is_finite() {
+                found = Registration {
+                    shift_u_px: r.shift_u_px * scale,
+                    shift_v_px: r.shift_v_px * scale,
+                    ..r
+                };
+            }
+        }
+        found
+    }
+
+    /// Where `frame` looks, close to where `previous` looked. A fixed camera's shift is exactly zero.
+    #[must_use]
+    pub fn follow(&self, frame: &Luma, previous: &Registration) -> Registration {
+        if self.fixed {
+            let start = Registration {
+                shift_u_px: 0.0,
+                shift_v_px: 0.0,
+                ..*previous
+            };
+            return self.refine(frame, start, false).0;
+        }
+        self.refine(frame, *previous, true).0
+    }
+
+    /// Robust Gauss-Newton from `start`; the second value is the median absolute residual, grey levels.
+    fn refine(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
+        let moving = moving && self.sees_shift;
+        let mut now = start;
+        let mut spread = f64::INFINITY;
+        if self.samples.len() < 50 {
+            return (start, spread);
+        }
+        let steps = if moving { STEPS } else { 3 };
+        let mut residuals = Vec::with_capacity(self.samples.len());
+        for _ in 0..steps {
+            residuals.clear();
+            for s in &self.samples {
+                residuals.push(
+                    bilinear(frame, s.u + now.shift_u_px, s.v + now.shift_v_px)
+                        .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32),
+                );
+            }
+            let mut magnitudes: Vec<f32> = residuals
+                .iter()
+                .filter(|r| r.is_finite())
+                .map(|r| r.abs())
+                .collect();
+            if magnitudes.len() < 50 {
+                return (start, f64::INFINITY);
+            }
+            spread = f64::from(super::background::median_in_place(&mut magnitudes));
+            let Some(step) = self.step(&residuals, spread, now.gain, moving) else {
+                break;
+            };
+            now.shift_u_px += step[0];
+            now.shift_v_px += step[1];
+            now.gain += step[2];
+            now.offset_grey += step[3];
+            if step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5 {
+                break;
+            }
+        }
+        // A light that changes by more than this is another scene; a shift beyond a quarter of the picture is a cut.
+        let sane = (0.3..3.0).contains(&now.gain)
+            && now.shift_u_px.abs() < 0.25 * frame.width as f64
+            && now.shift_v_px.abs() < 0.25 * frame.height as f64;
+        if sane {
+            (now, spread)
+        } else {
+            (start, f64::INFINITY)
+        }
+    }
+
+    fn step(&self, residuals: &[f32], spread: f64, gain: f64, moving: bool) -> Option<Vector4<f64>> {
+        let cut = 4.685 * (1.4826 * spread).max(0.5);
+        let mut normal = Matrix4::zeros();
+        let mut right = Vector4::zeros();
+        for (s, &r) in self.samples.iter().zip(residuals) {
+            let r = f64::from(r);
+            if r.is_finite() && r.abs() < cut {
+                let weight = (1.0 - (r / cut).powi(2)).powi(2);
+                let j = Vector4::new(-gain * s.gradient.x, -gain * s.gradient.y, s.value, 1.0);
+                normal += weight * j * j.transpose();
+                right += weight * r * j;
+            }
+        }
+        // An even scene cannot tell gain from offset: a weak pull of the offset towards zero decides for the gain.
+        normal[(3, 3)] += 0.1 * normal[(3, 3)] + 1.0;
+        // A scene without gradient in one direction cannot tell the shift along it: stay.
+        let block: Matrix2<f64> = normal.fixed_view::<2, 2>(0, 0).into_owned();
+        if !moving || block.symmetric_eigenvalues().min() < LEAST_INFORMATION {
+            for i in 0..2 {
+                for k in 0..4 {
+                    normal[(i, k)] = 0.0;
+                    normal[(k, i)] = 0.0;
+                }
+                normal[(i, i)] = 1.0;
+                right[i] = 0.0;
+            }
+        }
+        normal.cholesky().map(|c| c.solve(&right))
+    }
+}
+
+/// The pixels of strongest gradient in each cell of a coarse grid, so that they spread over the picture.
+///
+/// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value counts the
+/// cells that hold real gradients.
+fn choose_samples(reference: &Luma, noise_grey: f64) -> (Vec<Sample>, usize) {
+    const CELLS: usize = 12;
+    let (w, h) = (reference.width, reference.height);
+    let per_cell = SAMPLES / (CELLS * CELLS);
+    let mut samples = Vec::new();
+    let mut cells = 0;
+    for cell in 0..CELLS * CELLS {
+        let (cu, cv) = (cell % CELLS, cell / CELLS);
+        let us = (cu * w / CELLS).max(2)..((cu + 1) * w / CELLS).min(w.saturating_sub(2));
+        let vs = (cv * h / CELLS).max(2)..((cv + 1) * h / CELLS).min(h.saturating_sub(2));
+        let mut here: Vec<Sample> = Vec::new();
+        for v in vs {
+            let (above, row, below) = (reference.row(v - 1), reference.row(v), reference.row(v + 1));
+            for u in us.clone() {
+                let gradient = Vector2::new(
+                    (f64::from(row[u + 1]) - f64::from(row[u - 1])) / 2.0,
+                    (f64::from(below[u]) - f64::from(above[u])) / 2.0,
+                );
+                here.push(Sample {
+                    u: u as f64,
+                    v: v as f64,
+                    value: f64::from(row[u]),
+                    gradient,
+                });
+            }
+        }
+        if here.len() > per_cell {
+            here.select_nth_unstable_by(per_cell, |a, b| {
+                b.gradient.norm_squared().total_cmp(&a.gradient.norm_squared())
+            });
+            here.truncate(per_cell);
+        }
+        let mut strong = 0;
+        for s in &mut here {
+            if s.gradient.norm() < (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY) {
+                s.gradient = Vector2::zeros();
+            } else {
+                strong += 1;
+            }
+        }
+        cells += usize::from(strong >= 4);
+        samples.append(&mut here);
+    }
+    (samples, cells)
+}
+
+/// Rounding and the codec's ringing make gradients of this size, grey levels a pixel.
+const LEAST_GRADIENT_GREY: f64 = 3.0;
+
+/// Bilinear value at (u, v); `None` outside.
+#[must_use]
+pub fn bilinear(luma: &Luma, u: f64, v: f64) -> Option<f64> {
+    let inside = u >= 0.0 && v >= 0.0 && u <= (luma.width - 1) as f64 && v <= (luma.height - 1) as f64;
+    if !inside {
+        return None;
+    }
+    let (iu, iv) = (u as usize, v as usize);
+    let (ju, jv) = ((iu + 1).min(luma.width - 1), (iv + 1).min(luma.height - 1));
+    let (fu, fv) = (u - iu as f64, v - iv as f64);
+    let at = |a: usize, b: usize| f64::from(luma.data[b * luma.width + a]);
+    let top = at(iu, iv) * (1.0 - fu) + at(ju, iv) * fu;
+    let bottom = at(iu, jv) * (1.0 - fu) + at(ju, jv) * fu;
+    Some(top * (1.0 - fv) + bottom * fv)
+}
+
+/// `luma` at 1/`factor` of its size, each pixel the mean of those it replaces; `None` where OpenCV refuses.
+fn reduced(luma: &Luma, factor: usize) -> Option<Luma> {
+    let reduce = || -> opencv::Result<Luma> {
+        let flat = Mat::from_slice(&luma.data)?;
+        let mat = flat.reshape(1, i32::try_from(luma.height).unwrap_or(i32::MAX))?;
+        let scale = 1.0 / factor as f64;
+        let mut small = Mat::default();
+        imgproc::resize(
+            &mat,
+            &mut small,
+            Size::default(),
+            scale,
+            scale,
+            imgproc::INTER_AREA,
+        )?;
+        let (width, height) = (small.cols() as usize, small.rows() as usize);
+        Ok(Luma {
+            width,
+            height,
+            data: small.data_bytes()?.to_vec(),
+        })
+    };
+    reduce().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn textured(shift: (f64, f64), gain: f64) -> Luma {
+        let (width, height) = (480, 360);
+        let value = |u: f64, v: f64| {
+            let (u, v) = (u - shift.0, v - shift.1);
+            // Waves of many lengths and directions: no shift but the true one makes them agree.
+            let waves: f64 = (1..=12)
+                .map(|k| {
+                    let (k, turn) = (f64::from(k), 2.4 * f64::from(k));
+                    let number = 0.012 + 0.018 * k;
+                    (number * (u * turn.cos() + v * turn.sin()) + k * k).sin() * 0.4
+                })
+                .sum();
+            gain * (100.0 + 30.0 * waves)
+        };
+        let data = (0..width * height)
+            .map(|i| {
+                value((i % width) as f64, (i / width) as f64)
+                    .round()
+                    .clamp(0.0, 255.0) as u8
+            })
+            .collect();
+        Luma { width, height, data }
+    }
+
+    #[test]
+    fn shift_and_gain_are_found() {
+        let registrar = Registrar::new(&textured((0.0, 0.0), 1.0), 0.3);
+        for (shift, gain) in [((0.3, -0.2), 1.0), ((7.25, -4.5), 1.05), ((-20.0, 12.0), 0.95)] {
+            let r = registrar.locate(&textured(shift, gain));
+            assert!((r.shift_u_px - shift.0).abs() < 0.03, "{r:?} for {shift:?}");
+            assert!((r.shift_v_px - shift.1).abs() < 0.03, "{r:?} for {shift:?}");
+            assert!(
+                (r.gain * 100.0 + r.offset_grey - gain * 100.0).abs() < 0.5,
+                "{r:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_even_scene_stays_where_it_is() {
+        let flat = Luma {
+            width: 64,
+            height: 64,
+            data: vec![80; 64 * 64],
+        };
+        let brighter = Luma {
+            data: vec![84; 64 * 64],
+            ..flat.clone()
+        };
+        let r = Registrar::new(&flat, 0.3).locate(&brighter);
+        assert!(r.is_still());
+        assert!((r.gain - 1.05).abs() < 0.01, "{r:?}");
+    }
+
+    #[test]
+    fn aligned_undoes_the_shift() {
+        let reference = textured((0.0, 0.0), 1.0);
+        let moved = textured((3.5, -2.25), 1.0);
+        let r = Registration {
+            shift_u_px: 3.5,
+            shift_v_px: -2.25,
+            ..Registration::IDENTITY
+        };
+        let back = r.aligned(&moved);
+        for v in 20..340 {
+            for u in 20..460 {
+                let d = i32::from(back.row(v)[u]) - i32::from(reference.row(v)[u]);
+                assert!(d.abs() <= 2, "{u},{v}: {d}"); // bilinear on waves of 27 px
+            }
+        }
+    }
+}

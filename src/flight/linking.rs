@@ -1,0 +1,170 @@
+//! Round things of successive frames, joined into tracks: the same thing seen again.
+//!
+//! Greedy nearest neighbour to a constant-velocity prediction. An impact breaks the prediction, so a second, wider
+//! look around the last place follows it; whether a track flies freely is not asked here.
+
+use crate::geometry::PlanePoint;
+
+/// A round thing in one frame, in the plane of motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// The caller's number for it.
+    pub id: usize,
+    /// Frame in presentation order.
+    pub frame: usize,
+    /// Time, s.
+    pub time_s: f64,
+    /// Centre, plane units.
+    pub place: PlanePoint,
+    /// Standard uncertainty of each coordinate, plane units.
+    pub std: f64,
+    /// Radius, plane units.
+    pub radius: f64,
+    /// Brightness over the background, grey levels.
+    pub contrast_grey: f64,
+}
+
+/// Spots of one thing in time order: indices into the list of spots.
+pub type Track = Vec<usize>;
+
+/// A track ends after this long without a match: a ball hidden behind a pole, or frames in which the hand spoils its
+/// outline.
+const PATIENCE_S: f64 = 0.2;
+
+/// A track survives at least this many missing frames at low frame rates.
+const PATIENCE_FRAMES: usize = 4;
+
+/// Joins `spots` (in time order; any number a frame) into tracks, the longest first.
+#[must_use]
+pub fn link(spots: &[Spot]) -> Vec<Track> {
+    let mut open: Vec<Track> = Vec::new();
+    let mut done: Vec<Track> = Vec::new();
+    let mut start = 0;
+    while start < spots.len() {
+        let frame = spots[start].frame;
+        let end = start + spots[start..].iter().take_while(|s| s.frame == frame).count();
+        let time_s = spots[start].time_s;
+        let (stay, ended): (Vec<Track>, Vec<Track>) = open.into_iter().partition(|t| {
+            t.last().is_some_and(|&i| {
+                time_s - spots[i].time_s <= PATIENCE_S || frame - spots[i].frame <= PATIENCE_FRAMES
+            })
+        });
+        open = stay;
+        done.extend(ended);
+        extend_by_frame(spots, start..end, &mut open);
+        start = end;
+    }
+    done.extend(open);
+    done.sort_by_key(|t| std::cmp::Reverse(t.len()));
+    done
+}
+
+fn extend_by_frame(spots: &[Spot], now: std::ops::Range<usize>, open: &mut Vec<Track>) {
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    for (t, track) in open.iter().enumerate() {
+        for s in now.clone() {
+            if let Some(cost) = mismatch(spots, track, &spots[s]) {
+                pairs.push((cost, t, s));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut taken = vec![false; open.len()];
+    let mut placed = vec![false; now.len()];
+    for (_, t, s) in pairs {
+        if !taken[t] && !placed[s - now.start] {
+            taken[t] = true;
+            placed[s - now.start] = true;
+            open[t].push(s);
+        }
+    }
+    for s in now.clone() {
+        if !placed[s - now.start] {
+            open.push(vec![s]);
+        }
+    }
+}
+
+/// How badly `spot` continues `track`: distance over what is allowed, below 1 near the prediction, 2 and more when
+/// only the wide look finds it; `None` when it cannot be the same thing.
+fn mismatch(spots: &[Spot], track: &Track, spot: &Spot) -> Option<f64> {
+    let last = &spots[*track.last()?];
+    let radius = last.radius.max(spot.radius);
+    let ratio = spot.radius / last.radius;
+    if !(0.5..2.0).contains(&ratio) {
+        return None;
+    }
+    // A ball before light and dark ground changes its sign, but seldom from one frame to the next.
+    let unlike = ratio.ln().abs()
+        + if spot.contrast_grey * last.contrast_grey < 0.0 {
+            0.5
+        } else {
+            0.0
+        };
+    let dt = spot.time_s - last.time_s;
+    let distance = |r: f64, u: f64| (spot.place.right - r).hypot(spot.place.up - u);
+    let from_last = distance(last.place.right, last.place.up);
+    let before = track.len().checked_sub(2).map(|i| &spots[track[i]]);
+    let Some(before) = before.filter(|b| last.time_s > b.time_s) else {
+        // A first step: up to ten radii, the wider the less like the first.
+        let allowed = 10.0 * radius;
+        return (from_last < allowed).then(|| from_last / allowed + unlike);
+    };
+    let span = last.time_s - before.time_s;
+    let (vr, vu) = (
+        (last.place.right - before.place.right) / span,
+        (last.place.up - before.place.up) / span,
+    );
+    let step = vr.hypot(vu) * dt;
+    let near = distance(last.place.right + vr * dt, last.place.up + vu * dt);
+    let allowed = 0.35 * step + 1.5 * radius;
+    if near < allowed {
+        return Some(near / allowed + unlike);
+    }
+    let wide = 1.3 * step + 2.5 * radius;
+    (from_last < wide).then(|| 2.0 + from_last / wide + unlike)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spot(id: usize, frame: usize, right: f64, up: f64) -> Spot {
+        Spot {
+            id,
+            frame,
+            time_s: frame as f64 / 100.0,
+            place: PlanePoint::new(right, up),
+            std: 0.05,
+            radius: 10.0,
+            contrast_grey: 80.0,
+        }
+    }
+
+    #[test]
+    fn two_things_that_cross_keep_their_own_tracks() {
+        let mut spots = Vec::new();
+        for f in 0..40 {
+            let x = f as f64 * 12.0;
+            spots.push(spot(2 * f, f, x, 200.0 - x * 0.4));
+            spots.push(spot(2 * f + 1, f, 480.0 - x, 100.0));
+        }
+        let tracks = link(&spots);
+        assert_eq!(tracks.len(), 2);
+        for t in &tracks {
+            assert_eq!(t.len(), 40);
+            let first = spots[t[0]].id % 2;
+            assert!(t.iter().all(|&i| spots[i].id % 2 == first));
+        }
+    }
+
+    #[test]
+    fn an_impact_and_a_gap_do_not_break_a_track() {
+        let spots: Vec<Spot> = (0..60)
+            .filter(|f| !(20..23).contains(f))
+            .map(|f| spot(f, f, f as f64 * 8.0, (f as f64 - 35.0).abs() * 15.0))
+            .collect();
+        let tracks = link(&spots);
+        assert_eq!(tracks[0].len(), 57);
+    }
+}

@@ -1,0 +1,723 @@
+//! The freely falling path among all that moves; its arcs, and the impacts between them.
+//!
+//! 1. [`linking`]: round things of successive frames become tracks.
+//! 2. [`segment`]: each track is cut into arcs with free parabolas. The arcs of a flight share one fall; a hand, a
+//!    person, a swinging cloth do not. The track with the most evidence of one common fall is the ball's.
+//! 3. With that fall the track is cut again, and arcs that are one flight are joined.
+//! 4. [`fit`]: all arcs together, with one gravity. Points that do not fit are set aside with the reason.
+//! 5. Two arcs that meet between the last point of one and the first of the next are an impact.
+//!
+//! In a top view nothing falls: arcs are straight lines, and the longest track of such lines is the ball's.
+
+pub mod fit;
+pub mod linking;
+pub mod repeats;
+pub mod segment;
+
+use fit::{ArcFit, FitPoint, Forces, meeting};
+use linking::{Spot, Track};
+use segment::{Fall, Sample, own_fall};
+
+/// The flight found.
+#[derive(Debug, Clone)]
+pub struct Flight {
+    /// The spots of the ball's track in time order, each with its use.
+    pub points: Vec<FlightPoint>,
+    /// The fitted arcs.
+    pub fit: ArcFit,
+    /// First and last time of a used point of each arc, s.
+    pub spans: Vec<(f64, f64)>,
+    /// Between arcs k and k + 1: the impact, or `None` where they do not meet (a catch, a gap too long).
+    pub impacts: Vec<Option<f64>>,
+    /// Frame interval, s.
+    pub interval_s: f64,
+}
+
+/// A spot of the track and what became of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightPoint {
+    /// The spot.
+    pub spot: Spot,
+    /// The arc it serves, or why it serves none.
+    pub use_: SpotUse,
+}
+
+/// Whether a spot serves the fit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpotUse {
+    /// For this arc.
+    Used(usize),
+    /// Before the first or after the last free arc, or between arcs that are not free flight.
+    NotFree,
+    /// At the time of an impact: the ball touches the floor.
+    Contact,
+    /// Off its arc by this many plane units.
+    Off(f64),
+    /// Repeats the frame before.
+    Repeat,
+}
+
+/// Why there is no flight.
+#[derive(Debug, Clone, PartialEq)]
+pub enum NoFlight {
+    /// Nothing round moved in enough frames: how many round things there were.
+    NothingRound {
+        /// Spots in all.
+        spots: usize,
+    },
+    /// Round things moved, but none fell freely.
+    NothingFalls {
+        /// Length of the longest track, frames.
+        longest: usize,
+    },
+}
+
+/// Segmentation asks for impacts, not for precision: residuals below this part of the radius are not worth a cut
+/// (drag over a long arc, a drifting hand-held camera).
+const SEGMENT_PART_OF_RADIUS: f64 = 0.04;
+
+/// The same in a top view, where a ball that rises towards the camera bends the straight path.
+const TOP_PART_OF_RADIUS: f64 = 0.2;
+
+/// An arc counts as falling when its sagitta is this many standard deviations (of segmentation).
+const SAGITTA_SIGMAS: f64 = 6.0;
+
+/// Points further off than this many (robust) standard deviations are set aside.
+const OFF_SIGMAS: f64 = 4.5;
+
+/// Finds the flight among `spots` (in time order) under `forces`.
+///
+/// # Errors
+///
+/// [`NoFlight`] with what was found instead.
+pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
+    let falls = forces.falls();
+    let tracks = linking::link(spots);
+    let longest = tracks.first().map_or(0, Vec::len);
+    if longest < 4 {
+        return Err(NoFlight::NothingRound { spots: spots.len() });
+    }
+    let best = tracks
+        .iter()
+        .filter(|t| t.len() >= 4)
+        .filter_map(|t| Candidate::new(spots, t, falls))
+        .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+        .ok_or(NoFlight::NothingFalls { longest })?;
+    let interval_s = interval(&best.track.iter().map(|&i| spots[i].time_s).collect::<Vec<_>>());
+    let whole = with_continuations(spots, &tracks, &best, falls);
+    build(spots, &whole, best.gravity, forces, interval_s).ok_or(NoFlight::NothingFalls { longest })
+}
+
+/// Fits again the same spots' flight with better places: `points` as [`Flight::points`] with refined spots and any
+/// that were found since; arcs are found anew with the fall known.
+#[must_use]
+pub fn again(spots: &[Spot], flight: &Flight, forces: Forces) -> Option<Flight> {
+    let track: Track = (0..spots.len()).collect();
+    build(spots, &track, flight.fit.gravity(), forces, flight.interval_s)
+}
+
+/// Median time between successive frames.
+fn interval(times: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times
+        .windows(2)
+        .map(|w| w[1] - w[0])
+        .filter(|d| *d > 0.0)
+        .collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// A track that may be the ball's.
+struct Candidate {
+    track: Track,
+    gravity: f64,
+    evidence: f64,
+    /// First and last time of the arcs that fall, s.
+    span: (f64, f64),
+}
+
+impl Candidate {
+    fn new(spots: &[Spot], track: &Track, falls: bool) -> Option<Self> {
+        let sigma = segment_sigma(spots, track, falls);
+        let samples = samples_of(spots, track, sigma);
+        if !falls {
+            let found = segment::arcs(&samples, Fall::Known(0.0));
+            let covered: usize = found.iter().map(ExactSizeIterator::len).sum();
+            let (first, last) = (samples.first()?, samples.last()?);
+            let path = (last.r - first.r).hypot(last.h - first.h);
+            let moves = path > 10.0 * sigma && covered >= 6;
+            let evidence = covered as f64 * path / sigma;
+            return moves.then(|| Self {
+                track: track.clone(),
+                gravity: 0.0,
+                evidence,
+                span: (first.t, last.t),
+            });
+        }
+        let found = segment::arcs(&samples, Fall::Free);
+        let falling: Vec<(f64, f64, usize, f64)> = found
+            .iter()
+            .filter(|a| a.len() >= 5)
+            .filter_map(|a| {
+                let part = &samples[a.clone()];
+                let (g, std) = own_fall(part)?;
+                let duration = part[part.len() - 1].t - part[0].t;
+                let sagitta = g * duration * duration / 8.0;
+                (sagitta > SAGITTA_SIGMAS * sigma).then_some((g, std, a.len(), sagitta))
+            })
+            .collect();
+        // The common fall: the arc that most of the weight agrees with.
+        let agreeing = |g: f64| {
+            falling
+                .iter()
+                .filter(move |a| (a.0 - g).abs() < 4.0 * a.1 + 0.12 * g)
+                .collect::<Vec<_>>()
+        };
+        let weight = |g: f64| agreeing(g).iter().map(|a| a.2 as f64).sum::<f64>();
+        let centre = falling
+            .iter()
+            .max_by(|a, b| weight(a.0).total_cmp(&weight(b.0)))?
+            .0;
+        let agree = agreeing(centre);
+        let (mut sum, mut information) = (0.0, 0.0);
+        for a in &agree {
+            sum += a.0 / (a.1 * a.1);
+            information += 1.0 / (a.1 * a.1);
+        }
+        let gravity = sum / information;
+        // Much of the track must be in that fall, or it is a hand that happened to swing like it.
+        let falls_for: usize = agree.iter().map(|a| a.2).sum();
+        let sagittas: f64 = agree.iter().map(|a| a.3 / sigma).sum();
+        let known = segment::arcs(&samples, Fall::Known(gravity));
+        let covered: usize = known
+            .iter()
+            .filter(|a| a.len() >= 4)
+            .map(ExactSizeIterator::len)
+            .sum();
+        let enough = falls_for >= 6 && covered >= 6;
+        let curved: Vec<_> = known
+            .iter()
+            .filter(|a| shows_fall(&samples, a, gravity, sigma))
+            .collect();
+        let span = (
+            samples[curved.first()?.start].t,
+            samples[curved.last()?.end - 1].t,
+        );
+        enough.then(|| Self {
+            track: track.clone(),
+            gravity,
+            evidence: covered as f64 * sagittas.sqrt(),
+            span,
+        })
+    }
+}
+
+/// Standard deviation for segmentation: the largest of the stated uncertainty, the scatter that third differences
+/// show (they vanish on a parabola) and a small part of the radius.
+fn segment_sigma(spots: &[Spot], track: &Track, falls: bool) -> f64 {
+    let mut stds: Vec<f64> = track.iter().map(|&i| spots[i].std).collect();
+    let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
+    let stated = median(&mut stds);
+    let of_radius = if falls {
+        SEGMENT_PART_OF_RADIUS
+    } else {
+        TOP_PART_OF_RADIUS
+    };
+    let part = of_radius * median(&mut radii);
+    let mut thirds = Vec::new();
+    for w in track.windows(4) {
+        let s: Vec<&Spot> = w.iter().map(|&i| &spots[i]).collect();
+        let even = s[3].frame - s[0].frame == 3 && s.windows(2).all(|p| p[1].time_s > p[0].time_s);
+        if even {
+            let third = |y: fn(&Spot) -> f64| y(s[3]) - 3.0 * y(s[2]) + 3.0 * y(s[1]) - y(s[0]);
+            thirds.push(third(|s| s.place.right).abs());
+            thirds.push(third(|s| s.place.up).abs());
+        }
+    }
+    // Variance of a third difference: 1 + 9 + 9 + 1.
+    let seen = if thirds.len() >= 8 {
+        1.4826 * median(&mut thirds) / 20.0_f64.sqrt()
+    } else {
+        0.0
+    };
+    stated.max(seen.min(5.0 * part)).max(part)
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
+    let weight = 1.0 / (sigma * sigma);
+    track
+        .iter()
+        .map(|&i| Sample {
+            t: spots[i].time_s,
+            r: spots[i].place.right,
+            h: spots[i].place.up,
+            weight,
+        })
+        .collect()
+}
+
+/// The best track with others that are the same ball before or after it (it left the picture, or was hidden): of the
+/// same size, not at the same time, with arcs of the same fall that lead to it.
+fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, falls: bool) -> Track {
+    let mut whole = best.track.clone();
+    if !falls {
+        return whole;
+    }
+    let radius = {
+        let mut radii: Vec<f64> = whole.iter().map(|&i| spots[i].radius).collect();
+        median(&mut radii)
+    };
+    let mut spans = vec![best.span];
+    for track in tracks.iter().filter(|t| t.len() >= 5 && **t != best.track) {
+        let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
+        let alike = (median(&mut radii) / radius - 1.0).abs() < 0.25;
+        let Some(other) = Candidate::new(spots, track, true).filter(|_| alike) else {
+            continue;
+        };
+        let (from, to) = other.span;
+        let apart = spans.iter().all(|s| to < s.0 || from > s.1);
+        let same_fall = (other.gravity / best.gravity - 1.0).abs() < 0.15;
+        if apart && same_fall {
+            // Where both have points (two things met, and each track went on with the other) the falling one's count.
+            let within = |i: usize| spots[i].time_s >= from && spots[i].time_s <= to;
+            whole.retain(|&i| !within(i));
+            whole.extend(track.iter().copied().filter(|&i| within(i)));
+            whole.sort_unstable();
+            spans.push(other.span);
+        }
+    }
+    whole
+}
+
+/// Cuts the track with the fall known, joins arcs that are one flight, fits, sets points aside, finds impacts.
+fn build(spots: &[Spot], track: &Track, gravity: f64, forces: Forces, interval_s: f64) -> Option<Flight> {
+    let falls = forces.falls();
+    let sigma = segment_sigma(spots, track, falls);
+    let samples = samples_of(spots, track, sigma);
+    let fall = Fall::Known(gravity);
+    let mut ranges = segment::arcs(&samples, fall);
+    ranges.retain(|r| is_free_flight(&samples[r.clone()], gravity, falls));
+    let ranges = join(&samples, ranges, fall);
+    let ranges = richest_run(longest_chain(&samples, ranges, interval_s));
+    let mut ranges = without_straight_ends(&samples, ranges, gravity, sigma, falls);
+    // Arcs that do not meet as a ball's do are two flights, or none: the longer part is tried again.
+    while !ranges.is_empty() {
+        let mut uses = vec![SpotUse::NotFree; track.len()];
+        for (k, r) in ranges.iter().enumerate() {
+            uses[r.clone()].fill(SpotUse::Used(k));
+        }
+        let fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+        let flight = finish(spots, track, uses, fit, interval_s);
+        let Some(cut) = flight.impacts.iter().position(Option::is_none) else {
+            return flight.is_convincing(&samples, &ranges, sigma).then_some(flight);
+        };
+        ranges = without_weak_arc(&samples, ranges, cut, gravity, sigma);
+    }
+    None
+}
+
+/// Whether an arc is long enough to show the common fall.
+fn shows_fall(samples: &[Sample], range: &std::ops::Range<usize>, gravity: f64, sigma: f64) -> bool {
+    let duration = samples[range.end - 1].t - samples[range.start].t;
+    range.len() >= 4 && gravity * duration * duration / 8.0 > SAGITTA_SIGMAS * sigma
+}
+
+/// Points of the first and of the last arc, at least.
+const LEAST_END_POINTS: usize = 4;
+
+/// The arcs from the first to the last that shows the fall, and one more at each end: a short stretch after the last
+/// impact is a rebound, a row of them is a ball that rolls or shivers.
+fn without_straight_ends(
+    samples: &[Sample],
+    ranges: Vec<std::ops::Range<usize>>,
+    gravity: f64,
+    sigma: f64,
+    falls: bool,
+) -> Vec<std::ops::Range<usize>> {
+    let shows = |r: &std::ops::Range<usize>| shows_fall(samples, r, gravity, sigma);
+    if !falls {
+        return ranges;
+    }
+    let (Some(first), Some(last)) = (ranges.iter().position(shows), ranges.iter().rposition(shows)) else {
+        return Vec::new();
+    };
+    let end = (last + 2).min(ranges.len());
+    let mut kept = ranges[first.saturating_sub(1)..end].to_vec();
+    // An arc at the end, which only one impact holds, needs a point to spare.
+    if kept.first().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+        kept.remove(0);
+    }
+    if kept.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+        kept.pop();
+    }
+    kept
+}
+
+/// Arcs `cut` and `cut + 1` do not meet: the weaker goes, if it is a short stretch that may be anything (points on
+/// both sides of an impact that happen to lie on a parabola); else the flight ends there, and the larger part stays.
+fn without_weak_arc(
+    samples: &[Sample],
+    mut ranges: Vec<std::ops::Range<usize>>,
+    cut: usize,
+    gravity: f64,
+    sigma: f64,
+) -> Vec<std::ops::Range<usize>> {
+    let weaker = if ranges[cut].len() < ranges[cut + 1].len() {
+        cut
+    } else {
+        cut + 1
+    };
+    let range = &ranges[weaker];
+    if range.len() <= WEAK_POINTS || !shows_fall(samples, range, gravity, sigma) {
+        ranges.remove(weaker);
+        return ranges;
+    }
+    larger_part(ranges, cut + 1)
+}
+
+/// An arc of this many points or fewer may be chance.
+const WEAK_POINTS: usize = 5;
+
+/// The part before or from `cut`, whichever holds more points.
+fn larger_part(mut ranges: Vec<std::ops::Range<usize>>, cut: usize) -> Vec<std::ops::Range<usize>> {
+    let count = |part: &[std::ops::Range<usize>]| part.iter().map(ExactSizeIterator::len).sum::<usize>();
+    let tail = ranges.split_off(cut);
+    if count(&tail) > count(&ranges) {
+        tail
+    } else {
+        ranges
+    }
+}
+
+/// A bounce may turn spin into speed, but not make much: kinetic energy after over before, at most.
+const MOST_ENERGY_GAIN: f64 = 1.15;
+
+/// Least part of a flight's points on arcs whose own curve shows the common fall.
+const LEAST_CURVED_PART: f64 = 0.6;
+
+/// Least part of the points between a flight's first and last that lie on its arcs. A swinging hand follows a
+/// parabola now and then; a ball does nothing else.
+const LEAST_FREE_PART: f64 = 0.6;
+
+/// Median distance of a flight's points from its arcs, in the segmentation's standard deviations, at most.
+const MOST_SCATTER: f64 = 2.0;
+
+/// A flight without an impact must show its curve over this many points.
+const LEAST_LONE_POINTS: usize = 20;
+
+impl Flight {
+    /// Time of the first and the last point in use, s.
+    #[must_use]
+    pub fn time_span(&self) -> (f64, f64) {
+        let from = self.spans.iter().map(|s| s.0).fold(f64::INFINITY, f64::min);
+        let to = self.spans.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);
+        (from, to)
+    }
+
+    /// Number of points in use.
+    #[must_use]
+    pub fn used(&self) -> usize {
+        self.points
+            .iter()
+            .filter(|p| matches!(p.use_, SpotUse::Used(_)))
+            .count()
+    }
+
+    fn is_convincing(&self, samples: &[Sample], ranges: &[std::ops::Range<usize>], sigma: f64) -> bool {
+        let (from, to) = self.time_span();
+        let within = self
+            .points
+            .iter()
+            .filter(|p| p.spot.time_s >= from && p.spot.time_s <= to && p.use_ != SpotUse::Repeat)
+            .count();
+        let free = self.used() as f64 >= LEAST_FREE_PART * within as f64;
+        let met = self.impacts.iter().any(Option::is_some);
+        let curved: usize = ranges
+            .iter()
+            .filter(|r| shows_fall(samples, r, self.fit.gravity(), sigma))
+            .map(ExactSizeIterator::len)
+            .sum();
+        let all: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+        let curved = !self.fit.forces.falls() || curved as f64 >= LEAST_CURVED_PART * all as f64;
+        let mut offs: Vec<f64> = self
+            .points
+            .iter()
+            .filter_map(|p| {
+                let SpotUse::Used(k) = p.use_ else { return None };
+                let m = self.fit.motion(k, p.spot.time_s);
+                Some((p.spot.place.right - m.r).hypot(p.spot.place.up - m.h))
+            })
+            .collect();
+        // A hand's swing is a parabola only roughly.
+        let close = median(&mut offs) < MOST_SCATTER * sigma;
+        free && close && curved && (met || self.used() >= LEAST_LONE_POINTS)
+    }
+}
+
+/// An arc whose own curvature contradicts the common fall is carried, not thrown.
+fn is_free_flight(samples: &[Sample], gravity: f64, falls: bool) -> bool {
+    if samples.len() < 5 || !falls {
+        return true;
+    }
+    own_fall(samples).is_none_or(|(g, std)| Fall::Known(gravity).agrees(g, std))
+}
+
+/// Joins neighbouring arcs that are one flight: their points lie on one arc, or no impact stands between them (an
+/// outlier, a gap, air drag or an error that lasts for some frames had cut them).
+fn join(samples: &[Sample], ranges: Vec<std::ops::Range<usize>>, fall: Fall) -> Vec<std::ops::Range<usize>> {
+    let mut joined: Vec<std::ops::Range<usize>> = Vec::new();
+    for r in ranges {
+        if let Some(last) = joined.last_mut() {
+            let (a, b) = (&samples[last.clone()], &samples[r.clone()]);
+            let both: Vec<Sample> = a.iter().chain(b).copied().collect();
+            let apart = segment::misfit(a, fall) + segment::misfit(b, fall);
+            let whole = segment::misfit(&both, fall);
+            // 36: what segmentation charges for a cut, and a margin.
+            if whole - apart < 36.0 || !impact_stands_between(a, b, fall) {
+                *last = last.start..r.end;
+                continue;
+            }
+        }
+        joined.push(r);
+    }
+    joined
+}
+
+/// An impact changes the velocity by more than this part of it, or turns a fall into a rise.
+const LEAST_JUMP: f64 = 0.25;
+
+/// Parts of one flight miss each other by no more than this many standard deviations, and a part of their way (drag).
+const MOST_APART_SIGMAS: f64 = 6.0;
+
+/// Way covered by the shorter of two stretches.
+fn shorter_way(a: &[Sample], b: &[Sample]) -> f64 {
+    let way = |s: &[Sample]| (s[s.len() - 1].h - s[0].h).hypot(s[s.len() - 1].r - s[0].r);
+    way(a).min(way(b))
+}
+
+/// Whether the velocities of two neighbouring stretches differ as by an impact where they meet.
+fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
+    let (Some(end), Some(start)) = (a.last(), b.first()) else {
+        return false;
+    };
+    let t = 0.5 * (end.t + start.t);
+    let (Some(before), Some(after)) = (segment::velocity(a, fall, t), segment::velocity(b, fall, t)) else {
+        return true;
+    };
+    let jump = (after.0 - before.0).hypot(after.1 - before.1);
+    // One flight is in one place where its parts meet; else they are two things.
+    if let (Some(p), Some(q)) = (segment::place(a, fall, t), segment::place(b, fall, t)) {
+        let sigma = 1.0 / end.weight.sqrt();
+        if (p.0 - q.0).hypot(p.1 - q.1) > MOST_APART_SIGMAS * sigma + 0.02 * shorter_way(a, b) {
+            return true;
+        }
+    }
+    // Against the fastest that either is: at an apex every jump is large against the speed there.
+    let fast = |part: &[Sample], t: f64| segment::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
+    let speed = [
+        fast(a, a[0].t),
+        fast(a, end.t),
+        fast(b, start.t),
+        fast(b, b[b.len() - 1].t),
+    ]
+    .into_iter()
+    .fold(0.0, f64::max);
+    // Near an apex cut in two the sign of the rise is noise: the turn must be worth the gap's fall at least.
+    let turn = match fall {
+        Fall::Known(g) if g > 0.0 => {
+            let least = 2.0 * g * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
+            before.1 < 0.0 && after.1 > 0.0 && after.1 - before.1 > least
+        }
+        Fall::Known(_) => false,
+        // Where nothing falls, nothing bends a path but an impact.
+        Fall::Free => true,
+    };
+    jump > LEAST_JUMP * speed || turn || fall == Fall::Known(0.0)
+}
+
+/// Arcs are fitted together, which takes memory and time as the square of their number; a ball that bounces more often
+/// is measured on this many successive arcs.
+const MOST_ARCS: usize = 40;
+
+/// The successive arcs, at most [`MOST_ARCS`], that hold the most points.
+fn richest_run(ranges: Vec<std::ops::Range<usize>>) -> Vec<std::ops::Range<usize>> {
+    let points = |run: &[std::ops::Range<usize>]| run.iter().map(ExactSizeIterator::len).sum::<usize>();
+    match ranges.windows(MOST_ARCS).max_by_key(|run| points(run)) {
+        Some(run) => run.to_vec(),
+        None => ranges,
+    }
+}
+
+/// The run of arcs with the most points in which each follows the last within a second or ten frames.
+fn longest_chain(
+    samples: &[Sample],
+    ranges: Vec<std::ops::Range<usize>>,
+    interval_s: f64,
+) -> Vec<std::ops::Range<usize>> {
+    let patience_s = (10.0 * interval_s).max(1.0);
+    let mut chains: Vec<Vec<std::ops::Range<usize>>> = Vec::new();
+    for r in ranges {
+        match chains.last_mut() {
+            Some(chain)
+                if chain
+                    .last()
+                    .is_some_and(|l| samples[r.start].t - samples[l.end - 1].t < patience_s) =>
+            {
+                chain.push(r);
+            }
+            _ => chains.push(vec![r]),
+        }
+    }
+    chains
+        .into_iter()
+        .max_by_key(|c| c.iter().map(ExactSizeIterator::len).sum::<usize>())
+        .unwrap_or_default()
+}
+
+/// Fits, sets aside what does not fit, and fits again until nothing changes.
+fn fit_and_set_aside(
+    spots: &[Spot],
+    track: &Track,
+    uses: &mut [SpotUse],
+    arcs: usize,
+    forces: Forces,
+) -> Option<ArcFit> {
+    let mut fit = None;
+    for _ in 0..12 {
+        let points = fit_points(spots, track, uses);
+        let now = ArcFit::new(&points, arcs, forces)?;
+        let scale = robust_excess(spots, track, uses, &now).max(1.0);
+        let mut changed = false;
+        for (i, &s) in track.iter().enumerate() {
+            let spot = &spots[s];
+            let k = match uses[i] {
+                SpotUse::Used(k) => k,
+                SpotUse::Off(_) => match nearest_arc(uses, i) {
+                    Some(k) => k,
+                    None => continue,
+                },
+                _ => continue,
+            };
+            let m = now.motion(k, spot.time_s);
+            let off = (spot.place.right - m.r).hypot(spot.place.up - m.h);
+            let verdict = if off > OFF_SIGMAS * scale * spot.std * std::f64::consts::SQRT_2 {
+                SpotUse::Off(off)
+            } else {
+                SpotUse::Used(k)
+            };
+            changed |= matches!(verdict, SpotUse::Used(_)) != matches!(uses[i], SpotUse::Used(_));
+            uses[i] = verdict;
+        }
+        fit = Some(now);
+        if !changed {
+            break;
+        }
+    }
+    // The last verdicts enter.
+    ArcFit::new(&fit_points(spots, track, uses), arcs, forces).or(fit)
+}
+
+/// The arc of the nearest used point before or after.
+fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
+    let arc = |u: &SpotUse| match u {
+        SpotUse::Used(k) => Some(*k),
+        _ => None,
+    };
+    let before = uses[..i].iter().rev().find_map(arc);
+    let after = uses[i + 1..].iter().find_map(arc);
+    match (before, after) {
+        (Some(a), Some(b)) if a == b => Some(a),
+        _ => None,
+    }
+}
+
+fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse]) -> Vec<FitPoint> {
+    track
+        .iter()
+        .zip(uses)
+        .filter_map(|(&i, u)| match u {
+            SpotUse::Used(arc) => Some(FitPoint {
+                arc: *arc,
+                sample: Sample {
+                    t: spots[i].time_s,
+                    r: spots[i].place.right,
+                    h: spots[i].place.up,
+                    weight: 1.0 / (spots[i].std * spots[i].std),
+                },
+            }),
+            _ => None,
+        })
+        .collect()
+}
+
+/// Robust residual over stated uncertainty: 1.4826 × median of |residual| of both coordinates.
+fn robust_excess(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit) -> f64 {
+    let mut pulls = Vec::new();
+    for (&i, u) in track.iter().zip(uses) {
+        if let SpotUse::Used(k) = u {
+            let m = fit.motion(*k, spots[i].time_s);
+            pulls.push((spots[i].place.right - m.r).abs() / spots[i].std);
+            pulls.push((spots[i].place.up - m.h).abs() / spots[i].std);
+        }
+    }
+    1.4826 * median(&mut pulls)
+}
+
+fn finish(spots: &[Spot], track: &Track, mut uses: Vec<SpotUse>, fit: ArcFit, interval_s: f64) -> Flight {
+    let mut spans = vec![(f64::INFINITY, f64::NEG_INFINITY); fit.arcs()];
+    for (&i, u) in track.iter().zip(&uses) {
+        if let SpotUse::Used(k) = u {
+            spans[*k].0 = spans[*k].0.min(spots[i].time_s);
+            spans[*k].1 = spans[*k].1.max(spots[i].time_s);
+        }
+    }
+    let impacts: Vec<Option<f64>> = (1..fit.arcs())
+        .map(|k| impact_between(&fit, &spans, k - 1, k, interval_s))
+        .collect();
+    for (&i, u) in track.iter().zip(&mut uses) {
+        let near = |t: &f64| (spots[i].time_s - t).abs() < 1.5 * interval_s;
+        if matches!(u, SpotUse::Off(_) | SpotUse::NotFree) && impacts.iter().flatten().any(near) {
+            *u = SpotUse::Contact;
+        }
+    }
+    let points = track
+        .iter()
+        .zip(uses)
+        .map(|(&i, use_)| FlightPoint { spot: spots[i], use_ })
+        .collect();
+    Flight {
+        points,
+        fit,
+        spans,
+        impacts,
+        interval_s,
+    }
+}
+
+/// Two arcs meet in an impact when they come together between their points, within what is known of them.
+fn impact_between(fit: &ArcFit, spans: &[(f64, f64)], a: usize, b: usize, interval_s: f64) -> Option<f64> {
+    let (t, gap) = meeting(fit.parameters.as_slice(), &fit.times, a, b)?;
+    let slack = 1.5 * interval_s;
+    let in_between = t > spans[a].1 - slack && t < spans[b].0 + slack;
+    let m = fit.motion(a, t);
+    let n = fit.motion(b, t);
+    let jump = (n.vr - m.vr).hypot(n.vh - m.vh);
+    // Within a frame's motion the arcs may miss each other (a soft contact, a hand-held camera), not by more.
+    let close = gap < 1.5 * jump * interval_s;
+    // Measured as speed at one height: the two arcs are compared at the same place.
+    let (before, after) = (m.vr.hypot(m.vh), n.vr.hypot(n.vh));
+    let noise = gap / interval_s;
+    let loses = after * after <= MOST_ENERGY_GAIN * (before + noise) * (before + noise);
+    (in_between && close && loses).then_some(t)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,137 @@
+use super::linking::Spot;
+use super::*;
+use crate::geometry::PlanePoint;
+
+/// Noise that is the same every time: sums of twelve uniform numbers are normal enough for a test.
+struct Noise(u64);
+
+impl Noise {
+    fn normal(&mut self) -> f64 {
+        (0..12)
+            .map(|_| {
+                self.0 = self
+                    .0
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+            })
+            .sum::<f64>()
+            - 6.0
+    }
+}
+
+/// A ball that falls from 125 units with vx, bounces with e = 0.8, friction takes 10 % of vx; 240 Hz, g = 12262.5
+/// units/s² (0.8 mm a unit); σ units of noise. Also a hand that moves in arcs of its own, of the same size.
+fn scene(frames: usize, vx: f64, sigma: f64, hand: bool) -> Vec<Spot> {
+    let g = 12_262.5;
+    let hit = (2.0 * 125.0_f64 / g).sqrt();
+    let mut noise = Noise(5);
+    let mut spots = Vec::new();
+    for frame in 0..frames {
+        let t = frame as f64 / 240.0;
+        let mut x = vx * t;
+        let mut h = 125.0 - 0.5 * g * t * t;
+        let (mut start, mut v, mut speed) = (hit, 0.8 * g * hit, vx);
+        while t > start {
+            speed *= 0.9;
+            let s = t - start;
+            let fly = 2.0 * v / g;
+            if s <= fly {
+                x = vx * hit + (spots_x(vx, hit, v, g, start)) + speed * s;
+                h = v * s - 0.5 * g * s * s;
+                break;
+            }
+            start += fly;
+            v *= 0.8;
+        }
+        let mut place = |r: f64, u: f64, id: usize| Spot {
+            id,
+            frame,
+            time_s: t,
+            place: PlanePoint::new(r + sigma * noise.normal(), u + sigma * noise.normal()),
+            std: sigma,
+            radius: 15.0,
+            contrast_grey: 100.0,
+        };
+        spots.push(place(x, h, 2 * frame));
+        if hand {
+            let (a, b) = (
+                400.0 + 120.0 * (9.0 * t).sin(),
+                300.0 + 60.0 * (23.0 * t).cos() + 30.0 * (7.0 * t).sin(),
+            );
+            spots.push(place(a, b, 2 * frame + 1));
+        }
+    }
+    spots
+}
+
+/// Distance covered in whole bounces before `start`.
+fn spots_x(vx: f64, hit: f64, _v: f64, g: f64, start: f64) -> f64 {
+    let (mut t, mut v, mut speed, mut x) = (hit, 0.8 * g * hit, vx * 0.9, 0.0);
+    while t + 1e-12 < start {
+        let fly = 2.0 * v / g;
+        x += speed * fly;
+        t += fly;
+        v *= 0.8;
+        speed *= 0.9;
+    }
+    x
+}
+
+#[test]
+fn bounces_are_found_between_frames() {
+    for vx in [1250.0, -1250.0, 0.0] {
+        let flight = find(&scene(160, vx, 0.04, false), Forces::Fall).unwrap();
+        let truth = (2.0 * 125.0_f64 / 12_262.5).sqrt();
+        let first = flight.impacts[0].unwrap();
+        assert!((first - truth).abs() < 2e-5, "{first} {truth}");
+        assert!((flight.fit.gravity() / 12_262.5 - 1.0).abs() < 1e-3);
+        let (a, b) = (flight.fit.motion(0, first), flight.fit.motion(1, first));
+        assert!((-b.vh / a.vh - 0.8).abs() < 2e-3, "{}", -b.vh / a.vh);
+        assert!((b.vr - 0.9 * vx).abs() < 4.0);
+        assert!(flight.impacts.len() >= 2);
+        assert!(flight.fit.excess < 1.3);
+    }
+}
+
+#[test]
+fn a_moving_hand_is_not_the_ball() {
+    let flight = find(&scene(160, 1250.0, 0.04, true), Forces::Fall).unwrap();
+    assert!(flight.points.iter().all(|p| p.spot.id % 2 == 0));
+}
+
+#[test]
+fn only_a_hand_is_no_flight() {
+    let spots: Vec<Spot> = scene(300, 1250.0, 0.3, true)
+        .into_iter()
+        .filter(|s| s.id % 2 == 1)
+        .collect();
+    let found = find(&spots, Forces::Fall);
+    assert!(
+        matches!(found, Err(NoFlight::NothingFalls { .. })),
+        "{:?}",
+        found.map(|f| (f.fit.gravity(), f.used(), f.impacts, f.spans))
+    );
+}
+
+#[test]
+fn an_outlier_is_set_aside_with_its_distance() {
+    let mut spots = scene(100, 1250.0, 0.04, false);
+    spots[15].place.up += 3.0;
+    let flight = find(&spots, Forces::Fall).unwrap();
+    let off = flight.points[15].use_;
+    assert!(matches!(off, SpotUse::Off(d) if (d - 3.0).abs() < 0.3), "{off:?}");
+    assert!(flight.fit.excess < 1.3);
+}
+
+#[test]
+fn late_times_lose_nothing() {
+    let early = find(&scene(100, 1250.0, 0.04, false), Forces::Fall).unwrap();
+    let mut spots = scene(100, 1250.0, 0.04, false);
+    for s in &mut spots {
+        s.time_s += 3600.0;
+    }
+    let late = find(&spots, Forces::Fall).unwrap();
+    assert!((late.impacts[0].unwrap() - 3600.0 - early.impacts[0].unwrap()).abs() < 1e-9);
+    assert!((late.fit.gravity() / early.fit.gravity() - 1.0).abs() < 1e-8);
+}

@@ -1,0 +1,347 @@
+//! From a decoded picture to planes of our own: upright, 8 bits, without padding.
+
+use super::av::{AvError, Converter, Kind, Layout, Picture, PixelFormat};
+use super::{Luma, LumaRange, Yuv420};
+
+/// The turn (and mirroring) that sets a stored picture upright: stored (x, y) is shown at (±x, ±y), or at (±y, ±x)
+/// when transposed, moved back into the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Orientation {
+    /// Columns become rows.
+    pub transposed: bool,
+    /// The shown picture's columns run from right to left of where they came from.
+    pub mirror_x: bool,
+    /// The shown picture's rows run from bottom to top.
+    pub mirror_y: bool,
+}
+
+impl Orientation {
+    /// By a container's display matrix; the angle in degrees (clockwise) when it is no right angle.
+    ///
+    /// Containers store (a b 0; c d 0; ..) in 16.16 numbers, and (x, y, 1) times it is the place shown.
+    pub(super) fn of(matrix: &[i32; 9]) -> Result<Self, f64> {
+        let [a, b, c, d] = [matrix[0], matrix[1], matrix[3], matrix[4]].map(f64::from);
+        let scale = a.hypot(b);
+        // A degree either way is a right angle, like in FFmpeg's own autorotation.
+        let near = |x: f64| x.abs() < scale * 0.0175;
+        if scale == 0.0 {
+            return Ok(Self::default()); // some cameras write an empty matrix
+        }
+        if near(b) && near(c) {
+            Ok(Self {
+                transposed: false,
+                mirror_x: a < 0.0,
+                mirror_y: d < 0.0,
+            })
+        } else if near(a) && near(d) {
+            Ok(Self {
+                transposed: true,
+                mirror_x: c < 0.0,
+                mirror_y: b < 0.0,
+            })
+        } else {
+            Err(b.atan2(a).to_degrees())
+        }
+    }
+
+    /// Columns and rows as shown.
+    pub(super) fn shown(self, (width, height): (usize, usize)) -> (usize, usize) {
+        if self.transposed {
+            (height, width)
+        } else {
+            (width, height)
+        }
+    }
+
+    /// Copies the `width * height` stored bytes that `row` gives into `out`, upright.
+    fn place<'a>(self, (width, height): (usize, usize), row: impl Fn(usize) -> &'a [u8], out: &mut Vec<u8>) {
+        out.clear();
+        if self == Self::default() {
+            (0..height).for_each(|y| out.extend_from_slice(&row(y)[..width]));
+        } else if self.transposed {
+            out.resize(width * height, 0);
+            self.transpose((width, height), row, out);
+        } else {
+            for y in 0..height {
+                let from = &row(if self.mirror_y { height - 1 - y } else { y })[..width];
+                if self.mirror_x {
+                    out.extend(from.iter().rev());
+                } else {
+                    out.extend_from_slice(from);
+                }
+            }
+        }
+    }
+
+    /// Writes whole short runs of shown rows, a band of stored rows at a time: one row of bytes scattered over
+    /// as many rows of output would touch a cache line for each byte.
+    fn transpose<'a>(self, (width, height): (usize, usize), row: impl Fn(usize) -> &'a [u8], out: &mut [u8]) {
+        const BAND: usize = 32;
+        for top in (0..height).step_by(BAND) {
+            let band: Vec<&[u8]> = (top..height.min(top + BAND)).map(|y| &row(y)[..width]).collect();
+            for x in 0..width {
+                let shown_y = if self.mirror_y { width - 1 - x } else { x };
+                let line = &mut out[shown_y * height..(shown_y + 1) * height];
+                let values = band.iter().map(|stored| stored[x]);
+                if self.mirror_x {
+                    let end = height - top;
+                    let to = line[end - band.len()..end].iter_mut().rev();
+                    to.zip(values).for_each(|(to, value)| *to = value);
+                } else {
+                    line[top..top + band.len()]
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(to, value)| *to = value);
+                }
+            }
+        }
+    }
+}
+
+/// Pixels that a recording can be read as.
+pub(super) trait Pixels: Sized + Send + 'static {
+    /// Out of a decoded picture; `spare` is a used one whose memory may be taken.
+    fn read(reader: &mut PixelReader, picture: &Picture, spare: Option<Self>) -> Result<Self, AvError>;
+}
+
+/// Reads pictures of one recording: keeps the converter, and the upright turn.
+pub(super) struct PixelReader {
+    orientation: Orientation,
+    converter: Option<Converter>,
+    row: Vec<u8>,
+}
+
+impl PixelReader {
+    /// For pictures that `orientation` sets upright.
+    pub(super) fn upright(orientation: Orientation) -> Self {
+        Self {
+            orientation,
+            converter: None,
+            row: Vec::new(),
+        }
+    }
+
+    /// Columns and rows as shown of a picture as stored.
+    pub(super) fn shown(&self, stored: (usize, usize)) -> (usize, usize) {
+        self.orientation.shown(stored)
+    }
+
+    fn converted(&mut self, picture: &Picture, to: PixelFormat) -> Result<&Picture, AvError> {
+        let converter = match self.converter.take() {
+            Some(converter) if converter.fits(picture, to) => converter,
+            _ => Converter::new(picture, to)?,
+        };
+        self.converter.insert(converter).convert(picture)
+    }
+}
+
+impl Pixels for Luma {
+    fn read(reader: &mut PixelReader, picture: &Picture, spare: Option<Self>) -> Result<Self, AvError> {
+        let stored = (picture.width(), picture.height());
+        let orientation = reader.orientation;
+        let mut data = spare.map(|s| s.data).unwrap_or_default();
+        match picture.kind() {
+            Kind::Luma(layout) if layout.step == 1 && layout.depth == 8 => {
+                require_rows(picture, layout, stored)?;
+                orientation.place(stored, |y| picture.row(layout.plane, y), &mut data);
+            }
+            Kind::Luma(layout) => {
+                require_rows(picture, layout, stored)?;
+                let packed = &mut reader.row;
+                packed.clear();
+                (0..stored.1)
+                    .for_each(|y| append_8_bits(picture.row(layout.plane, y), layout, stored.0, packed));
+                orientation.place(stored, |y| &packed[y * stored.0..][..stored.0], &mut data);
+            }
+            Kind::Other => {
+                let grey = reader.converted(picture, PixelFormat::Gray8)?;
+                orientation.place(stored, |y| grey.row(0, y), &mut data);
+            }
+        }
+        let (width, height) = orientation.shown(stored);
+        Ok(Self { width, height, data })
+    }
+}
+
+/// Whether every row holds what the layout promises.
+fn require_rows(picture: &Picture, layout: Layout, (width, height): (usize, usize)) -> Result<(), AvError> {
+    let bytes = if layout.depth > 8 { 2 } else { 1 };
+    let least = (width.max(1) - 1) * layout.step + layout.offset + bytes;
+    let short = |y: usize| picture.row(layout.plane, y).len() < least;
+    if width == 0 || height == 0 || short(0) || short(height - 1) {
+        Err(AvError::invalid())
+    } else {
+        Ok(())
+    }
+}
+
+/// A row of 8-bit luma between other components, or of 9 to 16 bits, which are rounded to 8.
+fn append_8_bits(row: &[u8], layout: Layout, width: usize, out: &mut Vec<u8>) {
+    let values = row[layout.offset..].chunks(layout.step).take(width);
+    if layout.depth == 8 {
+        out.extend(values.map(|bytes| bytes[0]));
+        return;
+    }
+    let excess = layout.depth - 8;
+    let half = 1 << (excess - 1);
+    let mask = (1_u32 << layout.depth) - 1;
+    out.extend(values.map(|bytes| {
+        let pair = [bytes[0], bytes[1]];
+        let word = if layout.big_endian {
+            u16::from_be_bytes(pair)
+        } else {
+            u16::from_le_bytes(pair)
+        };
+        let value = (u32::from(word) >> layout.shift) & mask;
+        u8::try_from((value + half) >> excess).unwrap_or(u8::MAX)
+    }));
+}
+
+impl Pixels for Yuv420 {
+    fn read(reader: &mut PixelReader, picture: &Picture, spare: Option<Self>) -> Result<Self, AvError> {
+        let (width, height) = (picture.width(), picture.height());
+        let orientation = reader.orientation;
+        let mut out = spare.unwrap_or_else(|| Self::black(0, 0));
+        let yuv = reader.converted(picture, PixelFormat::Yuv420)?;
+        let half = (width.div_ceil(2), height.div_ceil(2));
+        orientation.place((width, height), |y| yuv.row(0, y), &mut out.y);
+        orientation.place(half, |y| yuv.row(1, y), &mut out.u);
+        orientation.place(half, |y| yuv.row(2, y), &mut out.v);
+        (out.width, out.height) = orientation.shown((width, height));
+        Ok(out)
+    }
+}
+
+/// What the code values of a picture mean once it is read as [`Luma`].
+pub(super) fn luma_range(picture: &Picture) -> LumaRange {
+    // What swscale converts comes out in full range; the rest is copied.
+    if picture.kind() == Kind::Other || picture.is_full_range() {
+        LumaRange { black: 0, white: 255 }
+    } else {
+        LumaRange {
+            black: 16,
+            white: 235,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Matrices as players and phones write them, by the clockwise turn in degrees.
+    fn matrix(a: i32, b: i32, c: i32, d: i32) -> [i32; 9] {
+        [a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30]
+    }
+
+    fn placed(matrix: [i32; 9], size: (usize, usize), stored: &[u8]) -> Vec<u8> {
+        let mut out = Vec::new();
+        Orientation::of(&matrix)
+            .unwrap()
+            .place(size, |y| &stored[y * size.0..][..size.0], &mut out);
+        out
+    }
+
+    #[test]
+    fn each_turn_shows_the_picture_upright() {
+        let stored = [1, 2, 3, 4, 5, 6]; // 3 wide, 2 high
+        assert_eq!(placed(matrix(1, 0, 0, 1), (3, 2), &stored), [1, 2, 3, 4, 5, 6]);
+        assert_eq!(
+            placed(matrix(0, 1, -1, 0), (3, 2), &stored),
+            [4, 1, 5, 2, 6, 3],
+            "90 clockwise"
+        );
+        assert_eq!(
+            placed(matrix(-1, 0, 0, -1), (3, 2), &stored),
+            [6, 5, 4, 3, 2, 1],
+            "180"
+        );
+        assert_eq!(
+            placed(matrix(0, -1, 1, 0), (3, 2), &stored),
+            [3, 6, 2, 5, 1, 4],
+            "270 clockwise"
+        );
+        assert_eq!(
+            placed(matrix(-1, 0, 0, 1), (3, 2), &stored),
+            [3, 2, 1, 6, 5, 4],
+            "mirrored"
+        );
+        assert_eq!(
+            placed(matrix(0, 1, 1, 0), (3, 2), &stored),
+            [1, 4, 2, 5, 3, 6],
+            "transposed"
+        );
+    }
+
+    #[test]
+    fn bands_of_a_large_picture_join_without_a_seam() {
+        let (width, height) = (70, 101);
+        let stored: Vec<u8> = (0..width * height).map(|i| (i * 7 % 251) as u8).collect();
+        for turn in [
+            matrix(0, 1, -1, 0),
+            matrix(0, -1, 1, 0),
+            matrix(0, 1, 1, 0),
+            matrix(0, -1, -1, 0),
+        ] {
+            let o = Orientation::of(&turn).unwrap();
+            let out = placed(turn, (width, height), &stored);
+            for y in 0..height {
+                for x in 0..width {
+                    let u = if o.mirror_x { height - 1 - y } else { y };
+                    let v = if o.mirror_y { width - 1 - x } else { x };
+                    assert_eq!(out[v * height + u], stored[y * width + x]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_turn_between_right_angles_is_told_by_its_angle() {
+        let (sin, cos) = 30_f64.to_radians().sin_cos();
+        let fixed = |x: f64| (x * 65536.0) as i32;
+        let m = [
+            fixed(cos),
+            fixed(sin),
+            0,
+            -fixed(sin),
+            fixed(cos),
+            0,
+            0,
+            0,
+            1 << 30,
+        ];
+        assert!((Orientation::of(&m).unwrap_err() - 30.0).abs() < 0.01);
+        assert_eq!(Orientation::of(&[0; 9]), Ok(Orientation::default()));
+    }
+
+    #[test]
+    fn deep_values_are_rounded_to_the_nearest_of_8_bits() {
+        let layout = Layout {
+            plane: 0,
+            step: 2,
+            offset: 0,
+            shift: 0,
+            depth: 10,
+            big_endian: false,
+        };
+        let row: Vec<u8> = [0_u16, 1, 2, 64, 66, 940, 1023]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect();
+        let mut out = Vec::new();
+        append_8_bits(&row, layout, 7, &mut out);
+        assert_eq!(out, [0, 0, 1, 16, 17, 235, 255]);
+        let p010 = Layout {
+            shift: 6,
+            big_endian: true,
+            ..layout
+        };
+        let row: Vec<u8> = [0_u16, 512, 1023]
+            .iter()
+            .flat_map(|v| (v << 6).to_be_bytes())
+            .collect();
+        out.clear();
+        append_8_bits(&row, p010, 3, &mut out);
+        assert_eq!(out, [0, 128, 255]);
+    }
+}

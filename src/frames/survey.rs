@@ -1,0 +1,277 @@
+//! A few frames spread over the whole recording, quickly: for the background and the noise.
+
+use super::error::FrameError;
+use super::folder::Listing;
+use super::pixels::{PixelReader, Pixels};
+use super::video::{PictureStream, checked_size, count, ffmpeg, no_frames, open_input, orientation};
+use super::{Frame, Luma};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Up to `at_most` frames spread evenly over the recording, in order, by the quickest way: key frames alone where
+/// the file has enough of them, otherwise a pass over all frames. Never more than 2 `at_most` frames are held.
+///
+/// Indices are only those of a full reading when every frame was decoded, and times are approximate.
+///
+/// # Errors
+/// Whatever makes the recording unreadable, as for [`open`](super::open).
+pub fn open_sparse(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
+    if at_most == 0 {
+        return Ok(Vec::new());
+    }
+    if path.is_dir() {
+        let listing = Listing::of(path)?;
+        return evenly(listing.len(), at_most)
+            .into_iter()
+            .map(|i| listing.frame(i))
+            .collect();
+    }
+    if let Some(frames) = key_frames(path, at_most)? {
+        return Ok(frames);
+    }
+    all_frames(path, at_most)
+}
+
+/// `at_most` of the numbers below `count`, evenly spread, first and last included where there are two.
+fn evenly(count: usize, at_most: usize) -> Vec<usize> {
+    let taken = at_most.min(count);
+    match taken {
+        0 => Vec::new(),
+        1 => vec![count / 2],
+        _ => (0..taken).map(|i| i * (count - 1) / (taken - 1)).collect(),
+    }
+}
+
+/// Key frames alone, when the index shows at least half of the wanted number, evenly spread in time.
+fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameError> {
+    let (mut input, _) = open_input(path)?;
+    let facts = input.facts();
+    // Other containers have an index only of what was read so far: it would show nothing but the beginning.
+    let whole_index = facts.frames.is_some() && (facts.container.contains("mp4") || facts.container == "avi");
+    let matroska = facts.container.starts_with("matroska");
+    let tick_s = facts.time_base.positive().unwrap_or(1.0);
+    #[allow(clippy::cast_possible_truncation, reason = "saturates")]
+    let by_header = facts.duration_s.map_or(0, |s| (s / tick_s) as i64);
+    // Matroska reads its index when it is first asked to seek.
+    if !(whole_index || matroska && input.seek(0).is_ok()) {
+        return Ok(None);
+    }
+    let stamps: Vec<i64> = input
+        .index()
+        .filter(|e| e.key && !e.discarded)
+        .map(|e| e.stamp)
+        .collect();
+    let last = input.index().map(|e| e.stamp).max().unwrap_or(0).max(by_header);
+    let chosen = spread_in_time(&stamps, last, at_most);
+    if chosen.len() < at_most.div_ceil(2) {
+        return Ok(None);
+    }
+    let mut collector = Collector::open(path, input, false)?;
+    let mut frames = Vec::with_capacity(chosen.len());
+    for stamp in chosen {
+        // A damaged key frame is one frame less, nothing worse.
+        if collector.stream.key_frame(stamp)
+            && let Some(luma) = collector.luma()?
+        {
+            let index = frames.len();
+            frames.push(Frame {
+                index,
+                time_s: collector.time(stamp),
+                luma,
+            });
+        }
+    }
+    Ok((frames.len() >= at_most.div_ceil(2)).then_some(frames))
+}
+
+/// For each of `at_most` instants, evenly spread over 0 to `last`, the nearest stamp; none of them twice.
+fn spread_in_time(stamps: &[i64], last: i64, at_most: usize) -> Vec<i64> {
+    let Some(&first) = stamps.iter().min() else {
+        return Vec::new();
+    };
+    let sorted: BTreeSet<i64> = stamps.iter().copied().collect();
+    let span = i128::from(last.max(first)) - i128::from(first);
+    let steps = i128::try_from(at_most.max(2) - 1).unwrap_or(1);
+    let nearest = |i: usize| {
+        let wanted = i128::from(first) + span * i128::try_from(i).unwrap_or(0) / steps;
+        let wanted = i64::try_from(wanted).unwrap_or(i64::MAX);
+        let below = sorted.range(..=wanted).next_back();
+        let above = sorted.range(wanted..).next();
+        below
+            .into_iter()
+            .chain(above)
+            .min_by_key(|s| s.abs_diff(wanted))
+            .copied()
+    };
+    let chosen: BTreeSet<i64> = (0..at_most).filter_map(nearest).collect();
+    chosen.into_iter().collect()
+}
+
+/// One pass over the frames that others refer to, keeping every n-th; n doubles when too many are kept.
+fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
+    let (input, _) = open_input(path)?;
+    let mut collector = Collector::open(path, input, true)?;
+    let mut kept = Reservoir::new(at_most);
+    let mut index = 0;
+    while collector.stream.next() {
+        if kept.wants(index) {
+            let time_s = collector
+                .stream
+                .picture
+                .stamp()
+                .map_or(count(index), |s| collector.time(s));
+            if let Some(luma) = collector.luma()? {
+                kept.add(Frame { index, time_s, luma });
+            }
+        }
+        index += 1;
+    }
+    if index == 0 {
+        return Err(no_frames(path, &collector.stream));
+    }
+    Ok(kept.into_frames())
+}
+
+/// Decodes pictures to upright luma, all of one size.
+struct Collector<'a> {
+    path: &'a Path,
+    stream: PictureStream,
+    reader: Option<PixelReader>,
+    size: (usize, usize),
+    tick_s: f64,
+    first: Option<i64>,
+}
+
+impl<'a> Collector<'a> {
+    fn open(path: &'a Path, input: super::av::Input, skip_unreferenced: bool) -> Result<Self, FrameError> {
+        let tick_s = input.facts().time_base.positive().unwrap_or(1.0);
+        let stream = PictureStream::open(path, input, skip_unreferenced)?;
+        Ok(Self {
+            path,
+            stream,
+            reader: None,
+            size: (0, 0),
+            tick_s,
+            first: None,
+        })
+    }
+
+    /// The stream's picture; `None` when it is not of the first one's size.
+    fn luma(&mut self) -> Result<Option<Luma>, FrameError> {
+        let picture = &self.stream.picture;
+        let size = checked_size(self.path, picture)?;
+        let reader = match &mut self.reader {
+            Some(reader) => reader,
+            None => {
+                self.size = size;
+                let turn = orientation(self.stream.input.facts(), picture, &mut Vec::new());
+                self.reader.insert(PixelReader::upright(turn))
+            }
+        };
+        if size != self.size {
+            return Ok(None);
+        }
+        Luma::read(reader, picture, None)
+            .map(Some)
+            .map_err(|e| ffmpeg(self.path, "convert a frame to grey", e))
+    }
+
+    fn time(&mut self, stamp: i64) -> f64 {
+        let first = *self.first.get_or_insert(stamp);
+        #[allow(clippy::cast_precision_loss, reason = "approximate")]
+        let ticks = stamp.saturating_sub(first) as f64;
+        ticks * self.tick_s
+    }
+}
+
+/// Keeps items evenly spread over a stream of unknown length: every `stride`-th, where the stride doubles whenever
+/// twice the wanted number is reached.
+struct Reservoir {
+    at_most: usize,
+    stride: usize,
+    kept: Vec<Frame>,
+}
+
+impl Reservoir {
+    fn new(at_most: usize) -> Self {
+        Self {
+            at_most,
+            stride: 1,
+            kept: Vec::new(),
+        }
+    }
+
+    fn wants(&self, index: usize) -> bool {
+        index.is_multiple_of(self.stride)
+    }
+
+    fn add(&mut self, frame: Frame) {
+        self.kept.push(frame);
+        if self.kept.len() >= 2 * self.at_most {
+            self.stride *= 2;
+            let stride = self.stride;
+            self.kept.retain(|f| f.index.is_multiple_of(stride));
+        }
+    }
+
+    /// At most as many as wanted.
+    fn into_frames(mut self) -> Vec<Frame> {
+        let chosen = evenly(self.kept.len(), self.at_most);
+        let mut position = 0;
+        self.kept.retain(|_| {
+            position += 1;
+            chosen.binary_search(&(position - 1)).is_ok()
+        });
+        self.kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn even_choices_take_in_both_ends() {
+        assert_eq!(evenly(10, 4), [0, 3, 6, 9]);
+        assert_eq!(evenly(3, 8), [0, 1, 2]);
+        assert_eq!(evenly(9, 1), [4]);
+        assert!(evenly(0, 5).is_empty());
+    }
+
+    #[test]
+    fn a_reservoir_stays_even_and_small() {
+        for (total, at_most) in [(1, 8), (15, 8), (16, 8), (1000, 8), (1001, 1), (777, 20)] {
+            let mut kept = Reservoir::new(at_most);
+            for index in (0..total).filter(|_| true) {
+                if kept.wants(index) {
+                    let luma = Luma {
+                        width: 0,
+                        height: 0,
+                        data: Vec::new(),
+                    };
+                    kept.add(Frame {
+                        index,
+                        time_s: 0.0,
+                        luma,
+                    });
+                }
+                assert!(kept.kept.len() < 2 * at_most.max(2));
+            }
+            let frames = kept.into_frames();
+            assert_eq!(frames.len(), at_most.min(total), "{total} {at_most}");
+            let steps: Vec<_> = frames.windows(2).map(|w| w[1].index - w[0].index).collect();
+            if let (Some(low), Some(high)) = (steps.iter().min(), steps.iter().max()) {
+                assert!(high <= &(2 * low), "{total} {at_most} {steps:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn key_frames_bunched_in_one_place_count_as_few() {
+        let bunched: Vec<i64> = (0..100).collect();
+        assert!(spread_in_time(&bunched, 100_000, 20).len() <= 2);
+        let even: Vec<i64> = (0..100).map(|i| i * 1000).collect();
+        assert_eq!(spread_in_time(&even, 99_000, 20).len(), 20);
+        assert!(spread_in_time(&[], 5, 20).is_empty());
+    }
+}

@@ -1,0 +1,135 @@
+//! What pictures and plots are made of: arcs as polylines, the ball cut out of its frames, the words for unused
+//! points.
+
+use super::observe::Observation;
+use super::refine::{Found, arc_at};
+use super::result::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
+use super::{WorldFrame, is_used, stretched};
+use crate::calibration::Rectification;
+use crate::detect::blobs::Crop;
+use crate::flight::{Flight, FlightPoint, SpotUse};
+use crate::frames::{Luma, LumaRange};
+use crate::geometry::{PlanePoint, WorldPoint};
+
+/// Points of a drawn arc.
+const ARC_POINTS: usize = 48;
+
+/// The arcs as polylines, each up to the impacts at its ends.
+pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<ArcTrace> {
+    (0..flight.fit.arcs())
+        .map(|k| {
+            let before = k.checked_sub(1).and_then(|i| flight.impacts[i]);
+            let after = flight.impacts.get(k).copied().flatten();
+            let (from, to) = (
+                before.unwrap_or(flight.spans[k].0),
+                after.unwrap_or(flight.spans[k].1),
+            );
+            let samples = (0..=ARC_POINTS)
+                .filter_map(|i| {
+                    let time_s = from + (to - from) * i as f64 / ARC_POINTS as f64;
+                    let m = flight.fit.motion(k, time_s);
+                    let pixel = map.pixel_from_plane(PlanePoint::new(m.r, m.h))?;
+                    Some(ArcSample {
+                        time_s,
+                        pixel,
+                        world: Some(frame.world(m.r, m.h)),
+                    })
+                })
+                .collect();
+            ArcTrace { samples }
+        })
+        .collect()
+}
+
+/// Residual of a point to its arc (or the arc nearest in time, for a point that was set aside), m.
+pub fn residual(flight: &Flight, p: &FlightPoint, frame: &WorldFrame) -> Option<WorldPoint> {
+    let k = match p.use_ {
+        SpotUse::Used(k) => k,
+        SpotUse::Off(_) | SpotUse::Contact => arc_at(flight, p.spot.time_s),
+        SpotUse::NotFree | SpotUse::Repeat => return None,
+    };
+    let m = flight.fit.motion(k, p.spot.time_s);
+    let (here, there) = (
+        frame.world(p.spot.place.right, p.spot.place.up),
+        frame.world(m.r, m.h),
+    );
+    Some(WorldPoint {
+        x_m: here.x_m - there.x_m,
+        up_m: here.up_m - there.up_m,
+    })
+}
+
+/// The use of a point in words.
+pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
+    match p.use_ {
+        SpotUse::Used(k) => PointUse::Used(k),
+        SpotUse::NotFree => PointUse::Unused("not in free flight".to_owned()),
+        SpotUse::Contact => PointUse::Unused("touches the floor".to_owned()),
+        SpotUse::Off(units) => PointUse::Unused(format!(
+            "off its arc by {:.2} mm",
+            1e3 * units * frame.metres_per_unit
+        )),
+        SpotUse::Repeat => PointUse::Unused("repeats the frame before".to_owned()),
+    }
+}
+
+/// The empty scene and the ball of every used point.
+pub fn strobe(seen: &Observation, found: &[Found], flight: &Flight) -> Strobe {
+    let mut strobe = empty_strobe(seen);
+    for p in flight.points.iter().filter(|p| is_used(p.use_)) {
+        let Some(f) = found.iter().find(|f| f.sighting == p.spot.id) else {
+            continue;
+        };
+        let s = &seen.sightings[f.sighting];
+        let disc = f.centre.disc;
+        let reach = disc.radius_px + 0.5 * disc.swept_px[0].hypot(disc.swept_px[1]) + 3.0;
+        let crop = &s.blob.crop;
+        let (us, vs) = (
+            span(disc.centre.u_px, reach, crop.u, crop.luma.width),
+            span(disc.centre.v_px, reach, crop.v, crop.luma.height),
+        );
+        if us.is_empty() || vs.is_empty() {
+            continue;
+        }
+        let part = Crop::of(&crop.luma, us.clone(), vs.clone());
+        let centre = s.registration.reference_from_frame(disc.centre);
+        // To the nearest pixel of the reference picture; the outline is drawn at the centre, which is exact.
+        let moved = |x: f64| x.round() as i64;
+        strobe.balls.push(StrobeBall {
+            frame: s.frame,
+            corner_px: (
+                (crop.u + us.start) as i64 - moved(s.registration.shift_u_px),
+                (crop.v + vs.start) as i64 - moved(s.registration.shift_v_px),
+            ),
+            luma: stretch(&part.luma, seen.info.luma_range),
+            centre,
+            radius_px: disc.radius_px,
+        });
+    }
+    strobe
+}
+
+/// Columns (or rows) of a crop within `reach` of `centre`, counted from the crop's corner.
+fn span(centre: f64, reach: f64, corner: usize, size: usize) -> std::ops::Range<usize> {
+    let from = (centre - reach - corner as f64).floor().max(0.0) as usize;
+    let to = ((centre + reach - corner as f64).ceil() + 1.0).clamp(0.0, size as f64) as usize;
+    from..to.max(from)
+}
+
+/// The empty scene alone.
+pub fn empty_strobe(seen: &Observation) -> Strobe {
+    let background = stretch(&seen.detector.background.luma, seen.info.luma_range);
+    Strobe {
+        background,
+        balls: Vec::new(),
+    }
+}
+
+fn stretch(luma: &Luma, range: LumaRange) -> Luma {
+    let data = luma.data.iter().map(|&p| stretched(p, range)).collect();
+    Luma {
+        width: luma.width,
+        height: luma.height,
+        data,
+    }
+}

@@ -1,0 +1,569 @@
+//! One recording, from file to result: the order of the steps, nothing else.
+//!
+//! observe → repeats → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
+//! bounces → readings → warnings → drawing.
+
+mod drawing;
+mod observe;
+mod refine;
+mod result;
+mod warn;
+
+pub use result::*;
+
+use crate::bounce::impacts::{AIR_DENSITY_KG_M3, ImpactKind, Scene};
+use crate::bounce::reading;
+use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence};
+use crate::detect::centre::Centre;
+use crate::detect::centre::edge_band::Effort;
+use crate::flight::fit::{Forces, GRAVITY};
+use crate::flight::linking::Spot;
+use crate::flight::{self, Flight, NoFlight, SpotUse};
+use crate::frames::timebase::TimeBase;
+use crate::frames::{FrameError, LumaRange};
+use crate::geometry::{PixelPoint, WorldPoint};
+use crate::quantity::Quantity;
+use observe::Observation;
+use refine::{Found, Shared};
+use std::path::{Path, PathBuf};
+
+/// How far the work has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// Frames for the background are being read.
+    Survey,
+    /// This frame was looked at.
+    Frame {
+        /// Its index, from 0.
+        index: usize,
+        /// Frames in all, by the container.
+        expected: Option<u64>,
+    },
+    /// Arcs are being fitted.
+    Fit,
+}
+
+/// What keeps a recording from being measured at all. A recording that can be read but holds no measurement is not an
+/// error but [`Outcome::Rejected`].
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Frames(#[from] FrameError),
+    /// The calibration does not fit the recording.
+    #[error("{name} does not fit {video}")]
+    Calibration {
+        /// The calibration file.
+        name: String,
+        /// The recording.
+        video: String,
+        /// In what.
+        #[source]
+        source: CalibrationError,
+    },
+    /// Too few frames.
+    #[error(
+        "{}: {frames} frame(s) in it; a measurement needs a moving ball, at least 6 frames. Is this the right file?",
+        path.display()
+    )]
+    NothingToSee {
+        /// The recording.
+        path: PathBuf,
+        /// Frames read.
+        frames: usize,
+    },
+    /// Images without a clock.
+    #[error(
+        "{}: this has no time stamps, so times are unknown; give the capture rate as \"frame_rate_hz\" in {calibration}",
+        path.display()
+    )]
+    NoClock {
+        /// The recording.
+        path: PathBuf,
+        /// The calibration file.
+        calibration: String,
+    },
+}
+
+/// Name of the centre method.
+const METHOD: &str = "edge-band likelihood";
+
+/// Part of the first look's points that must be found again for the second look to count.
+const KEPT_PART: f64 = 0.75;
+
+/// Part of the first look's points that must be found again for the thing to be a ball.
+const BALL_PART: f64 = 0.5;
+
+/// Balls smaller than this may be measured by their outline alone, px.
+const SMALL_BALL_PX: f64 = 6.0;
+
+/// Drag coefficient of a smooth sphere between Reynolds numbers of 1e3 and 2e5 (Clift, Grace and Weber 1978), where
+/// balls of 1 to 10 cm at 0.5 to 20 m/s are.
+const SPHERE_DRAG: f64 = 0.45;
+
+/// Relative doubt of that drag: felt, seams, slower or smaller balls, thinner air.
+const SPHERE_DRAG_DOUBT: f64 = 0.2;
+
+/// Fewer frames than this hold no impact: three on one side of it, three on the other.
+const LEAST_FRAMES: usize = 6;
+
+/// Measures `video`. `calibration_name` is what messages call the calibration.
+///
+/// # Errors
+///
+/// [`MeasureError`] where there is nothing to measure on; a [`Measurement`] with [`Outcome::Rejected`] where the
+/// recording was read but shows no flight with a bounce.
+pub fn measure(
+    video: &Path,
+    calibration: &Calibration,
+    calibration_name: &str,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Measurement, MeasureError> {
+    let misfit = |source| MeasureError::Calibration {
+        name: calibration_name.to_owned(),
+        video: video.display().to_string(),
+        source,
+    };
+    let map = calibration.rectification().map_err(misfit)?;
+    check_before_work(video, calibration, calibration_name, &misfit)?;
+    let seen = observe::observe(video, progress)?;
+    if seen.stamps_s.len() < LEAST_FRAMES {
+        return Err(MeasureError::NothingToSee {
+            path: video.to_owned(),
+            frames: seen.stamps_s.len(),
+        });
+    }
+    progress(Progress::Fit);
+    let mut work = Work::new(video, calibration, map, seen);
+    match work.find_flight() {
+        Ok(flight) => work.measured(&flight).map_err(misfit),
+        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen))),
+    }
+}
+
+/// What can be refused without decoding the recording.
+fn check_before_work(
+    video: &Path,
+    calibration: &Calibration,
+    calibration_name: &str,
+    misfit: &impl Fn(CalibrationError) -> MeasureError,
+) -> Result<(), MeasureError> {
+    let source = crate::frames::open(video)?;
+    let info = source.info();
+    calibration
+        .check_image_size(info.width_px, info.height_px)
+        .map_err(misfit)?;
+    if !info.has_time_base && calibration.frame_rate_hz.is_none() {
+        return Err(MeasureError::NoClock {
+            path: video.to_owned(),
+            calibration: calibration_name.to_owned(),
+        });
+    }
+    Ok(())
+}
+
+/// A recording under measurement.
+struct Work<'a> {
+    video: &'a Path,
+    calibration: &'a Calibration,
+    map: Rectification,
+    seen: Observation,
+    repeats: Vec<bool>,
+    base: TimeBase,
+    found: Vec<Found>,
+    shared: Option<Shared>,
+    warnings: Vec<Warning>,
+}
+
+impl<'a> Work<'a> {
+    fn new(video: &'a Path, calibration: &'a Calibration, map: Rectification, seen: Observation) -> Self {
+        let mut work = Self {
+            video,
+            calibration,
+            map,
+            repeats: vec![false; seen.stamps_s.len()],
+            base: TimeBase::new(&seen.stamps_s, &[], calibration.frame_rate_hz),
+            seen,
+            found: Vec::new(),
+            shared: None,
+            warnings: Vec::new(),
+        };
+        let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
+        work.repeats = repeats.frames;
+        work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
+        work.warnings = warn::file(&work.seen, &work.base, &work.repeats, calibration);
+        work
+    }
+
+    fn falls(&self) -> bool {
+        self.calibration.view == View::Side
+    }
+
+    /// Length of a pixel in the middle of the picture, plane units.
+    fn units_per_px(&self) -> f64 {
+        let info = &self.seen.info;
+        let middle = PixelPoint::new(info.width_px as f64 / 2.0, info.height_px as f64 / 2.0);
+        self.map
+            .jacobian(middle)
+            .map_or(1.0, |j| j.determinant().abs().sqrt())
+    }
+
+    /// Spots of everything round, by the first centres, repeats left out.
+    fn first_spots(&self) -> Vec<Spot> {
+        self.seen
+            .sightings
+            .iter()
+            .enumerate()
+            .filter(|(_, s)| !self.repeats[s.frame])
+            .filter_map(|(i, s)| refine::spot(&self.map, s, &s.centre?, i, self.base.times_s[s.frame]))
+            .collect()
+    }
+
+    /// The flight: first with centres found freely, then with what the recording has in common held.
+    fn find_flight(&mut self) -> Result<Flight, NoFlight> {
+        let spots = self.first_spots();
+        let forces = if self.falls() { Forces::Fall } else { Forces::None };
+        let flight = flight::find(&spots, forces)?;
+        for s in spots
+            .iter()
+            .filter(|s| flight.points.iter().any(|p| p.spot.id == s.id))
+        {
+            if let Some(centre) = self.seen.sightings[s.id].centre {
+                self.found.push(Found {
+                    sighting: s.id,
+                    centre,
+                });
+            }
+        }
+        let first = flight;
+        let mut flight = first.clone();
+        // The second round starts from better arcs: points near an impact are found that the first had missed.
+        for effort in [Effort::Look, Effort::Measure] {
+            let Some(shared) = refine::shared(&self.seen, &self.found, &flight, &self.map) else {
+                break;
+            };
+            let found = refine::centres(
+                &self.seen,
+                &flight,
+                &self.map,
+                &shared,
+                &self.base.times_s,
+                &self.repeats,
+                effort,
+            );
+            let forces = self.forces(&flight, &shared);
+            match flight::again(&self.spots_of(&found), &flight, forces) {
+                Some(better) if better.used() as f64 >= KEPT_PART * first.used() as f64 => {
+                    (flight, self.found) = self.extended(better, found, &shared, forces);
+                    self.shared = Some(shared);
+                }
+                // A ball of a few pixels may be too blurred for its edge to be fitted: its outline has to do. A
+                // larger thing without the outline of a ball is no ball.
+                again
+                    if shared.radius_px.value > SMALL_BALL_PX
+                        && again
+                            .as_ref()
+                            .is_none_or(|f| (f.used() as f64) < BALL_PART * first.used() as f64) =>
+                {
+                    return Err(NoFlight::NothingFalls {
+                        longest: first.points.len(),
+                    });
+                }
+                _ => break,
+            }
+        }
+        Ok(flight)
+    }
+
+    /// The flight with arcs before and after it, that the first look had too few points for, now that the ball's size
+    /// is known.
+    fn extended(
+        &self,
+        flight: Flight,
+        mut found: Vec<Found>,
+        shared: &Shared,
+        forces: Forces,
+    ) -> (Flight, Vec<Found>) {
+        let (from, to) = flight.time_span();
+        let within = |t: f64| t >= from && t <= to;
+        let times_s = &self.base.times_s;
+        found.retain(|f| within(times_s[self.seen.sightings[f.sighting].frame]));
+        found.extend(refine::of_that_size(
+            &self.seen,
+            &flight,
+            shared,
+            times_s,
+            &self.repeats,
+            within,
+        ));
+        found.sort_by_key(|f| f.sighting);
+        match flight::find(&self.spots_of(&found), forces) {
+            Ok(longer) if longer.used() >= flight.used() => (longer, found),
+            _ => {
+                found.retain(|f| within(times_s[self.seen.sightings[f.sighting].frame]));
+                (flight, found)
+            }
+        }
+    }
+
+    /// Gravity, and drag where the ball's size and mass tell it.
+    fn forces(&self, flight: &Flight, shared: &Shared) -> Forces {
+        if !self.falls() {
+            return Forces::None;
+        }
+        let ball = &self.calibration.ball;
+        let known = || {
+            let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
+            let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok()?.value;
+            let beta = AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m
+                / (2.0 * mass_kg);
+            // Metres a unit turn 1/m into 1/unit.
+            Some(Forces::FallWithDrag(
+                beta * scale,
+                SPHERE_DRAG_DOUBT * beta * scale,
+            ))
+        };
+        known().unwrap_or(Forces::Fall)
+    }
+
+    fn spots_of(&self, found: &[Found]) -> Vec<Spot> {
+        found
+            .iter()
+            .filter_map(|f| {
+                let s = &self.seen.sightings[f.sighting];
+                refine::spot(&self.map, s, &f.centre, f.sighting, self.base.times_s[s.frame])
+            })
+            .collect()
+    }
+
+    /// The ball's radius: common to all frames, or (a ball of a few pixels) the outlines' median.
+    fn radius_px(&self) -> Option<Quantity> {
+        let outlines = || {
+            let mut radii: Vec<f64> = self.found.iter().map(|f| f.centre.disc.radius_px).collect();
+            radii.sort_by(f64::total_cmp);
+            Quantity::undetermined(*radii.get(radii.len() / 2)?)
+        };
+        self.shared.map(|s| s.radius_px).or_else(outlines)
+    }
+
+    /// Metres a plane unit, from whatever scale the calibration names.
+    fn metres_per_unit(
+        &self,
+        flight: &Flight,
+        radius_px: Option<Quantity>,
+    ) -> Result<Quantity, CalibrationError> {
+        let units = self
+            .found
+            .get(self.found.len() / 2)
+            .and_then(|f| {
+                let s = &self.seen.sightings[f.sighting];
+                self.map
+                    .jacobian(s.registration.reference_from_frame(f.centre.disc.centre))
+            })
+            .map_or(1.0, |j| j.determinant().abs().sqrt());
+        let g = flight.fit.gravity();
+        self.calibration.metres_per_unit(&ScaleEvidence {
+            ball_radius_units: radius_px.map(|r| r.scaled(units)),
+            gravity_units_s2: (g > 0.0)
+                .then(|| Quantity::new(g, flight.fit.covariance[(GRAVITY, GRAVITY)].max(0.0).sqrt()))
+                .flatten(),
+        })
+    }
+
+    fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
+        let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
+        let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
+        let scene = Scene::new(
+            flight,
+            self.calibration,
+            metres_per_unit,
+            self.units_per_px(),
+            first_right,
+        );
+        let bounces = scene.bounces();
+        let distances = scene.distances(&bounces);
+        let gravity = scene.gravity_m_s2();
+        let radius_m = self.radius_m(metres_per_unit);
+        let frame = WorldFrame::new(&scene, &bounces, metres_per_unit, radius_m, self.calibration);
+        let walls = (0..flight.impacts.len())
+            .filter(|&k| scene.kind(k) == Some(ImpactKind::Wall))
+            .count();
+        let judged = warn::Judged {
+            calibration: self.calibration,
+            flight,
+            scene: &scene,
+            bounces: &bounces,
+            gravity,
+            radius_m,
+            radius_units: self.radius_px().map(|r| r.value * self.units_per_px()),
+            walls,
+            x0_missing: distances.x0_m.is_none(),
+            interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
+        };
+        self.warnings.extend(warn::measured(&judged));
+        let outcome = if bounces.is_empty() {
+            Outcome::Rejected {
+                reason: warn::no_bounce(flight, walls),
+            }
+        } else {
+            Outcome::Measured
+        };
+        let bounces: Vec<_> = bounces.into_iter().map(|(_, b)| b).collect();
+        Ok(Measurement {
+            video: self.video_facts(),
+            view: self.calibration.view,
+            outcome,
+            track: self.track(flight, &frame),
+            gravity_m_s2: gravity,
+            distances,
+            readings: self.falls().then(|| reading::read(&bounces)).flatten(),
+            bounces,
+            arcs: drawing::arcs(flight, &self.map, &frame),
+            strobe: Some(drawing::strobe(&self.seen, &self.found, flight)),
+            warnings: self.warnings,
+        })
+    }
+
+    fn rejected(&self, reason: String) -> Measurement {
+        Measurement {
+            video: self.video_facts(),
+            view: self.calibration.view,
+            outcome: Outcome::Rejected { reason },
+            track: Track {
+                method: METHOD.to_owned(),
+                detected: 0,
+                centre_std_px: None,
+                radius_px: None,
+                points: Vec::new(),
+            },
+            gravity_m_s2: None,
+            bounces: Vec::new(),
+            distances: crate::bounce::Distances::default(),
+            readings: None,
+            warnings: self.warnings.clone(),
+            arcs: Vec::new(),
+            strobe: Some(drawing::empty_strobe(&self.seen)),
+        }
+    }
+
+    /// The ball's radius: as given, or as seen.
+    fn radius_m(&self, metres_per_unit: Quantity) -> Option<f64> {
+        self.calibration
+            .ball
+            .radius_m
+            .or_else(|| Some(self.radius_px()?.value * self.units_per_px() * metres_per_unit.value))
+    }
+
+    fn video_facts(&self) -> VideoFacts {
+        let times = &self.base.times_s;
+        VideoFacts {
+            path: self.video.to_owned(),
+            width_px: self.seen.info.width_px,
+            height_px: self.seen.info.height_px,
+            frames: self.seen.health.frames_read,
+            frame_rate_hz: self.base.interval_s.map(|i| 1.0 / i),
+            duration_s: times.last().copied().unwrap_or(0.0),
+            time_source: if self.calibration.frame_rate_hz.is_some() {
+                TimeSource::Calibration
+            } else {
+                TimeSource::Stamps
+            },
+        }
+    }
+
+    fn track(&self, flight: &Flight, frame: &WorldFrame) -> Track {
+        let excess = flight.fit.excess.max(1.0);
+        let centre = |id: usize| -> Option<&Centre> {
+            self.found.iter().find(|f| f.sighting == id).map(|f| &f.centre)
+        };
+        let points: Vec<TrackPoint> = flight
+            .points
+            .iter()
+            .filter_map(|p| {
+                let c = centre(p.spot.id)?;
+                Some(TrackPoint {
+                    frame: p.spot.frame,
+                    time_s: p.spot.time_s,
+                    pixel: c.disc.centre,
+                    std_px: Some(c.std_px() * excess),
+                    world: Some(frame.world(p.spot.place.right, p.spot.place.up)),
+                    use_: drawing::use_of(p, frame),
+                    residual_m: drawing::residual(flight, p, frame),
+                })
+            })
+            .collect();
+        let mut stds: Vec<f64> = points
+            .iter()
+            .filter(|p| matches!(p.use_, PointUse::Used(_)))
+            .filter_map(|p| p.std_px)
+            .collect();
+        stds.sort_by(f64::total_cmp);
+        Track {
+            method: METHOD.to_owned(),
+            detected: points.len(),
+            centre_std_px: stds.get(stds.len() / 2).copied(),
+            radius_px: self.radius_px(),
+            points,
+        }
+    }
+}
+
+/// From the plane to the world, for points and drawing (values only; uncertainties are [`Scene`]'s).
+#[derive(Debug, Clone, Copy)]
+struct WorldFrame {
+    x_sign: f64,
+    metres_per_unit: f64,
+    zero_right: f64,
+    floor_m: f64,
+}
+
+impl WorldFrame {
+    /// Without an origin the floor is where the impacts are: the centre touches at z = R.
+    fn new(
+        scene: &Scene<'_>,
+        bounces: &[(usize, crate::bounce::Bounce)],
+        metres_per_unit: Quantity,
+        radius_m: Option<f64>,
+        calibration: &Calibration,
+    ) -> Self {
+        let floor_m = if calibration.has_origin() || calibration.view == View::Top {
+            0.0
+        } else {
+            let lowest = bounces
+                .iter()
+                .filter_map(|(k, b)| Some(scene.place_m(*k, b.time_s?.value).1))
+                .fold(f64::INFINITY, f64::min);
+            if lowest.is_finite() {
+                lowest - radius_m.unwrap_or(0.0)
+            } else {
+                0.0
+            }
+        };
+        Self {
+            x_sign: scene.x_sign,
+            metres_per_unit: metres_per_unit.value,
+            zero_right: scene.zero_right,
+            floor_m,
+        }
+    }
+
+    fn world(&self, right: f64, up: f64) -> WorldPoint {
+        WorldPoint {
+            x_m: self.x_sign * self.metres_per_unit * (right - self.zero_right),
+            up_m: self.metres_per_unit * up - self.floor_m,
+        }
+    }
+}
+
+/// A code value stretched from black..white to 0..255.
+fn stretched(value: u8, range: LumaRange) -> u8 {
+    let (black, white) = (f64::from(range.black), f64::from(range.white));
+    ((f64::from(value) - black) * 255.0 / (white - black))
+        .round()
+        .clamp(0.0, 255.0) as u8
+}
+
+/// Used for an arc?
+fn is_used(use_: SpotUse) -> bool {
+    matches!(use_, SpotUse::Used(_))
+}

@@ -1,0 +1,358 @@
+//! What the user has to know: what is odd about the file, the time base, the scale, the flight. Each warning names
+//! what was found, with numbers, and the key or step that mends it.
+
+use super::observe::Observation;
+use super::result::Warning;
+use crate::bounce::Bounce;
+use crate::bounce::impacts::Scene;
+use crate::calibration::{Calibration, Scale, View};
+use crate::detect::registration::Registration;
+use crate::flight::{Flight, NoFlight};
+use crate::frames::timebase::TimeBase;
+use crate::quantity::Quantity;
+
+/// Gravity must differ by this part before it is worth a word: drag on light balls costs about as much.
+const GRAVITY_PART: f64 = 0.01;
+
+/// And by this many standard uncertainties.
+const GRAVITY_SIGMAS: f64 = 3.0;
+
+/// Residuals this much larger than the centres' own uncertainty say that the flight is not a parabola.
+const LARGE_EXCESS: f64 = 4.0;
+
+/// Errors of successive frames that hang together as (1 + ρ)/(1 − ρ) = this: ρ = 0.5. A codec's change from frame to
+/// frame; a path that is no parabola lasts.
+const LASTING: f64 = 3.0;
+
+fn warning(code: &'static str, message: String) -> Warning {
+    Warning { code, message }
+}
+
+/// Oddities of the file and its clock.
+pub fn file(
+    seen: &Observation,
+    base: &TimeBase,
+    repeats: &[bool],
+    calibration: &Calibration,
+) -> Vec<Warning> {
+    let mut out: Vec<Warning> = seen
+        .health
+        .notes
+        .iter()
+        .map(|n| warning(n.code, n.message.clone()))
+        .collect();
+    let health = &seen.health;
+    let read = health.frames_read;
+    if let Some(why) = &health.ended_early {
+        let of = health
+            .frames_expected
+            .map_or(String::new(), |n| format!(" of {n}"));
+        out.push(warning(
+            "file_cut_short",
+            format!("the file ends early: {read}{of} frames were read, then: {why}. What is there was measured; copy the file from the camera again to have the rest."),
+        ));
+    } else if let Some(expected) = health.frames_expected.filter(|&n| n > read) {
+        out.push(warning(
+            "frames_missing",
+            format!("the file announces {expected} frames, {read} could be read."),
+        ));
+    }
+    if health.damaged > 0 {
+        out.push(warning(
+            "damaged_frames",
+            format!(
+                "{} of {read} frames are damaged; centres in them are less sure or missing.",
+                health.damaged
+            ),
+        ));
+    }
+    if health.interlaced > 0 {
+        out.push(warning(
+            "interlaced",
+            format!("{} of {read} frames are interlaced: odd and even rows show different moments, which blurs a moving ball. Record progressively, or deinterlace to double rate first (ffmpeg -vf bwdif).", health.interlaced),
+        ));
+    }
+    if health.stamps_repaired > 0 {
+        out.push(warning(
+            "time_stamps_repaired",
+            format!(
+                "{} frames had no usable time stamp; their times were interpolated.",
+                health.stamps_repaired
+            ),
+        ));
+    }
+    out.extend(repeated(seen, base, repeats, calibration));
+    if base.gaps > 0 {
+        out.push(warning(
+            "dropped_frames",
+            format!("the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.", base.missing, base.gaps),
+        ));
+    }
+    out.extend(moved_camera(
+        &seen.registrations,
+        seen.detector.background.registrar.fixed,
+    ));
+    out
+}
+
+fn repeated(
+    seen: &Observation,
+    base: &TimeBase,
+    repeats: &[bool],
+    calibration: &Calibration,
+) -> Option<Warning> {
+    let count = repeats.iter().filter(|&&r| r).count();
+    if count == 0 {
+        return None;
+    }
+    let stored = seen
+        .info
+        .nominal_rate_hz
+        .map_or(String::new(), |r| format!(" of a {r:.4} Hz file"));
+    let rate = base.interval_s.map_or(String::new(), |i| {
+        let told = if calibration.frame_rate_hz.is_some() {
+            "by the calibration"
+        } else {
+            "by the stamps"
+        };
+        format!(" Distinct pictures come at {:.4} Hz {told}.", 1.0 / i)
+    });
+    Some(warning(
+        "repeated_frames",
+        format!(
+            "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
+            repeats.len()
+        ),
+    ))
+}
+
+/// Shifts beyond this are worth a word, px.
+const WORTH_SAYING_PX: f64 = 0.5;
+
+fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
+    let most = registrations
+        .iter()
+        .map(Registration::shift_px)
+        .fold(0.0, f64::max);
+    (!fixed && most > WORTH_SAYING_PX).then(|| {
+        warning(
+            "camera_moved",
+            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. Put the camera on a tripod."),
+        )
+    })
+}
+
+/// Everything to judge a measured flight by.
+pub struct Judged<'a> {
+    pub calibration: &'a Calibration,
+    pub flight: &'a Flight,
+    pub scene: &'a Scene<'a>,
+    pub bounces: &'a [(usize, Bounce)],
+    pub gravity: Option<Quantity>,
+    pub radius_m: Option<f64>,
+    pub radius_units: Option<f64>,
+    pub walls: usize,
+    pub x0_missing: bool,
+    pub interval_s: f64,
+}
+
+/// Oddities of the measured flight.
+pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
+    let mut out = Vec::new();
+    out.extend(j.gravity.and_then(|g| gravity(g, j)));
+    out.extend(scale_against_ball(j));
+    out.extend(floor_height(j));
+    out.extend(different_heights(j));
+    if j.x0_missing && j.calibration.launch.edge_x_m.is_some() && !j.bounces.is_empty() {
+        out.push(warning(
+            "first_impact_unsure",
+            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out.".to_owned(),
+        ));
+    }
+    if j.walls > 0 {
+        out.push(warning(
+            "not_a_floor",
+            format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
+        ));
+    }
+    if j.flight.fit.excess > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
+        out.push(warning(
+            "not_a_parabola",
+            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.fit.excess),
+        ));
+    }
+    if j.scene.metres_per_unit.std_uncertainty.is_none() {
+        out.push(warning(
+            "scale_uncertainty_unknown",
+            "the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"scale.std_uncertainty\".".to_owned(),
+        ));
+    }
+    out
+}
+
+/// The self-check: gravity as the flight shows it, and what would explain another.
+fn gravity(g: Quantity, j: &Judged<'_>) -> Option<Warning> {
+    let expected = j.calibration.gravity_m_s2;
+    let off = (g.value - expected).abs();
+    let std = g.std_uncertainty.unwrap_or(0.0);
+    if !(off > GRAVITY_SIGMAS * std && off > GRAVITY_PART * expected) {
+        return None;
+    }
+    let ratio = expected / g.value;
+    let mut causes = Vec::new();
+    if let Some(n) = time_factor(ratio) {
+        causes.push(format!(
+            "time: it fits a capture rate of {} Hz in place of {} Hz (a factor {} in time is {} in g): set \"frame_rate_hz\": {}",
+            rounded(n / j.interval_s),
+            rounded(1.0 / j.interval_s),
+            rounded(n),
+            rounded(n * n),
+            rounded(n / j.interval_s),
+        ));
+    }
+    if !matches!(j.calibration.scale, Scale::Gravity) {
+        causes.push(format!(
+            "scale: it would be right with lengths times {ratio:.4} ({:.6} m/px in place of {:.6}): check the two ends and the length of the ruler, and that it stood in the plane of motion (\"scale\")",
+            j.scene.metres_per_unit.value * ratio,
+            j.scene.metres_per_unit.value,
+        ));
+    }
+    if ratio > 1.0 && ratio < 1.35 {
+        causes.push(format!(
+            "tilt: a plane of motion or camera turned by {:.0} degrees would do it; and air drag lowers g on light balls",
+            (1.0 / ratio).acos().to_degrees()
+        ));
+    }
+    Some(warning(
+        "gravity_mismatch",
+        format!(
+            "the flight falls with {:.3} ± {:.3} m/s², not {expected:.2}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
+            g.value,
+            std,
+            causes.join("; ")
+        ),
+    ))
+}
+
+/// Whole factors between stored and true frame rates that phones and editors make.
+fn time_factor(ratio: f64) -> Option<f64> {
+    // Phones store 60 to 960 Hz at 24 to 30 Hz; editors halve or double.
+    const FACTORS: [f64; 13] = [
+        2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 16.0, 20.0, 32.0, 0.5, 0.25,
+    ];
+    let n = ratio.sqrt();
+    FACTORS
+        .into_iter()
+        .filter(|f| (n / f - 1.0).abs() < 0.12)
+        .min_by(|a, b| (n / a).ln().abs().total_cmp(&(n / b).ln().abs()))
+}
+
+/// Up to four digits without trailing zeros.
+fn rounded(x: f64) -> String {
+    let text = if x >= 100.0 {
+        format!("{x:.0}")
+    } else {
+        format!("{x:.2}")
+    };
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// A ball of known size is a second ruler.
+fn scale_against_ball(j: &Judged<'_>) -> Option<Warning> {
+    if matches!(j.calibration.scale, Scale::Ball) {
+        return None;
+    }
+    let (known, seen) = (
+        j.calibration.ball.radius_m?,
+        j.radius_units? * j.scene.metres_per_unit.value,
+    );
+    let ratio = seen / known;
+    if (ratio - 1.0).abs() < 0.1 {
+        return None;
+    }
+    let time = if matches!(j.calibration.scale, Scale::Gravity) {
+        let n = time_factor(1.0 / ratio).map_or(String::new(), |n| {
+            let rate = rounded(n / j.interval_s);
+            format!(" It fits a capture rate of {rate} Hz: set \"frame_rate_hz\": {rate}.")
+        });
+        format!(" The scale comes from the fall, so a wrong time base would do this.{n}")
+    } else {
+        String::new()
+    };
+    Some(warning(
+        "ball_size_mismatch",
+        format!(
+            "by the scale the ball's radius is {:.2} mm, by the calibration {:.2} mm (factor {ratio:.3}).{time}",
+            1e3 * seen,
+            1e3 * known
+        ),
+    ))
+}
+
+/// With an origin on the floor, the ball's centre must touch at its radius.
+fn floor_height(j: &Judged<'_>) -> Option<Warning> {
+    let radius_m = j.radius_m?;
+    if !j.calibration.has_origin() || j.calibration.view == View::Top {
+        return None;
+    }
+    let (k, first) = j.bounces.first()?;
+    let (_, height_m) = j.scene.place_m(*k, first.time_s?.value);
+    let off = height_m - radius_m;
+    (off.abs() > 0.5 * radius_m + 3.0 * j.scene.metres_per_unit.value).then(|| {
+        warning(
+            "floor_mismatch",
+            format!("the ball touches with its centre {:.1} mm above the calibration's floor; its radius is {:.1} mm. Check \"origin_px\": its row is the floor where the ball bounces.", 1e3 * height_m, 1e3 * radius_m),
+        )
+    })
+}
+
+/// x is a distance on one floor.
+fn different_heights(j: &Judged<'_>) -> Option<Warning> {
+    if j.calibration.view == View::Top {
+        return None;
+    }
+    let heights: Vec<f64> = j
+        .bounces
+        .iter()
+        .filter_map(|(k, b)| Some(j.scene.place_m(*k, b.time_s?.value).1))
+        .collect();
+    let (first, second) = (heights.first()?, heights.get(1)?);
+    let radius_m = j.radius_m.unwrap_or(0.01);
+    ((first - second).abs() > radius_m).then(|| {
+        warning(
+            "floors_differ",
+            format!("the second impact is {:.0} mm {} than the first: x is the distance between them, not one on a level floor, and the relation of x to x0 does not hold.", 1e3 * (first - second).abs(), if second < first { "lower" } else { "higher" }),
+        )
+    })
+}
+
+/// Why nothing was measured, and what to try.
+pub fn no_flight(reason: &NoFlight, seen: &Observation) -> String {
+    let frames = seen.stamps_s.len();
+    let moving = seen.sightings.len();
+    match reason {
+        NoFlight::NothingRound { spots } => format!(
+            "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
+        ),
+        NoFlight::NothingFalls { longest } => format!(
+            "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?"
+        ),
+    }
+}
+
+/// Why a flight alone is no measurement.
+pub fn no_bounce(flight: &Flight, walls: usize) -> String {
+    let frames = flight.used();
+    let walls = if walls > 0 {
+        format!(", and {walls} impact(s) on something upright")
+    } else {
+        String::new()
+    };
+    format!(
+        "a ball flies freely through {frames} frames{walls}, but does not bounce on a floor within the clip: keep recording until after the first bounce, with the floor in the picture."
+    )
+}

@@ -1,0 +1,100 @@
+//! The e-e model: three coefficients of restitution \[17–24\].
+//!
+//! ```text
+//! slip after = −e_x, −e_y times slip before, component by component      P = −s (1 + e_x, e_y) c
+//! v_x   = [(1 − s) − s e_x] v_ox + s (1 + e_x) R ω_oy                    [19]
+//! R ω_y = (1 − s)(1 + e_x) v_ox + [s − (1 − s) e_x] R ω_oy               [21]
+//! ```
+//!
+//! x is the direction of the incident horizontal velocity, as in the paper; of a ball that falls straight, the
+//! direction of its slip.
+
+use super::{Motion, Regime, apply_impulse, limiting_angle_rad, slip_share};
+use nalgebra::Vector2;
+
+/// Coefficients of the e-e model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameters {
+    /// e_z.
+    pub restitution: f64,
+    /// e_x: −1 no friction, 0 leaves rolling, 1 Garwin's ideal superball.
+    pub tangential_restitution_x: f64,
+    /// e_y, across the incident direction.
+    pub tangential_restitution_y: f64,
+}
+
+/// The motion after an impact, and its regime by the sign of e_x.
+#[must_use]
+pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -> (Motion, Regime) {
+    let tangential = grip_impulse_m_s(
+        incoming,
+        parameters.tangential_restitution_x,
+        parameters.tangential_restitution_y,
+        inertia_factor,
+    );
+    (
+        apply_impulse(incoming, parameters.restitution, tangential, inertia_factor),
+        regime(parameters.tangential_restitution_x),
+    )
+}
+
+/// Ordinary e_x < 0, nonsliding e_x = 0, grip e_x > 0.
+#[must_use]
+pub fn regime(tangential_restitution_x: f64) -> Regime {
+    if tangential_restitution_x > 0.0 {
+        Regime::Grip
+    } else if tangential_restitution_x < 0.0 {
+        Regime::Ordinary
+    } else {
+        Regime::Nonsliding
+    }
+}
+
+/// Tangential impulse per mass that turns the slip c into (−e_x c_x, −e_y c_y), m/s.
+#[must_use]
+pub fn grip_impulse_m_s(
+    incoming: &Motion,
+    tangential_restitution_x: f64,
+    tangential_restitution_y: f64,
+    inertia_factor: f64,
+) -> Vector2<f64> {
+    let slip = incoming.slip_m_s();
+    let horizontal = incoming.velocity_m_s.xy();
+    let Some(along) = horizontal.try_normalize(0.0).or_else(|| slip.try_normalize(0.0)) else {
+        return Vector2::zeros();
+    };
+    let across = Vector2::new(-along.y, along.x);
+    let s = slip_share(inertia_factor);
+    -along * s * (1.0 + tangential_restitution_x) * slip.dot(&along)
+        - across * s * (1.0 + tangential_restitution_y) * slip.dot(&across)
+}
+
+/// tan φ of a ball without sidespin \[24\]: ([(1 − s) − s e_x] + s (1 + e_x) R ω_oy/u_o) tan θ / e_z.
+#[must_use]
+pub fn rebound_tangent(
+    parameters: &Parameters,
+    incident_tangent: f64,
+    spin_ratio: f64,
+    inertia_factor: f64,
+) -> f64 {
+    let s = slip_share(inertia_factor);
+    let e_x = parameters.tangential_restitution_x;
+    ((1.0 - s) - s * e_x + s * (1.0 + e_x) * spin_ratio) * incident_tangent / parameters.restitution
+}
+
+/// Incident angle at which grip would need more than the friction `friction`, rad:
+/// tan θ_G = (1/s) μ (1 + e) / [(1 + e_x) |1 − R ω_oy/u_o|]. π/2 for a ball that rolls already or feels no friction.
+#[must_use]
+pub fn grip_limit_angle_rad(
+    restitution: f64,
+    tangential_restitution_x: f64,
+    friction: f64,
+    spin_ratio: f64,
+    inertia_factor: f64,
+) -> f64 {
+    let grip = slip_share(inertia_factor) * (1.0 + tangential_restitution_x);
+    if grip == 0.0 {
+        return std::f64::consts::FRAC_PI_2;
+    }
+    limiting_angle_rad(friction * (1.0 + restitution) / grip, spin_ratio)
+}

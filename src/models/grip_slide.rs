@@ -1,0 +1,58 @@
+//! Grip until the friction limit, then sliding: the e-e impulse where friction can supply it, the Coulomb limit
+//! where it cannot.
+//!
+//! ```text
+//! grip where     s (1 + e_x) |c| <= μ (1 + e) |v_oz|      P = −s (1 + e_x) c
+//! sliding        otherwise                                P = −μ (1 + e) |v_oz| c/|c|
+//! ```
+//!
+//! One e_x for both horizontal directions: both branches act along −c, so the model is continuous at the transition
+//! and looks the same from every side. With e_x = 0 and μ_o = μ it is the μ-e model.
+
+use super::{Motion, Regime, apply_impulse, e_e, normal_impulse_m_s, sliding_impulse_m_s, slip_share};
+
+/// Coefficients of the grip-slide model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameters {
+    /// e_z.
+    pub restitution: f64,
+    /// e_x while friction holds.
+    pub tangential_restitution_x: f64,
+    /// μ, the limit of friction.
+    pub friction: f64,
+}
+
+/// The motion after an impact, and its regime: sliding, or that of e_x by its sign.
+#[must_use]
+pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -> (Motion, Regime) {
+    let Parameters {
+        restitution,
+        tangential_restitution_x,
+        friction,
+    } = *parameters;
+    let grip = -incoming.slip_m_s() * slip_share(inertia_factor) * (1.0 + tangential_restitution_x);
+    let (tangential, regime) = if grip.norm() <= friction * normal_impulse_m_s(incoming, restitution) {
+        (grip, e_e::regime(tangential_restitution_x))
+    } else {
+        (
+            sliding_impulse_m_s(incoming, restitution, friction),
+            Regime::Sliding,
+        )
+    };
+    (
+        apply_impulse(incoming, restitution, tangential, inertia_factor),
+        regime,
+    )
+}
+
+/// Incident angle above which the ball slides, rad; see [`e_e::grip_limit_angle_rad`].
+#[must_use]
+pub fn transition_angle_rad(parameters: &Parameters, spin_ratio: f64, inertia_factor: f64) -> f64 {
+    e_e::grip_limit_angle_rad(
+        parameters.restitution,
+        parameters.tangential_restitution_x,
+        parameters.friction,
+        spin_ratio,
+        inertia_factor,
+    )
+}

@@ -1,0 +1,123 @@
+//! `<stem>.points.csv`: a row for every frame in which the ball was seen.
+
+use crate::measure::{Measurement, PointUse, TrackPoint, View};
+
+/// The points as CSV. A cell is empty where there is no value; numbers carry all their digits, as in the JSON.
+///
+/// In a top view the columns `z_m` and `residual_z_m` are called `y_m` and `residual_y_m`, because that is what is in
+/// them.
+///
+/// # Errors
+/// Whatever the `csv` crate refuses; into memory it refuses nothing.
+pub fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
+    let mut writer = ::csv::Writer::from_writer(Vec::new());
+    let (second, second_residual) = match measurement.view {
+        View::Side => ("z_m", "residual_z_m"),
+        View::Top => ("y_m", "residual_y_m"),
+    };
+    writer.write_record([
+        "frame",
+        "time_s",
+        "u_px",
+        "v_px",
+        "std_px",
+        "x_m",
+        second,
+        "used",
+        "arc",
+        "reason",
+        "residual_x_m",
+        second_residual,
+    ])?;
+    for point in &measurement.track.points {
+        writer.write_record(row(point))?;
+    }
+    writer
+        .into_inner()
+        .map_err(|error| ::csv::Error::from(error.into_error()))
+}
+
+fn row(point: &TrackPoint) -> [String; 12] {
+    let (arc, reason) = match &point.use_ {
+        PointUse::Used(arc) => (arc.to_string(), String::new()),
+        PointUse::Unused(reason) => (String::new(), reason.clone()),
+    };
+    [
+        point.frame.to_string(),
+        number(Some(point.time_s)),
+        number(Some(point.pixel.u_px)),
+        number(Some(point.pixel.v_px)),
+        number(point.std_px),
+        number(point.world.map(|world| world.x_m)),
+        number(point.world.map(|world| world.up_m)),
+        (!arc.is_empty()).to_string(),
+        arc,
+        reason,
+        number(point.residual_m.map(|residual| residual.x_m)),
+        number(point.residual_m.map(|residual| residual.up_m)),
+    ]
+}
+
+/// The shortest digits that read back as the same number; empty for none and for what is not finite.
+fn number(value: Option<f64>) -> String {
+    value
+        .filter(|value| value.is_finite())
+        .map_or_else(String::new, |value| value.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fake;
+
+    fn parsed(measurement: &Measurement) -> (Vec<String>, Vec<::csv::StringRecord>) {
+        let bytes = points_csv(measurement).unwrap();
+        let mut reader = ::csv::Reader::from_reader(bytes.as_slice());
+        let header = reader.headers().unwrap().iter().map(str::to_owned).collect();
+        (header, reader.records().map(Result::unwrap).collect())
+    }
+
+    #[test]
+    fn a_row_a_point_and_numbers_read_back_exactly() {
+        let measurement = fake::two_bounces();
+        let (header, rows) = parsed(&measurement);
+        assert_eq!(
+            header.join(","),
+            "frame,time_s,u_px,v_px,std_px,x_m,z_m,used,arc,reason,residual_x_m,residual_z_m"
+        );
+        assert_eq!(rows.len(), measurement.track.points.len());
+        for (row, point) in rows.iter().zip(&measurement.track.points) {
+            assert_eq!(row[2].parse::<f64>().unwrap(), point.pixel.u_px);
+            assert_eq!(row[5].parse::<f64>().unwrap(), point.world.unwrap().x_m);
+            match &point.use_ {
+                PointUse::Used(arc) => {
+                    assert_eq!((&row[7], &row[8], &row[9]), ("true", &*arc.to_string(), ""))
+                }
+                PointUse::Unused(why) => assert_eq!((&row[7], &row[8], &row[9]), ("false", "", why.as_str())),
+            }
+        }
+    }
+
+    #[test]
+    fn a_reason_with_commas_quotes_and_newlines_survives() {
+        let mut measurement = fake::two_bounces();
+        let reason = "hidden by a \"hand\", then\nby a sleeve";
+        measurement.track.points[1].use_ = PointUse::Unused(reason.to_owned());
+        measurement.track.points[1].residual_m = None;
+        let (_, rows) = parsed(&measurement);
+        assert_eq!(&rows[1][9], reason);
+        assert_eq!(&rows[1][10], "");
+    }
+
+    #[test]
+    fn without_a_scale_the_metres_are_empty() {
+        let (_, rows) = parsed(&fake::no_scale());
+        assert!(rows.iter().all(|row| row[5].is_empty() && row[6].is_empty()));
+    }
+
+    #[test]
+    fn a_top_view_names_its_second_coordinate_y() {
+        let (header, _) = parsed(&fake::top_view());
+        assert_eq!((header[6].as_str(), header[11].as_str()), ("y_m", "residual_y_m"));
+    }
+}

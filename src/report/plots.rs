@@ -1,0 +1,618 @@
+//! The plots of the page: a coordinate against time, and below it what is left after the arcs are taken away.
+//!
+//! SVG by plotters. It places everything on whole units, so the drawing is made `FINE` times larger than it is meant
+//! and the page scales it down. Shapes and dashes carry the meaning; colour only helps, so that grey print loses nothing.
+
+use super::places;
+use crate::measure::{ArcTrace, Measurement, PointUse, TrackPoint, View};
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+use plotters::prelude::*;
+use std::ops::Range;
+use thiserror::Error;
+
+/// Units of the drawing a screen pixel of its design.
+const FINE: u32 = 10;
+/// Design size, screen pixels.
+const WIDTH: u32 = 760;
+const MAIN_HEIGHT: u32 = 250;
+const RESIDUAL_HEIGHT: u32 = 130;
+const TIME_AXIS_HEIGHT: u32 = 44;
+/// At most this many points are drawn a panel; of a longer track every n-th.
+const MAX_POINTS: usize = 400;
+
+const INK: RGBColor = RGBColor(34, 34, 34);
+const GRID: RGBColor = RGBColor(224, 224, 224);
+const UNUSED: RGBColor = RGBColor(140, 140, 140);
+const ARC: RGBColor = RGBColor(38, 96, 176);
+const IMPACT: RGBColor = RGBColor(156, 28, 28);
+const BAND: RGBColor = RGBColor(228, 228, 228);
+
+/// Why a plot could not be drawn.
+#[derive(Debug, Error)]
+#[error("a plot could not be drawn: {0} (a fault of track)")]
+pub struct PlotError(String);
+
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
+    fn from(error: DrawingAreaErrorKind<E>) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Which coordinate is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coordinate {
+    /// x along the launch; the column u without a scale.
+    Along,
+    /// z, or y in a top view; the row v without a scale.
+    Up,
+}
+
+/// A finished plot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plot {
+    /// A complete `<svg>` element, for a page.
+    pub svg: String,
+    /// What is drawn, for the caption: "x", "z", "y", "u" or "v".
+    pub symbol: &'static str,
+    /// Every how many-th point is drawn; 1 for all.
+    pub every: usize,
+    /// Whether there is a residual panel.
+    pub residuals: bool,
+}
+
+/// One coordinate of the track against time with its residuals below; `None` without points.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn coordinate_plot(measurement: &Measurement, coordinate: Coordinate) -> Result<Option<Plot>, PlotError> {
+    let Some(data) = Data::of(measurement, coordinate) else {
+        return Ok(None);
+    };
+    let residuals = data.residual_reach.is_some();
+    let main_height = MAIN_HEIGHT + if residuals { 0 } else { TIME_AXIS_HEIGHT };
+    let height = main_height
+        + if residuals {
+            RESIDUAL_HEIGHT + TIME_AXIS_HEIGHT
+        } else {
+            0
+        };
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (WIDTH * FINE, height * FINE)).into_drawing_area();
+        let (main, below) = root.split_vertically(main_height * FINE);
+        main_panel(&main, &data, !residuals)?;
+        if let Some(reach) = data.residual_reach {
+            residual_panel(&below, &data, reach)?;
+        }
+        root.present()?;
+    }
+    Ok(Some(Plot {
+        svg: for_a_page(&svg, height, &data),
+        symbol: data.symbol,
+        every: data.every,
+        residuals,
+    }))
+}
+
+/// What is drawn, in the units of the axes.
+struct Data {
+    symbol: &'static str,
+    unit: &'static str,
+    residual_unit: &'static str,
+    points: Vec<Point>,
+    /// Polylines.
+    arcs: Vec<Vec<(f64, f64)>>,
+    impacts: Vec<(usize, f64)>,
+    time: Range<f64>,
+    /// From the lower end of the axis to the upper; rows of the picture run downwards.
+    value: Range<f64>,
+    /// Half the height of the residual panel; `None` where there are no residuals.
+    residual_reach: Option<f64>,
+    /// What a centre scatters by.
+    band: Option<f64>,
+    every: usize,
+}
+
+struct Point {
+    time_s: f64,
+    value: f64,
+    used: bool,
+    residual: Option<f64>,
+    std: Option<f64>,
+}
+
+impl Data {
+    fn of(measurement: &Measurement, coordinate: Coordinate) -> Option<Self> {
+        let all = &measurement.track.points;
+        let scaled = all.iter().any(|point| point.world.is_some());
+        let (symbol, unit, residual_unit) = match (scaled, coordinate, measurement.view) {
+            (true, Coordinate::Along, _) => ("x", "m", "mm"),
+            (true, Coordinate::Up, View::Side) => ("z", "m", "mm"),
+            (true, Coordinate::Up, View::Top) => ("y", "m", "mm"),
+            (false, Coordinate::Along, _) => ("u", "px", "px"),
+            (false, Coordinate::Up, _) => ("v", "px", "px"),
+        };
+        // Residual units a pixel.
+        let per_pixel = if scaled {
+            places::metres_per_pixel(all).map(|m| 1e3 * m)
+        } else {
+            Some(1.0)
+        };
+        let read = Reading { coordinate, scaled };
+        let every = all.len().div_ceil(MAX_POINTS).max(1);
+        let drawn = all.iter().step_by(every);
+        let points: Vec<Point> = drawn
+            .filter_map(|point| read.point(point, &measurement.arcs, per_pixel))
+            .collect();
+        let arcs: Vec<Vec<(f64, f64)>> = measurement.arcs.iter().map(|arc| read.polyline(arc)).collect();
+        let places = || {
+            let points = points.iter().map(|point| (point.time_s, point.value));
+            points.chain(arcs.iter().flatten().copied())
+        };
+        let time = span(places().map(|place| place.0), 0.02)?;
+        let mut value = span(places().map(|place| place.1), 0.07)?;
+        if symbol == "v" {
+            value = value.end..value.start;
+        }
+        let centre_std_px = measurement.track.centre_std_px;
+        let band = centre_std_px.zip(per_pixel).map(|(std, per)| std * per);
+        Some(Self {
+            time,
+            value,
+            residual_reach: reach(&points, band),
+            impacts: places::impacts(measurement)
+                .iter()
+                .map(|mark| (mark.number, mark.time_s))
+                .collect(),
+            symbol,
+            unit,
+            residual_unit,
+            points,
+            arcs,
+            band,
+            every,
+        })
+    }
+}
+
+impl Data {
+    /// Radius of a dot, in units of the drawing: smaller where dots would run into each other.
+    fn dot(&self) -> u32 {
+        if self.points.len() > 120 { 16 } else { 22 }
+    }
+}
+
+/// How a coordinate is read off the points and the arcs.
+#[derive(Clone, Copy)]
+struct Reading {
+    coordinate: Coordinate,
+    scaled: bool,
+}
+
+impl Reading {
+    fn point(self, point: &TrackPoint, arcs: &[ArcTrace], per_pixel: Option<f64>) -> Option<Point> {
+        Some(Point {
+            time_s: point.time_s,
+            value: self.value(point)?,
+            used: matches!(point.use_, PointUse::Used(_)),
+            residual: self.residual(point, arcs),
+            std: point.std_px.zip(per_pixel).map(|(std, per)| std * per),
+        })
+    }
+
+    fn value(self, point: &TrackPoint) -> Option<f64> {
+        let value = match (self.coordinate, self.scaled) {
+            (Coordinate::Along, true) => point.world?.x_m,
+            (Coordinate::Up, true) => point.world?.up_m,
+            (Coordinate::Along, false) => point.pixel.u_px,
+            (Coordinate::Up, false) => point.pixel.v_px,
+        };
+        (value.is_finite() && point.time_s.is_finite()).then_some(value)
+    }
+
+    /// In mm as the fit gives it; without a scale in px, from the arc's own samples.
+    fn residual(self, point: &TrackPoint, arcs: &[ArcTrace]) -> Option<f64> {
+        let residual = match (self.coordinate, self.scaled) {
+            (Coordinate::Along, true) => 1e3 * point.residual_m?.x_m,
+            (Coordinate::Up, true) => 1e3 * point.residual_m?.up_m,
+            (_, false) => {
+                let PointUse::Used(index) = point.use_ else {
+                    return None;
+                };
+                let fitted =
+                    places::on_arc(arcs.get(index)?, point.time_s, |sample| match self.coordinate {
+                        Coordinate::Along => sample.pixel.u_px,
+                        Coordinate::Up => sample.pixel.v_px,
+                    })?;
+                self.value(point)? - fitted
+            }
+        };
+        residual.is_finite().then_some(residual)
+    }
+
+    fn polyline(self, arc: &ArcTrace) -> Vec<(f64, f64)> {
+        arc.samples
+            .iter()
+            .filter_map(|sample| {
+                let value = match (self.coordinate, self.scaled) {
+                    (Coordinate::Along, true) => sample.world?.x_m,
+                    (Coordinate::Up, true) => sample.world?.up_m,
+                    (Coordinate::Along, false) => sample.pixel.u_px,
+                    (Coordinate::Up, false) => sample.pixel.v_px,
+                };
+                (value.is_finite() && sample.time_s.is_finite()).then_some((sample.time_s, value))
+            })
+            .collect()
+    }
+}
+
+/// From the least to the greatest value with `margin` of the whole at each end; `None` without values.
+fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Range<f64>> {
+    let (least, most) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
+        (least.min(value), most.max(value))
+    });
+    if !(least.is_finite() && most.is_finite()) {
+        return None;
+    }
+    let whole = most - least;
+    // A single value still needs an axis around it.
+    let room = if whole > 0.0 {
+        margin * whole
+    } else {
+        0.5 * least.abs().max(1e-3)
+    };
+    Some(least - room..most + room)
+}
+
+/// Half the height of the residual panel: room for every used point and for the band. Points that were thrown out may
+/// lie beyond it; they are drawn at its edge.
+fn reach(points: &[Point], band: Option<f64>) -> Option<f64> {
+    let largest = points
+        .iter()
+        .filter(|point| point.used)
+        .filter_map(|point| point.residual)
+        .map(f64::abs)
+        .reduce(f64::max)?;
+    let reach = 1.2 * largest.max(2.0 * band.unwrap_or(0.0));
+    Some(if reach > 0.0 { reach } else { 1.0 })
+}
+
+/// An axis whose ticks are round numbers, labelled with the decimals that they need. The range may run either way.
+struct Axis {
+    range: Range<f64>,
+    ticks: Vec<f64>,
+    decimals: usize,
+}
+
+impl Axis {
+    /// About `wanted` ticks.
+    fn new(range: Range<f64>, wanted: usize) -> Self {
+        let (ticks, decimals) = round_ticks(&range, wanted);
+        Self {
+            range,
+            ticks,
+            decimals,
+        }
+    }
+}
+
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
+        let share = (value - self.range.start) / (self.range.end - self.range.start);
+        low + (share * f64::from(high - low)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
+        self.ticks.clone()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.range.clone()
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    fn format_ext(&self, value: &f64) -> String {
+        number(*value, self.decimals)
+    }
+}
+
+type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+fn main_panel(area: &Area<'_>, data: &Data, time_axis: bool) -> Result<(), PlotError> {
+    let label = format!("{} / {}", data.symbol, data.unit);
+    let mut panel = panel(area, data, data.value.clone(), 6, &label, time_axis)?;
+    draw_impacts(&mut panel, data, &data.value, true)?;
+    let dot = data.dot();
+    for point in &data.points {
+        draw_point(&mut panel, (point.time_s, point.value), point.used, dot)?;
+    }
+    for arc in &data.arcs {
+        panel.draw_series(LineSeries::new(arc.iter().copied(), ARC.stroke_width(11)))?;
+    }
+    Ok(())
+}
+
+fn residual_panel(area: &Area<'_>, data: &Data, reach: f64) -> Result<(), PlotError> {
+    let label = format!("residual / {}", data.residual_unit);
+    let mut panel = panel(area, data, -reach..reach, 4, &label, true)?;
+    let time = &data.time;
+    if let Some(band) = data.band.filter(|band| *band > 0.0) {
+        let band = band.min(reach);
+        panel.draw_series([Rectangle::new(
+            [(time.start, band), (time.end, -band)],
+            BAND.filled(),
+        )])?;
+    }
+    draw_impacts(&mut panel, data, &(-reach..reach), false)?;
+    panel.draw_series(LineSeries::new(
+        [(time.start, 0.0), (time.end, 0.0)],
+        INK.stroke_width(8),
+    ))?;
+    let dot = data.dot();
+    for point in &data.points {
+        let Some(residual) = point.residual else {
+            continue;
+        };
+        if residual.abs() > reach {
+            let edge = reach.copysign(residual);
+            let size = 4 * FINE as i32 * if edge > 0.0 { 1 } else { -1 };
+            panel.draw_series([TriangleMarker::new(
+                (point.time_s, 0.93 * edge),
+                size,
+                UNUSED.filled(),
+            )])?;
+            continue;
+        }
+        if let Some(std) = point.std.filter(|std| point.used && *std > 0.0) {
+            let (low, high) = ((residual - std).max(-reach), (residual + std).min(reach));
+            panel.draw_series([PathElement::new(
+                [(point.time_s, low), (point.time_s, high)],
+                UNUSED.stroke_width(7),
+            )])?;
+        }
+        draw_point(&mut panel, (point.time_s, residual), point.used, dot)?;
+    }
+    Ok(())
+}
+
+/// Axes, ticks at round numbers and their labels.
+fn panel<'a, 'b>(
+    area: &'a Area<'b>,
+    data: &Data,
+    value: Range<f64>,
+    ticks: usize,
+    label: &str,
+    time_axis: bool,
+) -> Result<Panel<'a, 'b>, PlotError> {
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(12 * FINE)
+        .margin_right(14 * FINE)
+        .margin_left(4 * FINE)
+        .set_label_area_size(LabelAreaPosition::Left, 66 * FINE)
+        .set_label_area_size(
+            LabelAreaPosition::Bottom,
+            if time_axis { TIME_AXIS_HEIGHT * FINE } else { 0 },
+        )
+        .build_cartesian_2d(Axis::new(data.time.clone(), 9), Axis::new(value, ticks))?;
+    let text = ("sans-serif", 16 * FINE).into_font().color(&INK);
+    let mut mesh = chart.configure_mesh();
+    mesh.max_light_lines(1)
+        .light_line_style(GRID.stroke_width(0))
+        .bold_line_style(GRID.stroke_width(8))
+        .axis_style(INK.stroke_width(9))
+        .label_style(text.clone())
+        .axis_desc_style(text)
+        .set_all_tick_mark_size(4 * FINE)
+        .y_desc(label);
+    if time_axis {
+        mesh.x_desc("time / s");
+    }
+    mesh.draw()?;
+    Ok(chart)
+}
+
+fn draw_impacts(
+    panel: &mut Panel<'_, '_>,
+    data: &Data,
+    value: &Range<f64>,
+    numbered: bool,
+) -> Result<(), PlotError> {
+    let shown = |time: &f64| data.time.contains(time);
+    for (number, time) in data.impacts.iter().filter(|(_, time)| shown(time)) {
+        panel.draw_series(DashedLineSeries::new(
+            [(*time, value.start), (*time, value.end)],
+            5 * FINE,
+            3 * FINE,
+            IMPACT.stroke_width(9),
+        ))?;
+        if numbered {
+            let style = ("sans-serif", 16 * FINE)
+                .into_font()
+                .style(FontStyle::Bold)
+                .color(&IMPACT);
+            let place = EmptyElement::at((*time, value.end))
+                + Text::new(number.to_string(), (4 * FINE as i32, 3 * FINE as i32), style);
+            panel.draw_series([place])?;
+        }
+    }
+    Ok(())
+}
+
+/// A dot for a point in use, a grey cross for one that is not.
+fn draw_point(panel: &mut Panel<'_, '_>, at: (f64, f64), used: bool, dot: u32) -> Result<(), PlotError> {
+    if used {
+        panel.draw_series([Circle::new(at, dot, INK.filled())])?;
+    } else {
+        panel.draw_series([Cross::new(at, 30, UNUSED.stroke_width(11))])?;
+    }
+    Ok(())
+}
+
+/// Multiples of a round step within a range (either way round), about `wanted` of them, and the decimals they need.
+fn round_ticks(range: &Range<f64>, wanted: usize) -> (Vec<f64>, usize) {
+    let (low, high) = (range.start.min(range.end), range.start.max(range.end));
+    let raw = (high - low) / wanted as f64;
+    if !(raw.is_finite() && raw > 0.0) {
+        return (vec![low], 3);
+    }
+    // One step up from the round number below, unless that one is it.
+    let below = places::round_below(raw);
+    let step = if below >= raw * (1.0 - 1e-9) {
+        below
+    } else {
+        places::round_below(2.5 * below)
+    };
+    let first = (low / step).ceil() as i64;
+    let last = (high / step).floor() as i64;
+    let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
+    // At most `wanted` + 1 by construction; the limit guards against a range too narrow for its place on the axis.
+    (
+        (first..=last.min(first + 50)).map(|i| i as f64 * step).collect(),
+        decimals,
+    )
+}
+
+/// A tick's label, with a true minus sign and no minus zero.
+fn number(value: f64, decimals: usize) -> String {
+    let text = format!("{:.decimals$}", value + 0.0);
+    match text.strip_prefix('-') {
+        Some(digits) if digits.bytes().any(|b| (b'1'..=b'9').contains(&b)) => format!("−{digits}"),
+        Some(digits) => digits.to_owned(),
+        None => text,
+    }
+}
+
+/// The drawing without its own size, so that the page gives it one, and with a name for those who cannot see it.
+fn for_a_page(svg: &str, height: u32, data: &Data) -> String {
+    let size = format!(r#"width="{}" height="{}""#, WIDTH * FINE, height * FINE);
+    let name = format!(
+        r#"class="plot" role="img" aria-label="{} against time""#,
+        data.symbol
+    );
+    svg.replacen(&size, &name, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fake;
+
+    fn plot(measurement: &Measurement, coordinate: Coordinate) -> Plot {
+        coordinate_plot(measurement, coordinate).unwrap().unwrap()
+    }
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let (ticks, places) = round_ticks(&(0.03..0.97), 6);
+        assert_eq!(places, 1);
+        assert_eq!(
+            ticks.iter().map(|t| number(*t, places)).collect::<Vec<_>>(),
+            ["0.2", "0.4", "0.6", "0.8"]
+        );
+        let (ticks, places) = round_ticks(&(-0.13..0.13), 4);
+        assert_eq!(
+            ticks.iter().map(|t| number(*t, places)).collect::<Vec<_>>(),
+            ["−0.1", "0.0", "0.1"]
+        );
+        let (ticks, places) = round_ticks(&(720.0..0.0), 6);
+        assert_eq!((ticks.len(), places), (4, 0));
+        assert_eq!(round_ticks(&(3600.0..3600.9), 9).0.len(), 10);
+        assert_eq!(round_ticks(&(1.0..1.0), 4).0, [1.0]);
+    }
+
+    #[test]
+    fn every_point_is_drawn_by_its_shape() {
+        let measurement = fake::two_bounces();
+        let used = measurement
+            .track
+            .points
+            .iter()
+            .filter(|p| matches!(p.use_, PointUse::Used(_)))
+            .count();
+        let plot = plot(&measurement, Coordinate::Up);
+        assert_eq!((plot.symbol, plot.every, plot.residuals), ("z", 1, true));
+        assert_eq!(
+            plot.svg.matches("<circle").count(),
+            2 * used,
+            "in the panel and in its residuals"
+        );
+        assert!(plot.svg.contains("z / m") && plot.svg.contains("residual / mm"));
+        assert!(plot.svg.contains("time / s"));
+        assert!(!plot.svg.contains("NaN"));
+        assert!(plot.svg.len() < 250_000, "{}", plot.svg.len());
+    }
+
+    #[test]
+    fn without_a_scale_pixels_are_drawn_and_rows_run_down() {
+        let measurement = fake::no_scale();
+        let plot = plot(&measurement, Coordinate::Up);
+        assert_eq!((plot.symbol, plot.residuals), ("v", true));
+        assert!(plot.svg.contains("v / px") && plot.svg.contains("residual / px"));
+        let data = Data::of(&measurement, Coordinate::Up).unwrap();
+        assert!(data.value.start > data.value.end);
+        let rms = (data
+            .points
+            .iter()
+            .filter_map(|p| p.residual)
+            .map(|r| r * r)
+            .sum::<f64>()
+            / data.points.iter().filter(|p| p.residual.is_some()).count() as f64)
+            .sqrt();
+        assert!((0.04..0.06).contains(&rms), "the noise that was put in: {rms}");
+    }
+
+    #[test]
+    fn a_top_view_draws_y() {
+        assert_eq!(plot(&fake::top_view(), Coordinate::Up).symbol, "y");
+    }
+
+    #[test]
+    fn without_arcs_there_are_no_residuals_and_without_points_no_plot() {
+        assert!(!plot(&fake::rejected(), Coordinate::Along).residuals);
+        assert_eq!(
+            coordinate_plot(&fake::nothing_seen(), Coordinate::Along).unwrap(),
+            None
+        );
+        let mut single = fake::rejected();
+        single.track.points.truncate(1);
+        assert!(plot(&single, Coordinate::Up).svg.contains("<svg"));
+    }
+
+    #[test]
+    fn a_long_track_is_thinned() {
+        let mut measurement = fake::two_bounces();
+        let points = measurement.track.points.clone();
+        measurement.track.points = points.iter().cycle().take(20_000).cloned().collect();
+        let plot = plot(&measurement, Coordinate::Along);
+        assert_eq!(plot.every, 50);
+        assert!(plot.svg.len() < 400_000, "{}", plot.svg.len());
+    }
+
+    #[test]
+    fn a_thrown_out_point_far_off_does_not_flatten_the_rest() {
+        let mut measurement = fake::two_bounces();
+        let outlier = measurement
+            .track
+            .points
+            .iter_mut()
+            .find(|p| p.frame == 97)
+            .unwrap();
+        outlier.residual_m.as_mut().unwrap().x_m = 4.0;
+        let data = Data::of(&measurement, Coordinate::Along).unwrap();
+        assert!(data.residual_reach.unwrap() < 0.5, "mm");
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_left_out() {
+        let mut measurement = fake::two_bounces();
+        measurement.track.points[5].world.as_mut().unwrap().x_m = f64::NAN;
+        measurement.track.points[6].time_s = f64::NAN;
+        assert!(!plot(&measurement, Coordinate::Along).svg.contains("NaN"));
+    }
+}

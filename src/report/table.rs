@@ -1,0 +1,289 @@
+//! The table for people on stdout. Warnings are not in it: `cli` prints them on stderr.
+
+pub use super::words::format_quantity;
+
+use super::words;
+use crate::bounce::{Bounce, Distances, Readings};
+use crate::measure::{Measurement, Outcome};
+use crate::quantity::Quantity;
+use std::fmt::Write as _;
+
+/// Bounces side by side: as many as fit into a hundred columns.
+const BOUNCES_A_ROW: usize = 3;
+
+/// The table, ready to print, with a newline at its end.
+#[must_use]
+pub fn table(measurement: &Measurement) -> String {
+    let mut text = String::new();
+    file_lines(&mut text, measurement);
+    if let Outcome::Rejected { reason } = &measurement.outcome {
+        line(&mut text, "REJECTED", reason);
+    }
+    if measurement.outcome == Outcome::Measured {
+        line(
+            &mut text,
+            "gravity",
+            &format_quantity(measurement.gravity_m_s2, "m/s²"),
+        );
+        bounce_lines(&mut text, &measurement.bounces);
+        distance_lines(&mut text, &measurement.distances);
+    }
+    if let Some(readings) = &measurement.readings {
+        reading_lines(&mut text, readings);
+    }
+    text
+}
+
+/// A row of the per-bounce table, shared with the page: what it is, its symbol, its unit, and where it stands.
+pub(super) struct BounceRow {
+    /// In words.
+    pub name: &'static str,
+    /// As in the paper.
+    pub symbol: &'static str,
+    /// Empty for a pure number.
+    pub unit: &'static str,
+    /// Whether a group of rows starts with it: place, before, after, coefficients, spin.
+    pub starts_part: bool,
+    /// The quantity of a bounce, in that unit.
+    pub quantity: fn(&Bounce) -> Option<Quantity>,
+}
+
+/// The rows of the per-bounce table in reading order.
+pub(super) const BOUNCE_ROWS: [BounceRow; 15] = [
+    row("time", "t", "s", |b| b.time_s),
+    row("place", "x", "m", |b| b.x_m),
+    first(row("x velocity before", "v_ox", "m/s", |b| b.incident.vx_m_s)),
+    row("z velocity before", "v_oz", "m/s", |b| b.incident.vz_m_s),
+    row("incident angle", "θ", "°", |b| {
+        words::degrees(b.incident.angle_rad)
+    }),
+    first(row("x velocity after", "v_x", "m/s", |b| b.rebound.vx_m_s)),
+    row("z velocity after", "v_z", "m/s", |b| b.rebound.vz_m_s),
+    row("rebound angle", "φ", "°", |b| {
+        words::degrees(b.rebound.angle_rad)
+    }),
+    row("azimuth", "α", "°", |b| words::degrees(b.azimuth_rad)),
+    first(row("restitution", "e", "", |b| b.restitution)),
+    row("tangential ratio", "v_x/v_ox", "", |b| b.tangential_ratio),
+    row("friction", "μ", "", |b| b.friction),
+    row("tang. restitution", "e_x", "", |b| b.tangential_restitution),
+    first(row("spin before", "Rω_o", "m/s", |b| b.spin_in_m_s)),
+    row("spin after", "Rω", "m/s", |b| b.spin_out_m_s),
+];
+
+const fn row(
+    name: &'static str,
+    symbol: &'static str,
+    unit: &'static str,
+    quantity: fn(&Bounce) -> Option<Quantity>,
+) -> BounceRow {
+    BounceRow {
+        name,
+        symbol,
+        unit,
+        starts_part: false,
+        quantity,
+    }
+}
+
+/// The first row of its group.
+const fn first(row: BounceRow) -> BounceRow {
+    BounceRow {
+        starts_part: true,
+        ..row
+    }
+}
+
+fn file_lines(text: &mut String, measurement: &Measurement) {
+    let video = &measurement.video;
+    let rate = video.frame_rate_hz.map_or_else(
+        || "rate unknown".to_owned(),
+        |hz| format!("{} Hz", words::trimmed(hz, 3)),
+    );
+    line(text, "file", &video.path.display().to_string());
+    line(
+        text,
+        "",
+        &format!(
+            "{} × {} px, {} in {} s, {rate}; times from {}",
+            video.width_px,
+            video.height_px,
+            words::counted(video.frames, "frame"),
+            words::trimmed(video.duration_s, 4),
+            words::time_source(video.time_source),
+        ),
+    );
+    let track = &measurement.track;
+    let (used, _) = words::point_counts(measurement);
+    let std = track.centre_std_px.map_or_else(
+        || "uncertainty of a centre unknown".to_owned(),
+        |std| format!("a centre to ± {} px", words::two_digits(std)),
+    );
+    line(
+        text,
+        "ball",
+        &format!(
+            "seen in {}, used in {used}; radius {}; {std}",
+            words::counted(track.detected as u64, "frame"),
+            format_quantity(track.radius_px, "px"),
+        ),
+    );
+}
+
+fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
+    for (block, chunk) in bounces.chunks(BOUNCES_A_ROW).enumerate() {
+        let cells: Vec<Vec<String>> = chunk
+            .iter()
+            .map(|bounce| {
+                BOUNCE_ROWS
+                    .iter()
+                    .map(|row| format_quantity((row.quantity)(bounce), row.unit))
+                    .collect()
+            })
+            .collect();
+        let width = cells
+            .iter()
+            .flatten()
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+            .max(8);
+        text.push('\n');
+        let mut heading = String::new();
+        for index in 0..chunk.len() {
+            let name = format!("bounce {}", block * BOUNCES_A_ROW + index + 1);
+            let _ = write!(heading, "  {name:<width$}");
+        }
+        let _ = writeln!(text, "{:<LABEL$}{:<SYMBOL$}{}", "", "", heading.trim_end());
+        for (index, row) in BOUNCE_ROWS.iter().enumerate() {
+            if chunk.iter().all(|bounce| (row.quantity)(bounce).is_none()) && row.symbol == "α" {
+                continue; // A side view has no azimuth: a dash there would look like a failure.
+            }
+            let mut values = String::new();
+            for column in &cells {
+                let _ = write!(values, "  {:<width$}", column[index]);
+            }
+            let _ = writeln!(
+                text,
+                "{:<LABEL$}{:<SYMBOL$}{}",
+                row.name,
+                row.symbol,
+                values.trim_end()
+            );
+        }
+    }
+}
+
+fn distance_lines(text: &mut String, distances: &Distances) {
+    let x0 = format_quantity(distances.x0_m, "m");
+    let x = format_quantity(distances.x_m, "m");
+    let source = words::x_source(distances.x_source);
+    text.push('\n');
+    line(text, "x0", &format!("{x0}   launch edge to first impact"));
+    line(text, "x", &format!("{x}   first to second impact ({source})"));
+}
+
+fn reading_lines(text: &mut String, readings: &Readings) {
+    let (mu_e, mu_e_meaning) = words::mu_e_regime(readings.mu_e_regime);
+    let (e_e, e_e_meaning) = words::e_e_regime(readings.e_e_regime);
+    text.push('\n');
+    let e = format_quantity(readings.restitution, "");
+    let mu = format_quantity(readings.friction, "");
+    let e_x = format_quantity(readings.tangential_restitution, "");
+    line(text, "μ-e model", &format!("e = {e},  μ = {mu}"));
+    line(text, "", &format!("{mu_e}: {mu_e_meaning}"));
+    line(text, "e-e model", &format!("e = {e},  e_x = {e_x}"));
+    line(text, "", &format!("{e_e}: {e_e_meaning}"));
+    line(text, "preferred", words::preferred(readings.preferred));
+}
+
+/// Columns of the names at the left, and of the symbols beside them.
+const LABEL: usize = 19;
+const SYMBOL: usize = 9;
+
+/// A name and what follows it, broken at words within a hundred columns.
+fn line(text: &mut String, name: &str, content: &str) {
+    const CONTENT: usize = 88;
+    const NAME: usize = 12;
+    let mut lead = name;
+    let mut current = String::new();
+    for word in content.split(' ') {
+        let length = current.chars().count() + 1 + word.chars().count();
+        if length > CONTENT && !current.trim().is_empty() {
+            let _ = writeln!(text, "{lead:<NAME$}{}", current.trim_end());
+            (lead, current) = ("", String::new());
+        }
+        if !current.is_empty() {
+            current.push(' ');
+        }
+        current.push_str(word);
+    }
+    let _ = writeln!(text, "{lead:<NAME$}{}", current.trim_end());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fake;
+
+    #[test]
+    fn every_measured_number_stands_with_its_uncertainty() {
+        let text = table(&fake::two_bounces());
+        for expected in [
+            "gravity     9.806 ± 0.011 m/s²",
+            "0.7804 ± 0.0013",
+            "bounce 1",
+            "bounce 2",
+            "x0          0.32150 ± 0.00031 m",
+            "both impacts seen",
+            "sliding: the ball slid",
+            "ordinary: e_x below 0",
+            "radius 13.900 ± 0.021 px",
+            "a centre to ± 0.050 px",
+            "240 Hz",
+        ] {
+            assert!(text.contains(expected), "{expected}\n{text}");
+        }
+        assert!(!text.contains("NaN") && !text.contains("azimuth"), "{text}");
+        assert!(!text.contains("dropped_frames"), "warnings go to stderr");
+        assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let text = table(&fake::two_bounces());
+        let column = |line: &str| line.char_indices().filter(|(_, c)| *c == '±').count();
+        let rows: Vec<&str> = text.lines().filter(|line| column(line) == 2).collect();
+        assert!(rows.len() >= 8, "{text}");
+        let second =
+            |line: &str| line.chars().count() - line.chars().rev().collect::<String>().find("  ").unwrap();
+        assert!(second(rows[1]) > 40);
+    }
+
+    #[test]
+    fn a_rejected_recording_prints_its_reason() {
+        for measurement in [fake::rejected(), fake::nothing_seen()] {
+            let text = table(&measurement);
+            assert!(text.contains("REJECTED"), "{text}");
+            assert!(!text.contains("gravity"), "{text}");
+            assert!(!text.contains("bounce 1"), "{text}");
+        }
+    }
+
+    #[test]
+    fn many_bounces_are_broken_into_blocks() {
+        let mut measurement = fake::two_bounces();
+        let bounce = measurement.bounces[0].clone();
+        measurement.bounces = vec![bounce; 7];
+        let text = table(&measurement);
+        assert!(text.contains("bounce 7"));
+        assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    }
+
+    #[test]
+    fn a_top_view_shows_the_azimuth() {
+        let text = table(&fake::top_view());
+        assert!(text.contains("azimuth"), "{text}");
+        assert!(text.contains("12.03 ± 0.23°"), "{text}");
+    }
+}

@@ -1,0 +1,378 @@
+//! Numbers and findings in words, shared by the table and the page.
+
+use crate::bounce::{EERegime, MuERegime, Preferred, XSource};
+use crate::measure::{Measurement, PointUse, TimeSource};
+use crate::quantity::Quantity;
+
+/// What stands where there is no value.
+pub(super) const NO_VALUE: &str = "—";
+
+/// A quantity in lab notation, "0.7812 ± 0.0031 m": two significant digits of the uncertainty, and the value to the
+/// same place. "± ?" where the uncertainty was not determined (the value then gets three significant digits), "—" where
+/// there is no value. Very large and very small ones share a power of ten: "(1.20 ± 0.34)×10⁻⁵ m".
+#[must_use]
+pub fn format_quantity(quantity: Option<Quantity>, unit: &str) -> String {
+    match written(quantity) {
+        None => NO_VALUE.to_owned(),
+        Some(Written {
+            value,
+            uncertainty,
+            power: None,
+        }) => with_unit(format!("{value} ± {uncertainty}"), unit),
+        Some(Written {
+            value,
+            uncertainty,
+            power: Some(power),
+        }) => with_unit(
+            format!("({value} ± {uncertainty})×10{}", superscript(power)),
+            unit,
+        ),
+    }
+}
+
+/// The parts of a quantity as it is written, for columns that line up at the ±.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Written {
+    /// The value's digits.
+    pub value: String,
+    /// The uncertainty's digits, or "?".
+    pub uncertainty: String,
+    /// The common power of ten, where there is one.
+    pub power: Option<i32>,
+}
+
+/// A value and its uncertainty as digits; `None` where there is no (finite) value.
+pub(super) fn written(quantity: Option<Quantity>) -> Option<Written> {
+    let Quantity {
+        value,
+        std_uncertainty,
+    } = quantity.filter(|quantity| quantity.value.is_finite())?;
+    let std = std_uncertainty.filter(|std| std.is_finite() && *std > 0.0);
+    let largest = value.abs().max(std.unwrap_or(0.0));
+    // Outside this range a row of zeros hides the digits that matter.
+    let power =
+        (largest != 0.0 && !(1e-3..1e5).contains(&largest)).then(|| leading_digit(largest, MAX_DIGITS));
+    let shift = |number: f64| power.map_or(number, |power| number / 10_f64.powi(power));
+    let (value, std) = (shift(value), std.map(shift));
+    let Some(std) = std.filter(|std| *std > 0.0) else {
+        let places = if value == 0.0 {
+            0
+        } else {
+            2 - leading_digit(value.abs(), 2)
+        };
+        return Some(Written {
+            value: rounded(value, places),
+            uncertainty: "?".to_owned(),
+            power,
+        });
+    };
+    // More digits than an f64 holds would be invented ones.
+    let most = MAX_DIGITS as i32
+        - if value == 0.0 {
+            0
+        } else {
+            leading_digit(value.abs(), MAX_DIGITS).max(0)
+        };
+    let places = 1 - leading_digit(std, 1);
+    Some(if places <= most {
+        Written {
+            value: rounded(value, places),
+            uncertainty: rounded(std, places),
+            power,
+        }
+    } else {
+        let exponent = leading_digit(std, 1);
+        Written {
+            value: rounded(value, most),
+            uncertainty: format!("10{}", superscript(exponent)),
+            power,
+        }
+    })
+}
+
+/// Significant digits of an f64 that can be relied on.
+const MAX_DIGITS: usize = 14;
+
+/// The power of ten of `number`'s first digit once it is rounded to `decimals` digits after it: 9.96 with one decimal
+/// is 10.0, whose first digit stands for tens.
+fn leading_digit(number: f64, decimals: usize) -> i32 {
+    let text = format!("{number:.decimals$e}");
+    // `{:e}` always writes an exponent.
+    text.split_once('e')
+        .and_then(|(_, exponent)| exponent.parse().ok())
+        .unwrap_or(0)
+}
+
+/// `number` rounded to `places` after the point (before it, where negative), with a true minus sign and no minus zero.
+fn rounded(number: f64, places: i32) -> String {
+    let text = match usize::try_from(places) {
+        Ok(places) => format!("{number:.places$}"),
+        Err(_) => {
+            let step = 10_f64.powi(-places);
+            format!("{:.0}", (number / step).round() * step)
+        }
+    };
+    match text.strip_prefix('-') {
+        Some(digits) if digits.bytes().any(|b| (b'1'..=b'9').contains(&b)) => format!("−{digits}"),
+        Some(digits) => digits.to_owned(),
+        None => text,
+    }
+}
+
+/// A power of ten's exponent in raised digits.
+pub(super) fn superscript(power: i32) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    power
+        .to_string()
+        .chars()
+        .map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]))
+        .collect()
+}
+
+/// The number with its unit: apart, except for the degree sign.
+pub(super) fn with_unit(number: String, unit: &str) -> String {
+    match unit {
+        "" => number,
+        "°" => number + unit,
+        _ => format!("{number} {unit}"),
+    }
+}
+
+/// An angle in radians as degrees, for people.
+pub(super) fn degrees(angle_rad: Option<Quantity>) -> Option<Quantity> {
+    angle_rad.map(|angle| angle.scaled(1_f64.to_degrees()))
+}
+
+/// The μ-e model's regime by name and in plain words.
+pub(super) fn mu_e_regime(regime: MuERegime) -> (&'static str, &'static str) {
+    match regime {
+        MuERegime::Sliding => (
+            "sliding",
+            "the ball slid on the floor for the whole contact, with friction at its limit: the change of horizontal \
+             speed gives μ",
+        ),
+        MuERegime::Nonsliding => (
+            "nonsliding",
+            "friction stopped the slip before the ball left: it leaves rolling, and the bounce gives only a lower \
+             limit for μ",
+        ),
+        MuERegime::Undetermined => (
+            "undetermined",
+            "the uncertainties do not tell whether the ball slid to the end of the contact or left rolling",
+        ),
+    }
+}
+
+/// The e-e model's regime by name and in plain words.
+pub(super) fn e_e_regime(regime: EERegime) -> (&'static str, &'static str) {
+    match regime {
+        EERegime::Ordinary => (
+            "ordinary",
+            "e_x below 0: the ball's lowest point was still slipping forward when it left",
+        ),
+        EERegime::Nonsliding => (
+            "nonsliding",
+            "e_x equal to 0 within its uncertainty: the ball left rolling, its lowest point at rest on the floor",
+        ),
+        EERegime::Grip => (
+            "grip",
+            "e_x above 0: the contact gripped and sprang back sideways, as a superball does; the ball leaves \
+             spinning faster than it would roll",
+        ),
+        EERegime::Undetermined => (
+            "undetermined",
+            "the uncertainty of e_x does not tell its sign (or the spin before the bounce is not known)",
+        ),
+    }
+}
+
+/// Which model fits better, as a sentence without its full stop.
+pub(super) fn preferred(preferred: Preferred) -> &'static str {
+    match preferred {
+        Preferred::MuE => "the μ-e model (Coulomb friction) describes the bounces of this recording better",
+        Preferred::EE => {
+            "the e-e model (horizontal restitution) describes the bounces of this recording better"
+        }
+        Preferred::Undetermined => "this recording alone does not tell which model is better",
+    }
+}
+
+/// Where x comes from.
+pub(super) fn x_source(source: Option<XSource>) -> &'static str {
+    match source {
+        Some(XSource::Observed) => "both impacts seen",
+        Some(XSource::Extrapolated) => "the second impact extrapolated from the rebound's arc",
+        None => "not measured",
+    }
+}
+
+/// Where times come from.
+pub(super) fn time_source(source: TimeSource) -> &'static str {
+    match source {
+        TimeSource::Stamps => "the file's own time stamps",
+        TimeSource::Calibration => "frame_rate_hz of the calibration",
+    }
+}
+
+/// The file's name without its folders.
+pub(super) fn file_name(measurement: &Measurement) -> String {
+    let path = &measurement.video.path;
+    path.file_name()
+        .unwrap_or(path.as_os_str())
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// How many points were used, and how many were not for each reason, the most frequent first.
+pub(super) fn point_counts(measurement: &Measurement) -> (usize, Vec<(&str, usize)>) {
+    let mut used = 0;
+    let mut reasons: Vec<(&str, usize)> = Vec::new();
+    for point in &measurement.track.points {
+        match &point.use_ {
+            PointUse::Used(_) => used += 1,
+            PointUse::Unused(reason) => match reasons.iter_mut().find(|(known, _)| known == reason) {
+                Some((_, count)) => *count += 1,
+                None => reasons.push((reason, 1)),
+            },
+        }
+    }
+    reasons.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+    (used, reasons)
+}
+
+/// `1 frame`, `2 frames`.
+pub(super) fn counted(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+/// A bare uncertainty to two significant digits, as [`format_quantity`] writes it.
+pub(super) fn two_digits(std: f64) -> String {
+    rounded(std, 1 - leading_digit(std, 1))
+}
+
+/// A plain number of the file facts: at most `places` after the point, without trailing zeros.
+pub(super) fn trimmed(number: f64, places: usize) -> String {
+    let text = format!("{number:.places$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn of(value: f64, std: f64) -> String {
+        format_quantity(Quantity::new(value, std), "")
+    }
+
+    #[test]
+    fn the_value_ends_where_the_uncertainty_does() {
+        assert_eq!(of(0.781_234, 0.003_14), "0.7812 ± 0.0031");
+        assert_eq!(of(24.1, 0.12), "24.10 ± 0.12");
+        assert_eq!(of(-2.426_1, 0.0029), "−2.4261 ± 0.0029");
+        assert_eq!(of(9.806, 0.11), "9.81 ± 0.11");
+        assert_eq!(of(1234.0, 17.0), "1234 ± 17");
+        assert_eq!(of(3.0, 1.0), "3.0 ± 1.0");
+        assert_eq!(of(412.345_678_9, 0.000_042), "412.345679 ± 0.000042");
+    }
+
+    #[test]
+    fn an_uncertainty_that_rounds_up_keeps_two_digits() {
+        assert_eq!(of(123.456, 9.96), "123 ± 10");
+        assert_eq!(of(0.5, 0.0996), "0.50 ± 0.10");
+        assert_eq!(of(0.5, 0.0994), "0.500 ± 0.099");
+        assert_eq!(of(1.5, 0.996), "1.5 ± 1.0");
+    }
+
+    #[test]
+    fn a_large_uncertainty_rounds_before_the_point() {
+        assert_eq!(of(1234.0, 234.0), "1230 ± 230");
+        assert_eq!(of(98_765.0, 4321.0), "98800 ± 4300");
+    }
+
+    #[test]
+    fn an_uncertainty_larger_than_the_value() {
+        assert_eq!(of(0.012, 0.34), "0.01 ± 0.34");
+        assert_eq!(of(0.0004, 0.0031), "0.0004 ± 0.0031");
+        assert_eq!(of(0.0, 0.05), "0.000 ± 0.050");
+        assert_eq!(of(3.0, 250.0), "0 ± 250");
+    }
+
+    #[test]
+    fn there_is_no_minus_zero() {
+        assert_eq!(of(-0.001, 0.5), "0.00 ± 0.50");
+        assert_eq!(of(-0.0, 0.5), "0.00 ± 0.50");
+        assert_eq!(of(-12.0, 400.0), "−10 ± 400");
+        assert_eq!(of(-3.0, 400.0), "0 ± 400");
+    }
+
+    #[test]
+    fn without_an_uncertainty_there_are_three_digits_and_a_question_mark() {
+        let of = |value| format_quantity(Quantity::undetermined(value), "m");
+        assert_eq!(of(0.781_234), "0.781 ± ? m");
+        assert_eq!(of(9.999), "10.0 ± ? m");
+        assert_eq!(of(1234.0), "1230 ± ? m");
+        assert_eq!(of(0.0), "0 ± ? m");
+        assert_eq!(of(-24.06), "−24.1 ± ? m");
+        assert_eq!(of(1.25e-7), "(1.25 ± ?)×10⁻⁷ m");
+    }
+
+    #[test]
+    fn huge_and_small_numbers_share_a_power_of_ten() {
+        assert_eq!(of(1.2e-5, 3.4e-6), "(1.20 ± 0.34)×10⁻⁵");
+        assert_eq!(of(6.022e23, 1.0e20), "(6.0220 ± 0.0010)×10²³");
+        assert_eq!(of(999_996.0, 20.0), "(9.99996 ± 0.00020)×10⁵");
+        assert_eq!(of(1e-300, 1e-301), "(1.00 ± 0.10)×10⁻³⁰⁰");
+        assert_eq!(of(1e308, 1e307), "(1.00 ± 0.10)×10³⁰⁸");
+        assert_eq!(of(2.0e-5, 3.0e-4), "(0.2 ± 3.0)×10⁻⁴");
+    }
+
+    #[test]
+    fn digits_beyond_a_float_are_not_invented() {
+        assert_eq!(of(1.0, 1e-300), "1.00000000000000 ± 10⁻³⁰⁰");
+    }
+
+    #[test]
+    fn units_and_missing_values() {
+        assert_eq!(format_quantity(None, "m"), "—");
+        assert_eq!(format_quantity(Quantity::new(0.25, 0.01), "m"), "0.250 ± 0.010 m");
+        assert_eq!(format_quantity(Quantity::new(24.1, 0.12), "°"), "24.10 ± 0.12°");
+        let broken = Quantity {
+            value: f64::NAN,
+            std_uncertainty: Some(1.0),
+        };
+        assert_eq!(format_quantity(Some(broken), "m"), "—");
+        let broken = Quantity {
+            value: 1.0,
+            std_uncertainty: Some(0.0),
+        };
+        assert_eq!(format_quantity(Some(broken), ""), "1.00 ± ?");
+    }
+
+    proptest! {
+        /// Whatever is written reads back within half a unit of the last digit, which is under 5 % of the uncertainty.
+        #[test]
+        fn what_is_written_reads_back(mantissa in -10.0..10.0_f64, decade in -2..4_i32, ratio in -4.0..0.5_f64) {
+            let value = mantissa * 10_f64.powi(decade);
+            let std = (value.abs() + 1e-9) * 10_f64.powf(ratio);
+            let w = written(Quantity::new(value, std)).unwrap();
+            let scale = 10_f64.powi(w.power.unwrap_or(0));
+            let read = |text: &str| text.replace('−', "-").parse::<f64>().unwrap() * scale;
+            prop_assert!((read(&w.value) - value).abs() <= 0.0501 * std, "{value} {std} {w:?}");
+            prop_assert!((read(&w.uncertainty) - std).abs() <= 0.0501 * std, "{value} {std} {w:?}");
+            let digits = w.uncertainty.replace('.', "");
+            prop_assert!(digits.trim_start_matches('0').trim_end_matches('0').len() <= 2);
+        }
+    }
+
+    #[test]
+    fn plain_numbers_lose_their_idle_zeros() {
+        assert_eq!(trimmed(240.0, 3), "240");
+        assert_eq!(trimmed(29.970_03, 3), "29.97");
+        assert_eq!(trimmed(1200.0, 0), "1200");
+    }
+}

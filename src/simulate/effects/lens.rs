@@ -1,0 +1,75 @@
+//! Lens distortion by OpenCV's model (Brown 1966), from the ideal picture to the real one:
+//!
+//! ```text
+//! x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)        y' likewise with p1 and p2 exchanged
+//! ```
+//!
+//! The outline is warped to first order, by the Jacobian at its centre.
+
+use super::{Action, Effect, Estimate, Ideal, Warp};
+use crate::geometry::PixelPoint;
+use crate::simulate::camera::{Ellipse, Outline};
+use crate::simulate::scene::{Lens, Scene};
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+/// Lens distortion.
+pub(super) struct LensDistortion;
+
+impl Effect for LensDistortion {
+    fn name(&self) -> &'static str {
+        "lens"
+    }
+
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+        let formula = "largest displacement along the flight, Brown's model with k1, k2, p1, p2, k3";
+        let shift = scene.camera.lens.map_or(0.0, |lens| {
+            ideal.largest(|s| {
+                let at = Vector2::new(s.pixel.u_px, s.pixel.v_px);
+                (lens.distort(at) - at).norm()
+            })
+        });
+        Estimate::px(shift, formula)
+    }
+
+    fn action(&self, scene: &Scene) -> Action {
+        scene
+            .camera
+            .lens
+            .map_or(Action::Nothing, |lens| Action::Warp(Box::new(lens)))
+    }
+}
+
+impl Lens {
+    /// Where a point of the picture without distortion (px) is in the real one.
+    fn distort(&self, at: Vector2<f64>) -> Vector2<f64> {
+        let [[fx, _, cx], [_, fy, cy], _] = self.camera_matrix;
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let (x, y) = ((at.x - cx) / fx, (at.y - cy) / fy);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        Vector2::new(
+            cx + fx * (x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)),
+            cy + fy * (y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y),
+        )
+    }
+
+    /// Its derivative, by central differences over two pixels: distortion is smooth on that scale.
+    fn jacobian(&self, at: Vector2<f64>) -> Matrix2<f64> {
+        let column = |step: Vector2<f64>| (self.distort(at + step) - self.distort(at - step)) * 0.5;
+        Matrix2::from_columns(&[column(Vector2::x()), column(Vector2::y())])
+    }
+}
+
+impl Warp for Lens {
+    fn warp(&self, _ball_m: &Vector3<f64>, outline: &Outline) -> Outline {
+        let centre = self.distort(Vector2::new(outline.centre.u_px, outline.centre.v_px));
+        let ellipse = outline.ellipse;
+        Outline {
+            centre: PixelPoint::new(centre.x, centre.y),
+            ellipse: Ellipse {
+                centre: self.distort(ellipse.centre),
+                axes: self.jacobian(ellipse.centre) * ellipse.axes,
+            },
+        }
+    }
+}

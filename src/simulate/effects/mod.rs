@@ -1,0 +1,575 @@
+//! What a recording is more than a parabola, a rigid impact and a sharp picture: a file an effect.
+//!
+//! Each file holds the effect's *estimate* (by how many px it would move a centre, or by how many grey levels it would
+//! change the picture, from the scene alone) and its *action* (one of the hooks of [`Action`]). [`decide`] compares
+//! the estimates with the scene's tolerances; an effect that is not used has no action anywhere, so it cannot be
+//! evaluated, and [`Decision::evaluations`] counts to prove it.
+//!
+//! To add one: write its file and put it into [`ALL`].
+//!
+//! # The decision
+//!
+//! Effects below the tolerance add up. `auto` therefore leaves out effects from the smallest estimate on as long as
+//! the *sum* of what is left out, with a margin of [`MARGIN`], stays within `tolerance_px`: then centres with `auto` are
+//! within the tolerance of centres with `all`. Grey levels do not add up to a centre's shift and are decided one by one.
+
+mod buoyancy;
+mod codec;
+mod contact_time;
+mod defocus;
+mod deviation;
+mod drag;
+mod exposure;
+mod flicker;
+mod lens;
+mod magnus;
+mod noise;
+mod perspective;
+mod reflection;
+mod rolling_shutter;
+mod shading;
+mod shadow;
+mod shot_noise;
+mod texture;
+mod uneven_light;
+
+use super::camera::{Outline, PictureOf, picture_shift_px};
+use super::flight::{Acts, State, Trajectory};
+use super::render::{Backdrop, Patch};
+use super::scene::{EffectsChoice, Scene, SceneError, Switch};
+use crate::geometry::PixelPoint;
+use crate::models::Motion;
+use nalgebra::{Vector2, Vector3};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+pub use contact_time::Dip;
+pub use deviation::{Disturbance, Jump, Largest};
+pub use drag::drag_coefficient;
+
+/// All effects, in the order in which they act.
+pub static ALL: [&dyn Effect; 18] = [
+    &drag::Drag,
+    &magnus::Magnus,
+    &buoyancy::Buoyancy,
+    &contact_time::ContactTime,
+    &perspective::Perspective,
+    &lens::LensDistortion,
+    &exposure::ExposureBlur,
+    &rolling_shutter::RollingShutter,
+    &defocus::Defocus,
+    &shading::Shading,
+    &texture::Texture,
+    &shadow::Shadow,
+    &reflection::Reflection,
+    &uneven_light::UnevenLight,
+    &flicker::Flicker,
+    &noise::ReadNoise,
+    &shot_noise::ShotNoise,
+    &codec::Compression,
+];
+
+/// Margin on the sum of what is left out: estimates are first order along the undisturbed path.
+pub const MARGIN: f64 = 1.25;
+
+/// The names of all effects, as scenes say them.
+#[must_use]
+pub fn names() -> Vec<&'static str> {
+    ALL.iter().map(|e| e.name()).collect()
+}
+
+/// An effect: one file, one implementation.
+pub trait Effect: Sync {
+    /// As scenes, `--explain` and `truth.json` say it.
+    fn name(&self) -> &'static str;
+
+    /// How much it matters, from the scene and its ideal flight alone.
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate;
+
+    /// How it disturbs the ball's path, where it does: other effects' estimates may depend on where the ball goes.
+    fn disturbance(&self, _scene: &Scene) -> Option<Box<dyn Disturbance>> {
+        None
+    }
+
+    /// What it does. [`Action::Nothing`] where the scene has nothing for it to do (no lens, no `distance_m`).
+    fn action(&self, scene: &Scene) -> Action;
+}
+
+/// How much an effect matters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// In what `unit` says.
+    pub amount: f64,
+    /// By how much it may change what other effects do, in the same unit; counts in the decision only.
+    pub coupling: f64,
+    /// Of what.
+    pub unit: Unit,
+    /// The formula with its source, and its numbers where they help.
+    pub formula: String,
+}
+
+/// What an estimate counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Shift of a centre (or of an edge), px.
+    Px,
+    /// Change of a grey level.
+    Grey,
+}
+
+impl Estimate {
+    /// A shift in the picture.
+    #[must_use]
+    pub fn px(amount: f64, formula: impl Into<String>) -> Self {
+        Self {
+            amount,
+            coupling: 0.0,
+            unit: Unit::Px,
+            formula: formula.into(),
+        }
+    }
+
+    /// The shift of a disturbance, to first order along the ideal path; and its coupling: the others' work goes with the
+    /// speed squared at most, so that twice its share of the speed is what it may change in that.
+    #[must_use]
+    pub fn path(
+        scene: &Scene,
+        ideal: &Ideal,
+        disturbance: &dyn Disturbance,
+        formula: impl Into<String>,
+    ) -> Self {
+        let alone = ideal.deviation(scene, disturbance);
+        Self {
+            coupling: 2.0 * alone.speed_share * ideal.total_px,
+            ..Self::px(alone.shift_px, formula)
+        }
+    }
+
+    /// What the decision goes by.
+    #[must_use]
+    pub fn at_most(&self) -> f64 {
+        self.amount + self.coupling
+    }
+
+    /// A change of grey levels.
+    #[must_use]
+    pub fn grey(amount: f64, formula: impl Into<String>) -> Self {
+        Self {
+            amount,
+            coupling: 0.0,
+            unit: Unit::Grey,
+            formula: formula.into(),
+        }
+    }
+}
+
+/// Where an effect acts: one hook of the flight, the impact, the camera or the picture.
+pub enum Action {
+    /// Nowhere in this scene.
+    Nothing,
+    /// In flight.
+    Force(Box<dyn Force>),
+    /// At an impact.
+    Contact(Box<dyn ContactLaw>),
+    /// Between the ideal picture and the real one.
+    Warp(Box<dyn Warp>),
+    /// The exposure is a time average over so many seconds.
+    Exposure(f64),
+    /// Rows are exposed one after the other, over so many seconds.
+    Readout(f64),
+    /// Optical blur with this standard deviation, px.
+    Blur(f64),
+    /// How bright the ball's surface is.
+    Surface(Box<dyn Surface>),
+    /// What is behind the ball, added to its plain grey.
+    Texture(Box<dyn Texture>),
+    /// What the ball does to the picture around itself.
+    Layer(Box<dyn Layer>),
+    /// Light over the picture.
+    Light(Box<dyn Light>),
+    /// Light over time.
+    Lamp(Box<dyn Lamp>),
+    /// Noise of the sensor.
+    Noise(Box<dyn Noise>),
+    /// The file is compressed with loss, with this constant rate factor.
+    Lossy(u8),
+}
+
+/// What acts on the ball in flight, summed over all forces.
+#[derive(Debug, Clone, Copy)]
+pub struct Loads {
+    /// N.
+    pub force_n: Vector3<f64>,
+    /// Mass of the air that moves along, kg.
+    pub added_mass_kg: f64,
+}
+
+/// A force in flight.
+pub trait Force: Send + Sync {
+    /// Adds its own to `loads`, for a ball in `state` with surface speed `spin_m_s` (R ω).
+    fn act(&self, state: &State, spin_m_s: &Vector3<f64>, loads: &mut Loads);
+}
+
+/// An impact that takes time.
+pub trait ContactLaw: Send + Sync {
+    /// How the centre moves while ball and floor touch; `None` where they part at once.
+    fn dip(&self, incident: &Motion, rebound: &Motion) -> Option<Dip>;
+}
+
+/// A step between the ideal picture (parallel light, no lens) and the real one.
+pub trait Warp: Send + Sync {
+    /// Where a ball at `ball_m`, so far at `outline`, goes.
+    fn warp(&self, ball_m: &Vector3<f64>, outline: &Outline) -> Outline;
+}
+
+/// How bright the ball's surface is.
+pub trait Surface: Send + Sync {
+    /// Grey where the outward normal is (right, up in the picture, towards the camera).
+    fn grey(&self, normal: &Vector3<f64>) -> f64;
+}
+
+/// What is behind the ball.
+pub trait Texture: Send + Sync {
+    /// Added to the plain grey at a point of the picture.
+    fn grey(&self, at: PixelPoint) -> f64;
+}
+
+/// A ball at a moment, for what it does to the picture around itself.
+pub struct Moment<'a> {
+    /// Its centre, m.
+    pub ball_m: Vector3<f64>,
+    /// Its outline.
+    pub outline: Outline,
+    /// The way into the picture.
+    pub picture: &'a PictureOf,
+    /// Its surface.
+    pub surface: &'a dyn Surface,
+}
+
+/// What the ball does to the picture around itself, painted before the ball.
+pub trait Layer: Send + Sync {
+    /// The smallest and largest corner of what it paints, px; `None` where it paints nothing.
+    fn extent(&self, moment: &Moment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)>;
+
+    /// Paints the rows `rows` of `patch`.
+    fn paint(
+        &self,
+        moment: &Moment<'_>,
+        backdrop: &Backdrop,
+        patch: &mut Patch,
+        rows: std::ops::Range<usize>,
+    );
+}
+
+/// Light over the picture.
+pub trait Light: Send + Sync {
+    /// Factor at a point of the picture.
+    fn gain(&self, at: PixelPoint) -> f64;
+}
+
+/// Light over time.
+pub trait Lamp: Send + Sync {
+    /// Mean factor of an exposure of `exposure_s` centred on `time_s`.
+    fn gain(&self, time_s: f64, exposure_s: f64) -> f64;
+}
+
+/// Noise of the sensor.
+pub trait Noise: Send + Sync {
+    /// Variance at a grey level, grey².
+    fn variance(&self, grey: f64) -> f64;
+}
+
+/// An action in use, which counts how often it is evaluated.
+pub struct Acting<T: ?Sized> {
+    what: Box<T>,
+    evaluations: Arc<AtomicU64>,
+}
+
+impl<T: ?Sized> Acting<T> {
+    #[cfg(test)]
+    pub(super) fn of(what: Box<T>) -> Self {
+        Self {
+            what,
+            evaluations: Arc::default(),
+        }
+    }
+
+    /// The action, to evaluate once.
+    pub fn apply(&self) -> &T {
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
+        &self.what
+    }
+}
+
+/// What the decision rests on: the path of a rigid ball without air.
+pub struct Ideal {
+    /// The path.
+    pub trajectory: Trajectory,
+    /// The ball in the ideal picture, in each frame that may show any of it.
+    pub visible: Vec<Sighting>,
+    /// How far all disturbances together may take the ball towards the camera or away from it, m.
+    pub wander_m: f64,
+    /// How far all disturbances together may shift the ball in the picture, px.
+    pub total_px: f64,
+    /// The ideal picture, and the one with every warp.
+    pictures: [PictureOf; 2],
+    /// How far outside the picture the ideal ball may be while the real one is inside, px, with its radius.
+    slack_px: f64,
+}
+
+/// A frame of the ideal flight.
+#[derive(Debug, Clone, Copy)]
+pub struct Sighting {
+    /// s.
+    pub time_s: f64,
+    /// The ball.
+    pub state: State,
+    /// Its centre in the ideal picture.
+    pub pixel: PixelPoint,
+}
+
+impl Ideal {
+    /// Flies the ball of `scene` without any effect, for as long as the recording may last with all of them.
+    ///
+    /// # Errors
+    /// [`SceneError::NeverLands`].
+    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+        let rigid = Self::of_length(scene, f64::INFINITY)?;
+        let (mut late_s, mut shift_px) = (0.0, 0.0);
+        for disturbed in rigid.disturbances(scene) {
+            late_s += disturbed.late_s.abs();
+            shift_px += disturbed.shift_px;
+        }
+        let mut longer = scene.clone();
+        longer.stop.tail_s += MARGIN * late_s;
+        let radius_px = scene.ball.radius_m / scene.camera.metres_per_pixel;
+        let mut ideal = Self::of_length(&longer, radius_px + MARGIN * shift_px)?;
+        let disturbances: Vec<Largest> = ideal.disturbances(scene).collect();
+        ideal.wander_m = disturbances.iter().map(|d| d.depth_m).sum();
+        ideal.total_px = disturbances.iter().map(|d| d.shift_px).sum();
+        Ok(ideal)
+    }
+
+    fn of_length(scene: &Scene, slack_px: f64) -> Result<Self, SceneError> {
+        let mut every = Chosen::default();
+        for effect in ALL {
+            every.take(effect.action(scene), &Arc::default());
+        }
+        let mut ideal = Self {
+            trajectory: Trajectory::new(scene, &Acts::default())?,
+            visible: Vec::new(),
+            wander_m: 0.0,
+            total_px: 0.0,
+            pictures: [
+                PictureOf::new(scene, Vec::new()),
+                PictureOf::new(scene, every.warps),
+            ],
+            slack_px,
+        };
+        ideal.visible = super::frame_times_s(scene, &ideal.trajectory)
+            .map(|time_s| {
+                let state = ideal.trajectory.state(time_s);
+                Sighting {
+                    time_s,
+                    state,
+                    pixel: ideal.pictures[0].outline(&state.position_m).centre,
+                }
+            })
+            .filter(|s| ideal.may_show(&s.state.position_m))
+            .collect();
+        Ok(ideal)
+    }
+
+    /// Whether the picture may show the ball when its ideal place is `ball_m`.
+    fn may_show(&self, ball_m: &Vector3<f64>) -> bool {
+        self.pictures
+            .iter()
+            .any(|p| p.shows(p.outline(ball_m).centre, self.slack_px))
+    }
+
+    fn disturbances(&self, scene: &Scene) -> impl Iterator<Item = Largest> {
+        ALL.iter()
+            .filter_map(|e| e.disturbance(scene))
+            .map(|d| self.deviation(scene, d.as_ref()))
+    }
+
+    fn deviation(&self, scene: &Scene, disturbance: &dyn Disturbance) -> Largest {
+        deviation::largest(scene, self, disturbance)
+    }
+
+    /// The largest speed, m/s; it is above 0, as the ball lands.
+    #[must_use]
+    pub fn top_speed_m_s(&self) -> f64 {
+        let launch = self.trajectory.state(0.0).velocity_m_s.norm();
+        let impacts = self.trajectory.impacts().iter();
+        impacts
+            .map(|i| i.incident.velocity_m_s.norm())
+            .fold(launch, f64::max)
+    }
+
+    /// The largest speed of the centre in the picture, px/s.
+    #[must_use]
+    pub fn top_speed_px_s(&self, scene: &Scene) -> f64 {
+        self.largest(|s| picture_shift_px(&scene.camera, &s.state.position_m, &s.state.velocity_m_s))
+    }
+
+    /// The largest `of` over all frames that show the ball, 0 where none does.
+    pub fn largest(&self, of: impl Fn(&Sighting) -> f64) -> f64 {
+        self.visible.iter().map(of).fold(0.0, f64::max)
+    }
+}
+
+/// One line of the table.
+#[derive(Debug, Clone)]
+pub struct Decision {
+    /// The effect.
+    pub name: &'static str,
+    /// How much it matters.
+    pub estimate: Estimate,
+    /// What it is compared with, in the estimate's unit.
+    pub tolerance: f64,
+    /// Whether it is simulated.
+    pub used: bool,
+    /// Why.
+    pub reason: String,
+    evaluations: Arc<AtomicU64>,
+}
+
+impl Decision {
+    /// How often the effect's action has been evaluated so far.
+    #[must_use]
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations.load(Ordering::Relaxed)
+    }
+}
+
+/// The actions of the effects in use, each at its hook.
+#[derive(Default)]
+pub struct Chosen {
+    /// Flight and impact.
+    pub acts: Acts,
+    /// Camera geometry.
+    pub warps: Vec<Acting<dyn Warp>>,
+    /// s.
+    pub exposure_s: Option<Acting<f64>>,
+    /// s.
+    pub readout_s: Option<Acting<f64>>,
+    /// px.
+    pub blur_px: Option<Acting<f64>>,
+    /// Brightness of the ball.
+    pub surface: Option<Acting<dyn Surface>>,
+    /// Background.
+    pub textures: Vec<Acting<dyn Texture>>,
+    /// Around the ball.
+    pub layers: Vec<Acting<dyn Layer>>,
+    /// Over the picture.
+    pub lights: Vec<Acting<dyn Light>>,
+    /// Over time.
+    pub lamps: Vec<Acting<dyn Lamp>>,
+    /// Sensor.
+    pub noises: Vec<Acting<dyn Noise>>,
+    /// Constant rate factor of lossy storage.
+    pub lossy_crf: Option<Acting<u8>>,
+}
+
+impl Chosen {
+    /// Puts `action` at its hook; whether it does anything.
+    fn take(&mut self, action: Action, evaluations: &Arc<AtomicU64>) -> bool {
+        fn acting<T: ?Sized>(what: Box<T>, evaluations: &Arc<AtomicU64>) -> Acting<T> {
+            Acting {
+                what,
+                evaluations: Arc::clone(evaluations),
+            }
+        }
+        match action {
+            Action::Nothing => return false,
+            Action::Force(x) => self.acts.forces.push(acting(x, evaluations)),
+            Action::Contact(x) => self.acts.contact = Some(acting(x, evaluations)),
+            Action::Warp(x) => self.warps.push(acting(x, evaluations)),
+            Action::Exposure(s) => self.exposure_s = Some(acting(Box::new(s), evaluations)),
+            Action::Readout(s) => self.readout_s = Some(acting(Box::new(s), evaluations)),
+            Action::Blur(px) => self.blur_px = Some(acting(Box::new(px), evaluations)),
+            Action::Surface(x) => self.surface = Some(acting(x, evaluations)),
+            Action::Texture(x) => self.textures.push(acting(x, evaluations)),
+            Action::Layer(x) => self.layers.push(acting(x, evaluations)),
+            Action::Light(x) => self.lights.push(acting(x, evaluations)),
+            Action::Lamp(x) => self.lamps.push(acting(x, evaluations)),
+            Action::Noise(x) => self.noises.push(acting(x, evaluations)),
+            Action::Lossy(crf) => self.lossy_crf = Some(acting(Box::new(crf), evaluations)),
+        }
+        true
+    }
+}
+
+/// Decides on every effect by `choice`, and gives the table and the actions in use.
+#[must_use]
+pub fn decide(scene: &Scene, choice: &EffectsChoice, ideal: &Ideal) -> (Vec<Decision>, Chosen) {
+    let estimates: Vec<Estimate> = ALL.iter().map(|e| e.estimate(scene, ideal)).collect();
+    let left_out_px = left_out(scene, choice, &estimates);
+    let mut chosen = Chosen::default();
+    let table = ALL
+        .iter()
+        .zip(estimates)
+        .map(|(effect, estimate)| {
+            let evaluations = Arc::new(AtomicU64::new(0));
+            let (mut used, mut reason) = judge(scene, choice.of(effect.name()), &estimate, left_out_px);
+            if used && !chosen.take(effect.action(scene), &evaluations) {
+                used = false;
+                reason = "the scene has nothing for it to do".to_owned();
+            }
+            Decision {
+                name: effect.name(),
+                tolerance: match estimate.unit {
+                    Unit::Px => scene.tolerance_px,
+                    Unit::Grey => scene.tolerance_grey,
+                },
+                estimate,
+                used,
+                reason,
+                evaluations,
+            }
+        })
+        .collect();
+    (table, chosen)
+}
+
+/// The largest estimate (px) that `auto` still leaves out: see the module's head. Negative where nothing is.
+fn left_out(scene: &Scene, choice: &EffectsChoice, estimates: &[Estimate]) -> f64 {
+    let mut shifts: Vec<f64> = ALL
+        .iter()
+        .zip(estimates)
+        .filter(|(effect, e)| e.unit == Unit::Px && choice.of(effect.name()) == Switch::Auto)
+        .map(|(_, e)| e.at_most())
+        .collect();
+    shifts.sort_by(f64::total_cmp);
+    let mut sum = 0.0;
+    shifts
+        .into_iter()
+        .take_while(|shift| {
+            sum += shift;
+            sum * MARGIN <= scene.tolerance_px
+        })
+        .last()
+        .unwrap_or(-1.0)
+}
+
+/// Whether to use an effect, and why.
+fn judge(scene: &Scene, switch: Switch, estimate: &Estimate, left_out_px: f64) -> (bool, String) {
+    match (switch, estimate.unit) {
+        (Switch::On, _) => (true, "on by request".to_owned()),
+        (Switch::Off, _) => (false, "off by request".to_owned()),
+        (Switch::Auto, Unit::Grey) if estimate.amount > scene.tolerance_grey => {
+            (true, "above the tolerance".to_owned())
+        }
+        (Switch::Auto, Unit::Px) if estimate.amount > scene.tolerance_px => {
+            (true, "above the tolerance".to_owned())
+        }
+        (Switch::Auto, Unit::Px) if estimate.at_most() > left_out_px => (
+            true,
+            format!(
+                "with what else is left out, couplings and a margin of {MARGIN} it would exceed the tolerance"
+            ),
+        ),
+        (Switch::Auto, _) => (false, "below the tolerance".to_owned()),
+    }
+}

@@ -1,0 +1,75 @@
+//! The floor mirrors the ball: its image below the floor line, mixed in with the floor's reflectance.
+//!
+//! In a side view only; a camera that looks down sees the reflection behind the ball. The mirrored ball is painted
+//! where it is below the floor line.
+
+use super::{Action, Effect, Estimate, Ideal, Layer, Moment};
+use crate::simulate::camera::Outline;
+use crate::simulate::render::{Backdrop, Patch, normal};
+use crate::simulate::scene::{Scene, View};
+use nalgebra::{Vector2, Vector3};
+use std::ops::Range;
+
+/// Floor reflection.
+pub(super) struct Reflection;
+
+impl Effect for Reflection {
+    fn name(&self) -> &'static str {
+        "reflection"
+    }
+
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
+        let seen = if scene.camera.view == View::Side {
+            scene.look.reflection
+        } else {
+            0.0
+        };
+        let contrast = (scene.look.ball_grey - scene.look.floor_grey).abs() + scene.look.highlight_grey;
+        Estimate::grey(
+            seen * contrast,
+            "reflectance × (contrast + highlight); side view only",
+        )
+    }
+
+    fn action(&self, scene: &Scene) -> Action {
+        if scene.camera.view == View::Side && scene.look.reflection > 0.0 {
+            Action::Layer(Box::new(Mirror {
+                share: scene.look.reflection as f32,
+            }))
+        } else {
+            Action::Nothing
+        }
+    }
+}
+
+struct Mirror {
+    share: f32,
+}
+
+impl Mirror {
+    fn image(&self, moment: &Moment<'_>) -> Outline {
+        let ball = moment.ball_m;
+        moment.picture.outline(&Vector3::new(ball.x, ball.y, -ball.z))
+    }
+}
+
+impl Layer for Mirror {
+    fn extent(&self, moment: &Moment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)> {
+        let ellipse = self.image(moment).ellipse;
+        Some((ellipse.centre - ellipse.reach(), ellipse.centre + ellipse.reach()))
+    }
+
+    fn paint(&self, moment: &Moment<'_>, backdrop: &Backdrop, patch: &mut Patch, rows: Range<usize>) {
+        let Some(floor_px) = backdrop.floor_row_px else {
+            return;
+        };
+        patch.paint(&self.image(moment).ellipse, rows, |unit, at, grey| {
+            if at.y < floor_px {
+                return grey;
+            }
+            // What the mirror shows below is above on the ball.
+            let upright = normal(Vector2::new(unit.x, -unit.y));
+            grey + self.share * (moment.surface.grey(&upright) as f32 - grey)
+        });
+    }
+}

@@ -1,0 +1,57 @@
+//! Shading of the ball by a lamp at the upper left, with a highlight.
+//!
+//! Half-Lambert, grey = G [1 − a (1 − (1 + n·l)/2)]: Lambert's cosine law softened by the light that walls return, so
+//! that there is no hard terminator. The highlight is Blinn and Phong's, H (n·h)^p with h halfway to the camera.
+
+use super::{Action, Effect, Estimate, Ideal, Surface};
+use crate::simulate::scene::Scene;
+use nalgebra::Vector3;
+
+/// Shading and highlight.
+pub(super) struct Shading;
+
+/// Towards the lamp: right, up, towards the camera.
+const LAMP: Vector3<f64> = Vector3::new(-0.46, 0.64, 0.615);
+/// Exponent of the highlight: a polished ball under a soft box.
+const GLOSS: i32 = 40;
+
+impl Effect for Shading {
+    fn name(&self) -> &'static str {
+        "shading"
+    }
+
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
+        let look = &scene.look;
+        Estimate::grey(
+            look.ball_grey * look.shading + look.highlight_grey,
+            "fall of a half-Lambert ball from pole to pole, + highlight (Blinn 1977)",
+        )
+    }
+
+    fn action(&self, scene: &Scene) -> Action {
+        let lamp = LAMP.normalize();
+        Action::Surface(Box::new(Lit {
+            ball_grey: scene.look.ball_grey,
+            shading: scene.look.shading,
+            highlight_grey: scene.look.highlight_grey,
+            lamp,
+            halfway: (lamp + Vector3::z()).normalize(),
+        }))
+    }
+}
+
+struct Lit {
+    ball_grey: f64,
+    shading: f64,
+    highlight_grey: f64,
+    lamp: Vector3<f64>,
+    halfway: Vector3<f64>,
+}
+
+impl Surface for Lit {
+    fn grey(&self, normal: &Vector3<f64>) -> f64 {
+        let away = 0.5 * (1.0 - normal.dot(&self.lamp));
+        let gloss = normal.dot(&self.halfway).max(0.0).powi(GLOSS);
+        self.ball_grey * (1.0 - self.shading * away) + self.highlight_grey * gloss
+    }
+}

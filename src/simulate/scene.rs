@@ -1,0 +1,771 @@
+//! A scene: a ball, a floor, a launch, a camera. The JSON of `contract.md`, checked.
+
+use super::effects;
+use super::reader::{ANY, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown};
+use crate::models::{Motion, Regime, e_e, grip_slide, mu_e};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// The schema this program reads.
+pub const SCHEMA: &str = "track.scene/1";
+
+/// What can be wrong with a scene.
+#[derive(Debug, Error)]
+pub enum SceneError {
+    /// The file could not be read.
+    #[error("scene {}: cannot be read; give the path of a scene file", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not JSON.
+    #[error("scene: not valid JSON at line {}, column {}; compare it with the example in the README", source.line(), source.column())]
+    NotJson {
+        /// Where and why.
+        #[from]
+        source: serde_json::Error,
+    },
+    /// A key that no scene has.
+    #[error("scene: unknown key {key:?}{}; known here: {known}", nearest.as_ref().map_or(String::new(), |n| format!(", did you mean {n:?}?")))]
+    UnknownKey {
+        /// Dotted name.
+        key: String,
+        /// The nearest known key.
+        nearest: Option<String>,
+        /// All known keys of that object.
+        known: String,
+    },
+    /// A key that every scene must have.
+    #[error("scene: {key} is missing; accepted: {accepted}; add it")]
+    Missing {
+        /// Dotted name.
+        key: String,
+        /// What it may be.
+        accepted: String,
+    },
+    /// A value that makes no sense.
+    #[error("scene: {key} is {found}; accepted: {accepted}; {hint}")]
+    Invalid {
+        /// Dotted name.
+        key: String,
+        /// The value.
+        found: String,
+        /// What it may be.
+        accepted: String,
+        /// What to try.
+        hint: String,
+    },
+    /// The ball stays in the air.
+    #[error(
+        "scene: the ball never lands: {found}; accepted: a ball that falls to the floor within {limit_s} s; \
+         make it heavier or launch it lower"
+    )]
+    NeverLands {
+        /// What it does instead.
+        found: String,
+        /// The longest flight, s.
+        limit_s: f64,
+    },
+    /// No frame shows the ball.
+    #[error(
+        "scene: the ball never enters the picture: it stays within u {u_from_px:.0} to {u_to_px:.0}, v {v_from_px:.0} to \
+         {v_to_px:.0} px of a picture of {width_px}x{height_px}; change camera.origin_px, camera.metres_per_pixel \
+         or camera.image_size_px"
+    )]
+    NeverSeen {
+        /// Where its centre goes, px.
+        u_from_px: f64,
+        /// Where its centre goes, px.
+        u_to_px: f64,
+        /// Where its centre goes, px.
+        v_from_px: f64,
+        /// Where its centre goes, px.
+        v_to_px: f64,
+        /// Columns.
+        width_px: usize,
+        /// Rows.
+        height_px: usize,
+    },
+}
+
+/// A scene, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Of all that is random.
+    pub seed: u64,
+    /// g, m/s².
+    pub gravity_m_s2: f64,
+    /// The ball.
+    pub ball: Ball,
+    /// What the floor does to it.
+    pub contact: Contact,
+    /// How it starts.
+    pub launch: Launch,
+    /// What it flies through.
+    pub air: Air,
+    /// What looks at it.
+    pub camera: Camera,
+    /// What that sees.
+    pub look: Look,
+    /// When the recording ends.
+    pub stop: Stop,
+    /// What an effect must move a centre by to be worth simulating, px.
+    pub tolerance_px: f64,
+    /// What an effect must change a grey level by, grey. Half a code value by default: less is lost in rounding.
+    pub tolerance_grey: f64,
+    /// Which effects to simulate.
+    pub effects: EffectsChoice,
+}
+
+/// The ball.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball {
+    /// R, m.
+    pub radius_m: f64,
+    /// m, kg.
+    pub mass_kg: f64,
+    /// k = I / (m R²).
+    pub inertia_factor: f64,
+    /// Effective Young's modulus E* of ball and floor, Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂. 7e10 is steel on
+    /// ceramic; 1e7 a superball on anything.
+    pub contact_modulus_pa: f64,
+}
+
+/// The rebound model and its coefficients.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Contact {
+    /// Coulomb friction.
+    MuE(mu_e::Parameters),
+    /// Constant coefficients of restitution.
+    EE(e_e::Parameters),
+    /// Grip until the friction limit.
+    GripSlide(grip_slide::Parameters),
+}
+
+impl Contact {
+    /// The motion after an impact, and its regime.
+    #[must_use]
+    pub fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+        match self {
+            Self::MuE(p) => mu_e::impact(incoming, p, inertia_factor),
+            Self::EE(p) => e_e::impact(incoming, p, inertia_factor),
+            Self::GripSlide(p) => grip_slide::impact(incoming, p, inertia_factor),
+        }
+    }
+
+    /// e.
+    #[must_use]
+    pub fn restitution(&self) -> f64 {
+        match self {
+            Self::MuE(p) => p.restitution,
+            Self::EE(p) => p.restitution,
+            Self::GripSlide(p) => p.restitution,
+        }
+    }
+}
+
+/// The launch, at t = 0 from x = 0, y = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Launch {
+    /// Height of the ball's lowest point above the floor, m.
+    pub drop_height_m: f64,
+    /// u_o, along x, m/s.
+    pub speed_m_s: f64,
+    /// R ω / u_o about x, y, z.
+    pub spin_ratio: [f64; 3],
+    /// Speed upwards, m/s.
+    pub rise_speed_m_s: f64,
+}
+
+/// The air.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Air {
+    /// ρ, kg/m³.
+    pub density_kg_m3: f64,
+    /// Dynamic viscosity, Pa s.
+    pub viscosity_pa_s: f64,
+}
+
+/// Which way the camera looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum View {
+    /// Along +y: x to the right, z up in the picture.
+    Side,
+    /// Down: x to the right, y up in the picture.
+    Top,
+}
+
+/// How the recording is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Codec {
+    /// H.264 with this constant rate factor.
+    H264 {
+        /// 0 lossless, 51 worst.
+        crf: u8,
+    },
+    /// Every grey level as rendered.
+    Lossless,
+}
+
+/// A lens by OpenCV's model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], px.
+    pub camera_matrix: [[f64; 3]; 3],
+    /// k1, k2, p1, p2, k3.
+    pub distortion: [f64; 5],
+}
+
+/// The camera. Its calibrated plane is the plane of motion y = 0 in a side view, the floor z = 0 in a top view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Which way it looks.
+    pub view: View,
+    /// Columns.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// Frames a second.
+    pub frame_rate_hz: f64,
+    /// Exposure of a frame, centred on the frame's time, s.
+    pub exposure_s: f64,
+    /// Scale in the calibrated plane, of the picture without lens distortion.
+    pub metres_per_pixel: f64,
+    /// Where x = 0, z = 0 (side) or x = 0, y = 0 (top) is in that picture, px.
+    pub origin_px: [f64; 2],
+    /// From the optical centre to the calibrated plane, m; `None` is infinitely far.
+    pub distance_m: Option<f64>,
+    /// How much nearer to the camera than the calibrated plane the ball is launched, m (side view).
+    pub plane_offset_m: f64,
+    /// The lens.
+    pub lens: Option<Lens>,
+    /// From the exposure of the first row to that of the last, s; the middle row has the frame's time.
+    pub readout_s: f64,
+    /// Standard deviation of the optical blur, px.
+    pub blur_px: f64,
+    /// Standard deviation of the read noise, grey.
+    pub noise_grey: f64,
+    /// Electrons a grey level: shot noise has variance grey / this. `None`: no shot noise.
+    pub electrons_per_grey: Option<f64>,
+    /// Storage.
+    pub codec: Codec,
+}
+
+/// What the picture looks like.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Look {
+    /// Behind the ball, grey.
+    pub background_grey: f64,
+    /// Below the floor line of a side view, grey.
+    pub floor_grey: f64,
+    /// The ball where it is brightest, without highlight, grey.
+    pub ball_grey: f64,
+    /// 0 flat, 1 black on the side away from the light.
+    pub shading: f64,
+    /// Height of the specular highlight, grey.
+    pub highlight_grey: f64,
+    /// Standard deviation of the background's texture, grey.
+    pub texture_grey: f64,
+    /// Share of the ball's light that the floor mirrors.
+    pub reflection: f64,
+    /// Darkening of the floor right below a ball that touches it.
+    pub shadow: f64,
+    /// Fall of the light from the brightest to the darkest corner, as a share.
+    pub unevenness: f64,
+    /// Relative amplitude of the light's flicker.
+    pub flicker: f64,
+    /// Its frequency, Hz.
+    pub flicker_hz: f64,
+}
+
+/// When the recording ends: `tail_s` after impact number `bounces`, or after the ball has come to rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stop {
+    /// Impacts.
+    pub bounces: usize,
+    /// After the last of them, s.
+    pub tail_s: f64,
+}
+
+/// Whether to simulate an effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Switch {
+    /// Where its estimate exceeds the tolerance.
+    Auto,
+    /// Yes.
+    On,
+    /// No.
+    Off,
+}
+
+/// Which effects to simulate: one switch for all, and exceptions by name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EffectsChoice {
+    /// For effects without an entry in `named`.
+    pub default: Switch,
+    /// Exceptions.
+    pub named: BTreeMap<String, Switch>,
+}
+
+impl EffectsChoice {
+    /// The same switch for all.
+    #[must_use]
+    pub fn all(default: Switch) -> Self {
+        Self {
+            default,
+            named: BTreeMap::new(),
+        }
+    }
+
+    /// The switch of the effect `name`.
+    #[must_use]
+    pub fn of(&self, name: &str) -> Switch {
+        self.named.get(name).copied().unwrap_or(self.default)
+    }
+}
+
+/// Bounds that keep a scene renderable.
+const MOST_BOUNCES: u64 = 1000;
+const LONGEST_TAIL_S: f64 = 60.0;
+const LARGEST_PICTURE_PX: f64 = 8192.0;
+const LARGEST_RADIUS_PX: f64 = 500.0;
+const LARGEST_BLUR_PX: f64 = 50.0;
+
+impl Scene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// As [`Scene::from_json`], and where the file cannot be read.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Unreadable {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::from_json(&text)
+    }
+
+    /// Reads a scene.
+    ///
+    /// # Errors
+    /// Names the key, what was found, what is accepted and what to try.
+    pub fn from_json(text: &str) -> Result<Self, SceneError> {
+        let value: Value = serde_json::from_str(text)?;
+        let root = Section::root(
+            &value,
+            &[
+                "schema",
+                "seed",
+                "gravity_m_s2",
+                "ball",
+                "contact",
+                "launch",
+                "air",
+                "camera",
+                "look",
+                "stop",
+                "tolerance_px",
+                "tolerance_grey",
+                "effects",
+            ],
+        )?;
+        check_schema(&root)?;
+        let scene = Self {
+            seed: root.whole("seed", 1, 0, u64::MAX)?,
+            gravity_m_s2: root.number("gravity_m_s2", 9.81, POSITIVE)?,
+            ball: read_ball(&root)?,
+            contact: read_contact(&root)?,
+            launch: read_launch(&root)?,
+            air: read_air(&root)?,
+            camera: read_camera(&root)?,
+            look: read_look(&root)?,
+            stop: read_stop(&root)?,
+            tolerance_px: root.number("tolerance_px", 0.02, POSITIVE)?,
+            tolerance_grey: root.number("tolerance_grey", 0.5, POSITIVE)?,
+            effects: read_effects(&root)?,
+        };
+        scene.check_together()?;
+        Ok(scene)
+    }
+
+    /// What only several keys together can get wrong.
+    fn check_together(&self) -> Result<(), SceneError> {
+        if self.launch.drop_height_m == 0.0 && self.launch.rise_speed_m_s <= 0.0 {
+            return Err(SceneError::Invalid {
+                key: "launch.drop_height_m".into(),
+                found: "0 without a rise_speed_m_s".into(),
+                accepted: "a height above 0, or a rise_speed_m_s above 0".into(),
+                hint: "a ball that lies on the floor never lands on it".into(),
+            });
+        }
+        let interval_s = 1.0 / self.camera.frame_rate_hz;
+        let durations = [
+            ("camera.exposure_s", self.camera.exposure_s),
+            ("camera.readout_s", self.camera.readout_s),
+        ];
+        if let Some((key, found)) = durations.into_iter().find(|(_, s)| *s > interval_s) {
+            return Err(SceneError::Invalid {
+                key: key.into(),
+                found: found.to_string(),
+                accepted: format!("at most 1 / frame_rate_hz = {interval_s:.6}"),
+                hint: "shorten it or lower the frame rate".into(),
+            });
+        }
+        let radius_px = self.ball.radius_m / self.camera.metres_per_pixel;
+        if radius_px > LARGEST_RADIUS_PX {
+            return Err(SceneError::Invalid {
+                key: "camera.metres_per_pixel".into(),
+                found: format!(
+                    "{}, a ball {:.0} px across",
+                    self.camera.metres_per_pixel,
+                    2.0 * radius_px
+                ),
+                accepted: format!(
+                    "what makes the ball at most {:.0} px across",
+                    2.0 * LARGEST_RADIUS_PX
+                ),
+                hint: "check the units of ball.radius_m and camera.metres_per_pixel, both metres".into(),
+            });
+        }
+        let nearest_m = match self.camera.view {
+            View::Side => self.camera.plane_offset_m.max(0.0) + self.ball.radius_m,
+            View::Top => self.launch.drop_height_m + 2.0 * self.ball.radius_m,
+        };
+        match self.camera.distance_m {
+            Some(distance_m) if distance_m <= nearest_m => Err(SceneError::Invalid {
+                key: "camera.distance_m".into(),
+                found: distance_m.to_string(),
+                accepted: format!("above {nearest_m:.3}, beyond the ball"),
+                hint: "move the camera away, or give null for one infinitely far".into(),
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn check_schema(root: &Section<'_>) -> Result<(), SceneError> {
+    match root.get("schema") {
+        Some(Value::String(s)) if s == SCHEMA => Ok(()),
+        Some(other) => Err(root.invalid(
+            "schema",
+            other,
+            &format!("{SCHEMA:?}"),
+            "this program reads that version",
+        )),
+        None => Err(SceneError::Missing {
+            key: "schema".into(),
+            accepted: format!("{SCHEMA:?}"),
+        }),
+    }
+}
+
+fn read_ball(root: &Section<'_>) -> Result<Ball, SceneError> {
+    let s = root.section(
+        "ball",
+        &["radius_m", "mass_kg", "inertia_factor", "contact_modulus_pa"],
+    )?;
+    Ok(Ball {
+        radius_m: s.number("radius_m", 0.0125, POSITIVE)?,
+        mass_kg: s.number("mass_kg", 0.0639, POSITIVE)?,
+        inertia_factor: s.number(
+            "inertia_factor",
+            0.4,
+            super::reader::Accept {
+                words: "a number above 0, up to 1",
+                test: |x| x > 0.0 && x <= 1.0,
+                hint: "0.4 is a solid sphere, 0.667 a thin shell",
+            },
+        )?,
+        contact_modulus_pa: s.number("contact_modulus_pa", 7e10, POSITIVE)?,
+    })
+}
+
+fn read_contact(root: &Section<'_>) -> Result<Contact, SceneError> {
+    #[derive(Clone, Copy)]
+    enum Model {
+        MuE,
+        EE,
+        GripSlide,
+    }
+    if root.get("contact").is_none() {
+        return Err(SceneError::Missing {
+            key: "contact".into(),
+            accepted: "{\"model\": \"mu_e\" | \"e_e\" | \"grip_slide\", \"restitution\": ..., ...}".into(),
+        });
+    }
+    let every_key = [
+        "model",
+        "restitution",
+        "friction",
+        "static_friction",
+        "tangential_restitution_x",
+        "tangential_restitution_y",
+    ];
+    let model = root.section("contact", &every_key)?.choice(
+        "model",
+        &[
+            ("mu_e", Model::MuE),
+            ("e_e", Model::EE),
+            ("grip_slide", Model::GripSlide),
+        ],
+    )?;
+    match model {
+        Model::MuE => read_mu_e(&root.section("contact", &every_key[..4])?),
+        Model::EE => {
+            let s = root.section(
+                "contact",
+                &[every_key[0], every_key[1], every_key[4], every_key[5]],
+            )?;
+            let x = s.required_number("tangential_restitution_x", SIGNED_FRACTION)?;
+            Ok(Contact::EE(e_e::Parameters {
+                restitution: s.required_number("restitution", FRACTION)?,
+                tangential_restitution_x: x,
+                tangential_restitution_y: s.number("tangential_restitution_y", x, SIGNED_FRACTION)?,
+            }))
+        }
+        Model::GripSlide => {
+            let s = root.section(
+                "contact",
+                &[every_key[0], every_key[1], every_key[2], every_key[4]],
+            )?;
+            Ok(Contact::GripSlide(grip_slide::Parameters {
+                restitution: s.required_number("restitution", FRACTION)?,
+                tangential_restitution_x: s.required_number("tangential_restitution_x", SIGNED_FRACTION)?,
+                friction: s.required_number("friction", NOT_NEGATIVE)?,
+            }))
+        }
+    }
+}
+
+fn read_mu_e(s: &Section<'_>) -> Result<Contact, SceneError> {
+    let friction = s.required_number("friction", NOT_NEGATIVE)?;
+    let static_friction = s.number("static_friction", friction, NOT_NEGATIVE)?;
+    if static_friction < friction {
+        return Err(SceneError::Invalid {
+            key: s.name("static_friction"),
+            found: static_friction.to_string(),
+            accepted: format!("at least friction, {friction}"),
+            hint: "a surface that holds worse than it slides has no transition; exchange the two".into(),
+        });
+    }
+    Ok(Contact::MuE(mu_e::Parameters {
+        restitution: s.required_number("restitution", FRACTION)?,
+        friction,
+        static_friction,
+    }))
+}
+
+fn read_launch(root: &Section<'_>) -> Result<Launch, SceneError> {
+    let s = root.section(
+        "launch",
+        &["drop_height_m", "speed_m_s", "spin_ratio", "rise_speed_m_s"],
+    )?;
+    Ok(Launch {
+        drop_height_m: s.number("drop_height_m", 0.10, NOT_NEGATIVE)?,
+        speed_m_s: s.number("speed_m_s", 1.0, NOT_NEGATIVE)?,
+        spin_ratio: s.numbers("spin_ratio", [0.0; 3], ANY)?,
+        rise_speed_m_s: s.number("rise_speed_m_s", 0.0, ANY)?,
+    })
+}
+
+fn read_air(root: &Section<'_>) -> Result<Air, SceneError> {
+    let s = root.section("air", &["density_kg_m3", "viscosity_pa_s"])?;
+    Ok(Air {
+        density_kg_m3: s.number("density_kg_m3", 1.204, NOT_NEGATIVE)?,
+        viscosity_pa_s: s.number("viscosity_pa_s", 1.81e-5, POSITIVE)?,
+    })
+}
+
+fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
+    let s = root.section(
+        "camera",
+        &[
+            "view",
+            "image_size_px",
+            "frame_rate_hz",
+            "exposure_s",
+            "metres_per_pixel",
+            "origin_px",
+            "distance_m",
+            "plane_offset_m",
+            "lens",
+            "readout_s",
+            "blur_px",
+            "noise_grey",
+            "electrons_per_grey",
+            "codec",
+            "crf",
+        ],
+    )?;
+    let size = s.numbers(
+        "image_size_px",
+        [1280.0, 720.0],
+        super::reader::Accept {
+            words: "an even whole number from 16 to 8192",
+            // Even, because H.264 stores colour for two by two pixels.
+            test: |x| (16.0..=LARGEST_PICTURE_PX).contains(&x) && x % 2.0 == 0.0,
+            hint: "give [columns, rows]",
+        },
+    )?;
+    let crf = s.whole("crf", 14, 0, 51)?;
+    let lossy = s.choice("codec", &[("h264", true), ("lossless", false)])?;
+    Ok(Camera {
+        view: s.choice("view", &[("side", View::Side), ("top", View::Top)])?,
+        // Checked above: whole, and far inside usize.
+        width_px: size[0] as usize,
+        height_px: size[1] as usize,
+        frame_rate_hz: s.number("frame_rate_hz", 240.0, POSITIVE)?,
+        exposure_s: s.number("exposure_s", 0.0005, NOT_NEGATIVE)?,
+        metres_per_pixel: s.number("metres_per_pixel", 0.0008, POSITIVE)?,
+        origin_px: s.numbers("origin_px", [120.0, 660.0], ANY)?,
+        distance_m: s.optional_number("distance_m", POSITIVE)?,
+        plane_offset_m: s.number("plane_offset_m", 0.0, ANY)?,
+        lens: read_lens(&s)?,
+        readout_s: s.number("readout_s", 0.0, NOT_NEGATIVE)?,
+        blur_px: s.number(
+            "blur_px",
+            0.7,
+            super::reader::Accept {
+                words: "a number from 0 to 50",
+                test: |x| (0.0..=LARGEST_BLUR_PX).contains(&x),
+                hint: "it is the standard deviation; lenses have some 0.5 to 3 px",
+            },
+        )?,
+        noise_grey: s.number("noise_grey", 2.0, NOT_NEGATIVE)?,
+        electrons_per_grey: s.optional_number("electrons_per_grey", POSITIVE)?,
+        codec: if lossy {
+            Codec::H264 { crf: crf as u8 }
+        } else {
+            Codec::Lossless
+        },
+    })
+}
+
+fn read_lens(camera: &Section<'_>) -> Result<Option<Lens>, SceneError> {
+    if camera.get("lens").is_none() {
+        return Ok(None);
+    }
+    let s = camera.section("lens", &["camera_matrix", "distortion"])?;
+    let wrong = |found: &Value| {
+        s.invalid(
+            "camera_matrix",
+            found,
+            "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0, px",
+            "copy it from a calib.json",
+        )
+    };
+    let value = s.get("camera_matrix").ok_or_else(|| SceneError::Missing {
+        key: s.name("camera_matrix"),
+        accepted: "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]".into(),
+    })?;
+    let matrix: [[f64; 3]; 3] = serde_json::from_value(value.clone()).map_err(|_| wrong(value))?;
+    let [[fx, skew, _], [zero, fy, _], bottom] = matrix;
+    let fine = fx > 0.0 && fy > 0.0 && skew == 0.0 && zero == 0.0 && bottom == [0.0, 0.0, 1.0];
+    if !fine {
+        return Err(wrong(value));
+    }
+    Ok(Some(Lens {
+        camera_matrix: matrix,
+        distortion: s.numbers("distortion", [0.0; 5], ANY)?,
+    }))
+}
+
+fn read_look(root: &Section<'_>) -> Result<Look, SceneError> {
+    let s = root.section(
+        "look",
+        &[
+            "background_grey",
+            "floor_grey",
+            "ball_grey",
+            "shading",
+            "highlight_grey",
+            "texture_grey",
+            "reflection",
+            "shadow",
+            "unevenness",
+            "flicker",
+            "flicker_hz",
+        ],
+    )?;
+    let shading = s.number("shading", 0.5, FRACTION)?;
+    let background_grey = s.number("background_grey", 60.0, GREY)?;
+    Ok(Look {
+        background_grey,
+        floor_grey: s.number("floor_grey", background_grey, GREY)?,
+        ball_grey: s.number("ball_grey", 200.0, GREY)?,
+        shading,
+        // A flat ball has no highlight; a shaded one looks painted without it.
+        highlight_grey: s.number("highlight_grey", 80.0 * shading, GREY)?,
+        texture_grey: s.number("texture_grey", 0.0, GREY)?,
+        reflection: s.number("reflection", 0.0, FRACTION)?,
+        shadow: s.number("shadow", 0.0, FRACTION)?,
+        unevenness: s.number("unevenness", 0.0, FRACTION)?,
+        flicker: s.number("flicker", 0.0, FRACTION)?,
+        flicker_hz: s.number("flicker_hz", 100.0, POSITIVE)?,
+    })
+}
+
+fn read_stop(root: &Section<'_>) -> Result<Stop, SceneError> {
+    let s = root.section("stop", &["bounces", "tail_s"])?;
+    Ok(Stop {
+        bounces: s.whole("bounces", 2, 1, MOST_BOUNCES)? as usize,
+        tail_s: s.number(
+            "tail_s",
+            0.05,
+            super::reader::Accept {
+                words: "a number from 0 to 60",
+                test: |x| (0.0..=LONGEST_TAIL_S).contains(&x),
+                hint: "ask for more bounces instead",
+            },
+        )?,
+    })
+}
+
+fn read_effects(root: &Section<'_>) -> Result<EffectsChoice, SceneError> {
+    let names = effects::names();
+    match root.get("effects") {
+        None => Ok(EffectsChoice::all(Switch::Auto)),
+        Some(Value::Object(map)) => {
+            // Opening the section checks the names.
+            let s = root.section("effects", &names)?;
+            let words = [("auto", Switch::Auto), ("on", Switch::On), ("off", Switch::Off)];
+            let named = map
+                .keys()
+                .map(|name| Ok((name.clone(), s.choice(name, &words)?)))
+                .collect::<Result<_, SceneError>>()?;
+            Ok(EffectsChoice {
+                default: Switch::Auto,
+                named,
+            })
+        }
+        Some(value) => parse_effects_word(value.as_str().unwrap_or_default()).ok_or_else(|| {
+            let hint = value
+                .as_str()
+                .and_then(|word| nearest(word, &["auto", "all", "none"]))
+                .map_or_else(
+                    || format!("known effects: {}", names.join(", ")),
+                    |n| format!("did you mean {n:?}?"),
+                );
+            SceneError::Invalid {
+                key: "effects".into(),
+                found: shown(value),
+                accepted: "\"auto\", \"all\", \"none\" or {\"<effect>\": \"on\" | \"off\" | \"auto\"}".into(),
+                hint,
+            }
+        }),
+    }
+}
+
+/// `auto`, `all` or `none`, as the scene and `--effects` say it.
+#[must_use]
+pub fn parse_effects_word(word: &str) -> Option<EffectsChoice> {
+    match word {
+        "auto" => Some(EffectsChoice::all(Switch::Auto)),
+        "all" => Some(EffectsChoice::all(Switch::On)),
+        "none" => Some(EffectsChoice::all(Switch::Off)),
+        _ => None,
+    }
+}

@@ -1,0 +1,250 @@
+//! `truth.json`: what a measurement of the recording should find.
+//!
+//! Conventions: frame i is exposed centred on t = i / frame_rate_hz (a rolling shutter's middle row); the clip begins at
+//! the launch, t = 0. Velocities are those of the centre just before and after an impact; an impact's time is the first
+//! touch. Angles are in the x-z plane, from the vertical, positive along the incident direction. `u_px`, `v_px` is the
+//! image of the ball's centre with all geometric effects (perspective, lens, rolling shutter); `x_m`, `y_m`, `z_m` its
+//! place in the world at the frame's time.
+
+use super::effects::{Decision, Unit};
+use super::flight::Impact;
+use super::{Recording, frame_times_s};
+use crate::geometry::PixelPoint;
+use crate::models::{Regime, azimuth_rad};
+use serde::Serialize;
+
+/// The schema written.
+pub const SCHEMA: &str = "track.truth/1";
+
+/// All of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Truth {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// One line for each effect.
+    pub effects: Vec<EffectTruth>,
+    /// The impacts within the recording.
+    pub bounces: Vec<BounceTruth>,
+    /// From the edge to the first impact, along x, m.
+    pub x0_m: Option<f64>,
+    /// From the first impact to the second, along x, m; also where that is after the recording's end.
+    pub x_m: Option<f64>,
+    /// One for each frame.
+    pub centres: Vec<CentreTruth>,
+}
+
+/// Whether an effect was simulated. An estimate is in px or in grey levels; the other pair is `null`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectTruth {
+    /// Its name.
+    pub name: &'static str,
+    /// Shift, px.
+    pub estimate_px: Option<f64>,
+    /// Tolerance, px.
+    pub tolerance_px: Option<f64>,
+    /// Change of grey levels.
+    pub estimate_grey: Option<f64>,
+    /// Tolerance in grey levels.
+    pub tolerance_grey: Option<f64>,
+    /// Whether it was simulated.
+    pub used: bool,
+    /// Why.
+    pub reason: String,
+}
+
+/// Velocity and angle before or after an impact.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LegTruth {
+    /// Along the launch, m/s.
+    pub vx_m_s: f64,
+    /// Sideways, m/s.
+    pub vy_m_s: f64,
+    /// Up, m/s.
+    pub vz_m_s: f64,
+    /// In the x-z plane, from the vertical, positive along the incident direction, degrees.
+    pub angle_deg: f64,
+}
+
+/// An impact, with the keys of a result's bounces as plain numbers. `null` where a quantity does not exist: a ratio to
+/// a velocity of 0.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BounceTruth {
+    /// First touch, s.
+    pub time_s: f64,
+    /// Place, m.
+    pub x_m: f64,
+    /// Place sideways, m.
+    pub y_m: f64,
+    /// Before.
+    pub incident: LegTruth,
+    /// After.
+    pub rebound: LegTruth,
+    /// e.
+    pub restitution: Option<f64>,
+    /// v_x after / v_x before.
+    pub tangential_ratio: Option<f64>,
+    /// |change of v_x| / (|v_z| (1 + e)).
+    pub friction: Option<f64>,
+    /// e_x.
+    pub tangential_restitution: Option<f64>,
+    /// R ω_y before, m/s.
+    pub spin_in_m_s: f64,
+    /// R ω_y after, m/s.
+    pub spin_out_m_s: f64,
+    /// Deviation of the rebound in the floor plane, degrees; in every view.
+    pub azimuth_deg: Option<f64>,
+    /// `sliding`, `nonsliding`, `ordinary` or `grip`.
+    pub regime: &'static str,
+    /// How long ball and floor touched, s.
+    pub contact_s: f64,
+    /// When the arcs before and after would meet in height, s: what a fit of two arcs finds. With a contact of τ it is
+    /// (e v τ + g τ²/2) / ((1 + e) v + g τ) after the first touch.
+    pub arcs_meet_s: f64,
+}
+
+/// The ball's centre in a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CentreTruth {
+    /// From 0.
+    pub frame: usize,
+    /// s.
+    pub time_s: f64,
+    /// m.
+    pub x_m: f64,
+    /// m.
+    pub y_m: f64,
+    /// m.
+    pub z_m: f64,
+    /// px.
+    pub u_px: f64,
+    /// px.
+    pub v_px: f64,
+    /// Whether the picture shows any of the ball.
+    pub visible: bool,
+}
+
+impl Truth {
+    /// Of `recording`.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Self {
+        let impacts = recording.trajectory().impacts();
+        let end_s = recording.trajectory().end_s();
+        Self {
+            schema: SCHEMA,
+            effects: recording.decisions().iter().map(effect).collect(),
+            bounces: impacts
+                .iter()
+                .take_while(|i| i.time_s <= end_s)
+                .map(|i| bounce(i, recording.scene().gravity_m_s2))
+                .collect(),
+            x0_m: impacts.first().map(|i| i.place_m.x),
+            x_m: impacts
+                .get(1)
+                .map(|second| second.place_m.x - impacts[0].place_m.x),
+            centres: centres(recording),
+        }
+    }
+}
+
+fn effect(decision: &Decision) -> EffectTruth {
+    let of = |unit: Unit, x: f64| (decision.estimate.unit == unit).then_some(x);
+    EffectTruth {
+        name: decision.name,
+        estimate_px: of(Unit::Px, decision.estimate.amount),
+        tolerance_px: of(Unit::Px, decision.tolerance),
+        estimate_grey: of(Unit::Grey, decision.estimate.amount),
+        tolerance_grey: of(Unit::Grey, decision.tolerance),
+        used: decision.used,
+        reason: decision.reason.clone(),
+    }
+}
+
+fn bounce(impact: &Impact, gravity_m_s2: f64) -> BounceTruth {
+    let (before, after) = (impact.incident.velocity_m_s, impact.rebound.velocity_m_s);
+    let (spin_in, spin_out) = (
+        impact.incident.surface_spin_m_s.y,
+        impact.rebound.surface_spin_m_s.y,
+    );
+    let ratio = |a: f64, b: f64| Some(a / b).filter(|q| q.is_finite());
+    let forward = if before.x < 0.0 { -1.0 } else { 1.0 };
+    let leg = |v: nalgebra::Vector3<f64>| LegTruth {
+        vx_m_s: v.x,
+        vy_m_s: v.y,
+        vz_m_s: v.z,
+        angle_deg: (forward * v.x).atan2(v.z.abs()).to_degrees(),
+    };
+    BounceTruth {
+        time_s: impact.time_s,
+        x_m: impact.place_m.x,
+        y_m: impact.place_m.y,
+        incident: leg(before),
+        rebound: leg(after),
+        restitution: ratio(after.z, before.z.abs()),
+        tangential_ratio: ratio(after.x, before.x),
+        friction: ratio((after.x - before.x).abs(), before.z.abs() + after.z),
+        tangential_restitution: ratio(-(after.x - spin_out), before.x - spin_in),
+        spin_in_m_s: spin_in,
+        spin_out_m_s: spin_out,
+        azimuth_deg: azimuth_rad(&impact.incident, &impact.rebound).map(f64::to_degrees),
+        regime: match impact.regime {
+            Regime::Sliding => "sliding",
+            Regime::Nonsliding => "nonsliding",
+            Regime::Ordinary => "ordinary",
+            Regime::Grip => "grip",
+        },
+        contact_s: impact.contact_s,
+        arcs_meet_s: impact.time_s + meeting_s(impact, gravity_m_s2),
+    }
+}
+
+/// How long after the first touch the arcs meet, s: −v t − g t²/2 = e v (t − τ) − g (t − τ)²/2.
+fn meeting_s(impact: &Impact, gravity_m_s2: f64) -> f64 {
+    let (down, up) = (
+        impact.incident.velocity_m_s.z.abs(),
+        impact.rebound.velocity_m_s.z,
+    );
+    let fall = gravity_m_s2 * impact.contact_s;
+    (up + 0.5 * fall) * impact.contact_s / (down + up + fall)
+}
+
+fn centres(recording: &Recording) -> Vec<CentreTruth> {
+    let radius_px = recording.scene().ball.radius_m / recording.scene().camera.metres_per_pixel;
+    frame_times_s(recording.scene(), recording.trajectory())
+        .zip(0..)
+        .map(|(time_s, frame)| {
+            let at_m = recording.trajectory().state(time_s).position_m;
+            let seen = apparent_centre(recording, time_s);
+            CentreTruth {
+                frame,
+                time_s,
+                x_m: at_m.x,
+                y_m: at_m.y,
+                z_m: at_m.z,
+                u_px: seen.u_px,
+                v_px: seen.v_px,
+                visible: recording.renderer().picture().shows(seen, radius_px),
+            }
+        })
+        .collect()
+}
+
+/// Image of the ball's centre in the frame of `time_s`: at the time when a rolling shutter exposes its row.
+fn apparent_centre(recording: &Recording, time_s: f64) -> PixelPoint {
+    let renderer = recording.renderer();
+    let at = |t: f64| {
+        renderer
+            .picture()
+            .outline(&recording.trajectory().state(t).position_m)
+            .centre
+    };
+    let mut seen = at(time_s);
+    // Contracts by speed × readout / height each turn, far below 1; ten turns end below 1e-9 px.
+    for _ in 0..10 {
+        let again = at(time_s + renderer.row_delay_s(seen.v_px));
+        if again == seen {
+            break;
+        }
+        seen = again;
+    }
+    seen
+}

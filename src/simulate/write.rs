@@ -1,0 +1,178 @@
+//! The files of a recording: video, truth, calibration.
+
+use super::Recording;
+use super::scene::{Scene, SceneError, View};
+use crate::frames::encode::{Coding, EncodeError, VideoWriter};
+use nalgebra::Vector3;
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// What can go wrong.
+#[derive(Debug, Error)]
+pub enum WriteError {
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The video.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// Truth or calibration.
+    #[error("cannot write {}: {source}; check that the folder can be written to and has space left", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Written {
+    /// `<stem>.mp4`, `.mkv` when lossless.
+    pub video: PathBuf,
+    /// `<stem>.truth.json`.
+    pub truth: PathBuf,
+    /// `<stem>.calib.json`.
+    pub calib: PathBuf,
+    /// Frames in the video.
+    pub frames: usize,
+}
+
+/// Frames from one key frame to the next, and B-frames between references: what phones and cameras write.
+const KEY_FRAMES: u32 = 48;
+const B_FRAMES: u32 = 2;
+
+/// Renders `recording` into `<stem>.mp4` (`.mkv` when lossless), `<stem>.truth.json` and `<stem>.calib.json` in
+/// `out_dir`, which is made if need be. `on_frame` hears the number of frames done after each.
+///
+/// # Errors
+/// A folder or file that cannot be written, or an encoder that fails; each file appears whole or not at all.
+pub fn write(
+    recording: &Recording,
+    stem: &str,
+    out_dir: &Path,
+    mut on_frame: impl FnMut(usize),
+) -> Result<Written, WriteError> {
+    std::fs::create_dir_all(out_dir).map_err(|source| WriteError::Io {
+        path: out_dir.to_owned(),
+        source,
+    })?;
+    let (coding, extension) = match recording.lossy_crf() {
+        Some(crf) => (
+            Coding::H264 {
+                crf,
+                gop: KEY_FRAMES,
+                b_frames: B_FRAMES,
+            },
+            "mp4",
+        ),
+        None => (Coding::Lossless, "mkv"),
+    };
+    let file = |ending: &str| out_dir.join(format!("{stem}.{ending}"));
+    let written = Written {
+        video: file(extension),
+        truth: file("truth.json"),
+        calib: file("calib.json"),
+        frames: recording.frame_count(),
+    };
+    let camera = &recording.scene().camera;
+    let mut video = VideoWriter::create(
+        &written.video,
+        camera.width_px,
+        camera.height_px,
+        camera.frame_rate_hz,
+        coding,
+    )?;
+    for (frame, done) in recording.frames().zip(1..) {
+        video.write(&frame)?;
+        on_frame(done);
+    }
+    write_json(&written.truth, &recording.truth())?;
+    write_json(&written.calib, &calibration(recording))?;
+    video.finish()?;
+    Ok(written)
+}
+
+fn write_json(path: &Path, content: &impl serde::Serialize) -> Result<(), WriteError> {
+    let attempt = || -> std::io::Result<()> {
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let mut temporary = tempfile::Builder::new()
+            .permissions(rw_by_umask())
+            .tempfile_in(folder)?;
+        serde_json::to_writer_pretty(&mut temporary, content)?;
+        temporary.write_all(b"\n")?;
+        temporary.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    attempt().map_err(|source| WriteError::Io {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// As for a file made the usual way: the system takes the umask off. (A temporary file is private by default.)
+fn rw_by_umask() -> std::fs::Permissions {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::Permissions::from_mode(0o666)
+}
+
+/// `calib.json` for the recording: what a careful experimenter would know. The time base is the file's own.
+#[must_use]
+pub fn calibration(recording: &Recording) -> Value {
+    let scene = recording.scene();
+    let camera = &scene.camera;
+    let mut calib = Map::new();
+    calib.insert("schema".into(), json!("track.calib/1"));
+    let view = match camera.view {
+        View::Side => "side",
+        View::Top => "top",
+    };
+    calib.insert("view".into(), json!(view));
+    calib.insert("image_size_px".into(), json!([camera.width_px, camera.height_px]));
+    calib.insert(
+        "scale".into(),
+        json!({"metres_per_pixel": camera.metres_per_pixel}),
+    );
+    calib.insert("origin_px".into(), json!(origin_px(recording)));
+    if let Some(lens) = recording.lens() {
+        calib.insert(
+            "lens".into(),
+            json!({"camera_matrix": lens.camera_matrix, "distortion": lens.distortion}),
+        );
+    }
+    calib.insert("gravity_m_s2".into(), json!(scene.gravity_m_s2));
+    let ball = &scene.ball;
+    calib.insert(
+        "ball".into(),
+        json!({"radius_m": ball.radius_m, "mass_kg": ball.mass_kg, "inertia_factor": ball.inertia_factor}),
+    );
+    calib.insert(
+        "launch".into(),
+        json!({"edge_x_m": 0.0, "spin_ratio": spin_ratio(scene)}),
+    );
+    Value::Object(calib)
+}
+
+/// The world's origin as the picture shows it: a point of the calibrated plane, so that only the lens moves it.
+fn origin_px(recording: &Recording) -> [f64; 2] {
+    let camera = &recording.scene().camera;
+    // In that plane nearness is 0: y = plane_offset in a side view.
+    let origin_m = match camera.view {
+        View::Side => Vector3::new(0.0, camera.plane_offset_m, 0.0),
+        View::Top => Vector3::zeros(),
+    };
+    let seen = recording.renderer().picture().outline(&origin_m).centre;
+    [seen.u_px, seen.v_px]
+}
+
+/// R ω_oy / u_o; a ball that is only dropped has none.
+fn spin_ratio(scene: &Scene) -> f64 {
+    if scene.launch.speed_m_s > 0.0 {
+        scene.launch.spin_ratio[1]
+    } else {
+        0.0
+    }
+}

@@ -1,0 +1,802 @@
+//! `calib.json` as its users meet it: the samples, the contract's own example, every kind of bad file.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "helpers of tests may stop the test, like the tests themselves"
+)]
+
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use track::calibration::{Calibration, CalibrationError, Problem, Scale, ScaleEvidence, View};
+use track::geometry::PixelPoint;
+use track::quantity::Quantity;
+
+const EVIDENCE: ScaleEvidence = ScaleEvidence {
+    ball_radius_units: Some(Quantity {
+        value: 15.0,
+        std_uncertainty: Some(0.05),
+    }),
+    gravity_units_s2: Some(Quantity {
+        value: 12262.5,
+        std_uncertainty: Some(20.0),
+    }),
+};
+
+/// Everything that the contract shows, in its numbers.
+fn contract() -> Value {
+    json!({
+        "schema": "track.calib/1",
+        "view": "side",
+        "image_size_px": [1280, 720],
+        "scale": {"metres_per_pixel": 0.0008, "std_uncertainty": 0.000001},
+        "origin_px": [120.0, 660.0],
+        "up_px": [0.0, -1.0],
+        "lens": {
+            "camera_matrix": [[1450.0, 0, 640.0], [0, 1450.0, 360.0], [0, 0, 1]],
+            "distortion": [-0.12, 0.05, 0.001, -0.0005, 0.0]
+        },
+        "frame_rate_hz": 240.0,
+        "gravity_m_s2": 9.81,
+        "ball": {"radius_m": 0.0125, "mass_kg": 0.0639, "inertia_factor": 0.4},
+        "launch": {"edge_x_m": 0.0, "spin_ratio": 0.0}
+    })
+}
+
+fn with_scale(scale: Value) -> Value {
+    json!({"schema": "track.calib/1", "scale": scale, "ball": {"radius_m": 0.0125}})
+}
+
+fn homography() -> Value {
+    with_scale(json!({"world_from_pixel": [[0.0008, 0.0, -0.1], [0.0, -0.0008, 0.53], [0.00004, 0.0, 1.0]]}))
+}
+
+/// `file` with the value at the dotted `key` replaced (an array's element by its index).
+fn set(mut file: Value, key: &str, value: Value) -> Value {
+    let mut place = &mut file;
+    for part in key.split('.') {
+        place = match part.parse::<usize>() {
+            Ok(index) => &mut place[index],
+            Err(_) => &mut place[part],
+        };
+    }
+    *place = value;
+    file
+}
+
+fn without(mut file: Value, key: &str) -> Value {
+    file.as_object_mut().unwrap().shift_remove(key).unwrap();
+    file
+}
+
+fn parse(file: &Value) -> Calibration {
+    Calibration::parse(&file.to_string(), "lab.json").unwrap()
+}
+
+fn error(text: &str) -> CalibrationError {
+    Calibration::parse(text, "lab.json").unwrap_err()
+}
+
+/// The problems of a file, with what every message must have checked.
+fn problems(file: &Value) -> Vec<Problem> {
+    let error = error(&file.to_string());
+    let problems = error.problems().to_vec();
+    assert!(!problems.is_empty(), "{error}");
+    assert!(error.to_string().starts_with("lab.json: "), "{error}");
+    for p in &problems {
+        assert!(
+            !p.found.is_empty() && !p.accepted.is_empty() && !p.hint.is_empty(),
+            "{p:?}"
+        );
+        assert!(error.to_string().contains(&p.to_string()), "{error}");
+    }
+    problems
+}
+
+/// One problem, at `key`.
+fn refused(file: &Value, key: &str) -> Problem {
+    let problems = problems(file);
+    assert_eq!(
+        problems.iter().map(|p| p.key.as_str()).collect::<Vec<_>>(),
+        [key],
+        "{problems:#?}"
+    );
+    problems[0].clone()
+}
+
+fn samples() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("calib");
+    let mut samples: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|ending| ending == "json"))
+        .collect();
+    samples.sort();
+    samples
+}
+
+#[test]
+fn every_sample_is_read_and_works_over_its_whole_picture() {
+    assert!(samples().len() >= 6);
+    let guide =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("calib/README.md")).unwrap();
+    for path in samples() {
+        let c = Calibration::read(&path).unwrap();
+        assert!(
+            guide.contains(path.file_name().unwrap().to_str().unwrap()),
+            "{} is not in the guide",
+            path.display()
+        );
+        assert!(
+            c.metres_per_unit(&EVIDENCE).unwrap().std_uncertainty.is_some(),
+            "{}",
+            path.display()
+        );
+        let (width, height) = c.image_size_px.unwrap_or((1280, 720));
+        let r = c.rectification().unwrap();
+        for (u, v) in [
+            (0, 0),
+            (width - 1, 0),
+            (0, height - 1),
+            (width - 1, height - 1),
+            (width / 2, height / 2),
+        ] {
+            let p = PixelPoint::new(u as f64, v as f64);
+            let back = r.pixel_from_plane(r.plane_from_pixel(p).unwrap()).unwrap();
+            assert!(back.distance_px(p) < 1e-6, "{} at {p:?}", path.display());
+        }
+    }
+}
+
+#[test]
+fn the_contracts_example_means_what_it_says() {
+    let c = parse(&contract());
+    assert_eq!(c.view, View::Side);
+    assert_eq!(c.image_size_px, Some((1280, 720)));
+    assert_eq!(
+        c.scale,
+        Scale::MetresPerPixel {
+            value: 0.0008,
+            std: Some(0.000_001)
+        }
+    );
+    assert_eq!(c.origin_px, Some(PixelPoint::new(120.0, 660.0)));
+    assert_eq!(c.up_px, [0.0, -1.0]);
+    assert_eq!(c.lens.unwrap().distortion(), [-0.12, 0.05, 0.001, -0.0005, 0.0]);
+    assert_eq!(c.frame_rate_hz, Some(240.0));
+    assert_eq!(
+        (c.ball.radius_m, c.ball.mass_kg, c.ball.inertia_factor),
+        (Some(0.0125), Some(0.0639), 0.4)
+    );
+    assert_eq!((c.launch.edge_x_m, c.launch.spin_ratio), (Some(0.0), Some(0.0)));
+}
+
+#[test]
+fn what_is_left_out_or_null_has_its_default() {
+    let least = parse(&json!({"schema": "track.calib/1", "scale": {"gravity": true}}));
+    assert_eq!(least, Calibration::new(Scale::Gravity));
+    assert_eq!((least.gravity_m_s2, least.ball.inertia_factor), (9.81, 0.4));
+    assert_eq!(
+        (least.launch.edge_x_m, least.launch.spin_ratio),
+        (None, Some(0.0))
+    );
+    let nulls = json!({
+        "schema": "track.calib/1", "scale": {"gravity": true, "ball": null}, "view": null, "image_size_px": null,
+        "origin_px": null, "up_px": null, "lens": null, "frame_rate_hz": null, "gravity_m_s2": null, "ball": null,
+        "launch": null, "up_std_deg": null, "origin_std_px": null, "gravity_std_m_s2": null
+    });
+    assert_eq!(parse(&nulls), least);
+}
+
+#[test]
+fn the_two_nulls_that_mean_unknown() {
+    let c = parse(&set(
+        set(contract(), "launch.spin_ratio", Value::Null),
+        "launch.edge_x_m",
+        Value::Null,
+    ));
+    assert_eq!((c.launch.edge_x_m, c.launch.spin_ratio), (None, None));
+}
+
+#[test]
+fn the_launch_edge_needs_an_origin() {
+    let c = parse(&without(contract(), "origin_px"));
+    assert_eq!(c.launch.edge_x_m, None);
+    let file = set(without(contract(), "origin_px"), "launch.edge_x_m", json!(0.1));
+    refused(&file, "launch.edge_x_m");
+    let built = Calibration::new(Scale::Gravity).with_origin(PixelPoint::new(1.0, 2.0));
+    assert_eq!(
+        parse(&json!({"schema": "track.calib/1", "scale": {"gravity": true}, "origin_px": [1, 2]})),
+        built
+    );
+    assert_eq!(parse(&homography()).launch.edge_x_m, Some(0.0));
+    assert!(parse(&homography()).has_origin());
+}
+
+#[test]
+fn up_becomes_a_unit_vector() {
+    let c = parse(&set(contract(), "up_px", json!([3, -4])));
+    assert!((c.up_px[0] - 0.6).abs() < 1e-15 && (c.up_px[1] + 0.8).abs() < 1e-15);
+    let c = parse(&set(contract(), "up_std_deg", json!(0.5)));
+    assert!((c.up_std_rad.unwrap() - 0.5_f64.to_radians()).abs() < 1e-15);
+}
+
+#[test]
+fn top_level_values_that_are_refused() {
+    let bad = [
+        ("view", json!("front")),
+        ("view", json!(1)),
+        ("image_size_px", json!([1280.5, 720])),
+        ("image_size_px", json!([1280])),
+        ("image_size_px", json!([1280, 720, 3])),
+        ("image_size_px", json!([0, 720])),
+        ("image_size_px", json!([-1280, 720])),
+        ("image_size_px", json!(["1280", "720"])),
+        ("image_size_px", json!("1280x720")),
+        ("origin_px", json!([1])),
+        ("origin_px", json!([1, "2"])),
+        ("origin_px", json!([1, null])),
+        ("origin_px", json!({"u": 1, "v": 2})),
+        ("origin_std_px", json!(0)),
+        ("up_px", json!([0, 0])),
+        ("up_px", json!([0, 0, 1])),
+        ("up_std_deg", json!(90)),
+        ("up_std_deg", json!(-1)),
+        ("frame_rate_hz", json!(0)),
+        ("frame_rate_hz", json!(-240)),
+        ("frame_rate_hz", json!("240")),
+        ("frame_rate_hz", json!(1e300)),
+        ("gravity_m_s2", json!(-9.81)),
+        ("gravity_m_s2", json!(true)),
+        ("gravity_std_m_s2", json!(10)),
+        ("scale", json!(0.0008)),
+        ("ball", json!(0.0125)),
+        ("launch", json!([])),
+        ("lens", json!("wide")),
+    ];
+    for (key, value) in bad {
+        refused(&set(contract(), key, value), key);
+    }
+}
+
+#[test]
+fn nested_values_that_are_refused() {
+    let bad = [
+        ("scale.metres_per_pixel", json!(0)),
+        ("scale.metres_per_pixel", json!(-0.0008)),
+        ("scale.metres_per_pixel", json!("0.0008")),
+        ("scale.metres_per_pixel", json!([0.0008])),
+        ("scale.std_uncertainty", json!(0)),
+        ("scale.std_uncertainty", json!(0.1)),
+        ("ball.radius_m", json!(0)),
+        ("ball.radius_m", json!(-0.01)),
+        ("ball.radius_m", json!("12.5 mm")),
+        ("ball.radius_std_m", json!(0.1)),
+        ("ball.mass_kg", json!(0)),
+        ("ball.inertia_factor", json!(0)),
+        ("ball.inertia_factor", json!(0.7)),
+        ("ball.inertia_factor", json!(-0.4)),
+        ("launch.edge_x_m", json!("edge")),
+        ("launch.spin_ratio", json!("rolling")),
+        ("lens.distortion", json!([0.1, 0.2, 0.0, 0.0])),
+        ("lens.distortion", json!([0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
+        ("lens.distortion", json!([0.1, "0.2", 0.0, 0.0, 0.0])),
+        ("lens.distortion", Value::Null),
+        ("lens.camera_matrix", Value::Null),
+        ("lens.camera_matrix", json!([[1, 0, 0], [0, 1, 0]])),
+        ("lens.camera_matrix", json!([1450, 1450, 640, 360])),
+    ];
+    for (key, value) in bad {
+        refused(&set(contract(), key, value), key);
+    }
+    for (element, value) in [
+        ("0.0", json!(0)),
+        ("1.1", json!(-1450)),
+        ("0.1", json!(2)),
+        ("2.2", json!(0)),
+    ] {
+        refused(
+            &set(contract(), &format!("lens.camera_matrix.{element}"), value),
+            "lens.camera_matrix",
+        );
+    }
+    let p = refused(
+        &set(contract(), "ball.radius_m", json!("0.0125")),
+        "ball.radius_m",
+    );
+    assert_eq!(
+        (p.found.as_str(), p.hint.as_str()),
+        ("\"0.0125\"", "write the number without quotes")
+    );
+}
+
+#[test]
+fn a_thin_shell_may_be_written_rounded() {
+    for factor in [2.0 / 3.0, 0.6667, 0.667] {
+        let c = parse(&set(contract(), "ball.inertia_factor", json!(factor)));
+        assert!(c.ball.inertia_factor <= 2.0 / 3.0);
+    }
+}
+
+#[test]
+fn schemas_that_are_not_this_one() {
+    refused(&without(contract(), "schema"), "schema");
+    refused(&set(contract(), "schema", Value::Null), "schema");
+    refused(&set(contract(), "schema", json!(1)), "schema");
+    let newer = refused(&set(contract(), "schema", json!("track.calib/2")), "schema");
+    assert!(newer.hint.contains("version"), "{newer}");
+    let scene = refused(&set(contract(), "schema", json!("track.scene/1")), "schema");
+    assert!(scene.hint.contains("another"), "{scene}");
+}
+
+#[test]
+fn a_file_needs_exactly_one_scale() {
+    refused(&without(contract(), "scale"), "scale");
+    refused(&set(contract(), "scale", Value::Null), "scale");
+    refused(&with_scale(json!({})), "scale");
+    let two = refused(
+        &with_scale(json!({"metres_per_pixel": 0.0008, "ball": true})),
+        "scale",
+    );
+    assert!(two.found.contains("metres_per_pixel and ball"), "{two}");
+    refused(
+        &with_scale(json!({"metres_per_pixel": 0.0008, "length_m": 1})),
+        "scale",
+    );
+    refused(&with_scale(json!({"gravity": true, "ball": false})), "scale");
+    refused(&with_scale(json!({"ball": false})), "scale.ball");
+    refused(&with_scale(json!({"ball": 0.0125})), "scale.ball");
+    refused(&with_scale(json!({"gravity": 9.81})), "scale.gravity");
+    let stray = refused(
+        &with_scale(json!({"gravity": true, "std_uncertainty": 0.1})),
+        "scale.std_uncertainty",
+    );
+    assert!(stray.found.contains("another scale"), "{stray}");
+}
+
+#[test]
+fn the_ball_as_scale_needs_its_radius() {
+    let bare = json!({"schema": "track.calib/1", "scale": {"ball": true}});
+    refused(&bare, "ball.radius_m");
+    refused(
+        &set(bare.clone(), "ball", json!({"mass_kg": 0.01})),
+        "ball.radius_m",
+    );
+    // A radius that is wrong is one problem, not two.
+    refused(&set(bare, "ball", json!({"radius_m": -1})), "ball.radius_m");
+}
+
+#[test]
+fn rulers_that_measure_nothing() {
+    let ruler = |from: Value, to: Value, length: Value| {
+        with_scale(json!({"from_px": from, "to_px": to, "length_m": length}))
+    };
+    parse(&ruler(json!([1, 2]), json!([3, 4]), json!(0.1)));
+    refused(&ruler(json!([1, 2]), json!([1, 2]), json!(0.1)), "scale.to_px");
+    refused(&ruler(json!([1, 2]), json!([3, 4]), json!(0)), "scale.length_m");
+    refused(
+        &ruler(json!([1, 2]), json!([3, 4]), Value::Null),
+        "scale.length_m",
+    );
+    refused(&ruler(json!([1, 2]), Value::Null, json!(0.1)), "scale.to_px");
+    refused(
+        &ruler(json!([1, 2, 3]), json!([3, 4]), json!(0.1)),
+        "scale.from_px",
+    );
+    let outside = set(
+        ruler(json!([1, 2]), json!([700, 1200]), json!(0.1)),
+        "image_size_px",
+        json!([1280, 720]),
+    );
+    let p = refused(&outside, "scale.to_px");
+    assert!(p.found.contains("outside the picture"), "{p}");
+}
+
+#[test]
+fn homographies_that_map_nothing() {
+    let h = |rows: Value| with_scale(json!({"world_from_pixel": rows}));
+    for rows in [
+        json!([[1, 0, 0], [0, 1, 0], [0, 0, 0]]),
+        json!([[1, 2, 3], [2, 4, 6], [0, 0, 1]]),
+        json!([[0, 0, 0], [0, 0, 0], [0, 0, 0]]),
+        json!([[1, 0, 0], [0, 1, 0]]),
+        json!([[1, 0, 0], [0, 1], [0, 0, 1]]),
+        json!([[1, 0, 0], [0, "1", 0], [0, 0, 1]]),
+        json!([1, 0, 0, 0, 1, 0, 0, 0, 1]),
+        json!("identity"),
+    ] {
+        refused(&h(rows), "scale.world_from_pixel");
+    }
+}
+
+#[test]
+fn origin_and_up_have_no_place_beside_a_homography() {
+    refused(&set(homography(), "origin_px", json!([1, 2])), "origin_px");
+    refused(&set(homography(), "origin_std_px", json!(1)), "origin_std_px");
+    refused(&set(homography(), "up_px", json!([1, 0])), "up_px");
+    parse(&set(homography(), "up_px", json!([0, -2])));
+}
+
+#[test]
+fn points_beyond_the_lens_are_refused() {
+    let strong = |key: &str, value: Value| {
+        let file = set(contract(), "lens.distortion", json!([-3.0, 0, 0, 0, 0]));
+        set(without(file, "image_size_px"), key, value)
+    };
+    refused(&strong("origin_px", json!([5000, 360])), "origin_px");
+    let ruler = json!({"from_px": [640, 360], "to_px": [5000, 360], "length_m": 1});
+    refused(
+        &set(strong("scale", ruler), "origin_px", Value::Null),
+        "scale.to_px",
+    );
+}
+
+#[test]
+fn unknown_keys_name_the_nearest_known_one() {
+    let hint = |file: Value, key: &str| refused(&file, key).hint;
+    let cases = [
+        ("framerate_hz", "frame_rate_hz"),
+        ("fps", "frame_rate_hz"),
+        ("origin", "origin_px"),
+        ("Up_px", "up_px"),
+        ("gravity", "scale.gravity"),
+        ("radius_m", "ball.radius_m"),
+        ("ball_radius_m", "ball.radius_m"),
+        ("metres_per_pixel", "scale.metres_per_pixel"),
+        ("camera_matrix", "lens.camera_matrix"),
+        ("diameter_m", "half the diameter"),
+    ];
+    for (key, meant) in cases {
+        let mut file = contract();
+        file[key] = json!(1);
+        assert!(hint(file, key).contains(meant), "{key}");
+    }
+    let mut file = contract();
+    file["ball"]["radius"] = json!(1);
+    assert_eq!(hint(file, "ball.radius"), "did you mean ball.radius_m?");
+    let mut file = contract();
+    file["lens"]["distorsion"] = json!(1);
+    assert_eq!(hint(file, "lens.distorsion"), "did you mean lens.distortion?");
+    let mut file = contract();
+    file["scale"]["meters_per_pixel"] = json!(1);
+    assert_eq!(
+        hint(file, "scale.meters_per_pixel"),
+        "did you mean scale.metres_per_pixel?"
+    );
+    let mut file = contract();
+    file["zzz"] = json!(1);
+    let p = refused(&file, "zzz");
+    assert!(
+        p.hint.contains("remove") && p.accepted.contains("frame_rate_hz"),
+        "{p}"
+    );
+}
+
+#[test]
+fn all_problems_are_told_at_once() {
+    let file = json!({
+        "schema": "track.calib/1", "view": "up", "frame_rate": 240, "scale": {"metres_per_pixel": -1},
+        "ball": {"radius_m": "a", "inertia_factor": 3}, "up_px": [0, 0]
+    });
+    let keys: Vec<String> = problems(&file).into_iter().map(|p| p.key).collect();
+    for key in [
+        "frame_rate",
+        "view",
+        "scale.metres_per_pixel",
+        "ball.radius_m",
+        "ball.inertia_factor",
+        "up_px",
+    ] {
+        assert!(keys.iter().any(|k| k == key), "{key} in {keys:?}");
+    }
+    assert!(error(&file.to_string()).to_string().contains("6 problems"));
+}
+
+#[test]
+fn text_that_is_not_json_says_where_and_why() {
+    let said = |text: &str, words: &[&str]| {
+        let message = error(text).to_string();
+        assert!(message.starts_with("lab.json: "), "{message}");
+        for word in words {
+            assert!(message.contains(word), "{word} in: {message}");
+        }
+    };
+    said("", &["empty file"]);
+    said(" \n\t", &["empty file"]);
+    said("\u{feff}", &["empty file"]);
+    said("[]", &["not an object"]);
+    said("3", &["not an object"]);
+    said(
+        "{\n\"frame_rate_hz\": NaN}",
+        &["line 2", "neither NaN nor Infinity"],
+    );
+    said("{\"frame_rate_hz\": -Infinity}", &["neither NaN nor Infinity"]);
+    said("{\"frame_rate_hz\": 1e999}", &["out of range", "exponent"]);
+    said("{\"view\": \"side\",}", &["line 1", "comma"]);
+    said("{\"view\": \"side\" // from the side\n}", &["comments"]);
+    said("{\"view\": \"side\"", &["bracket"]);
+    said(
+        "{\"ball\": {\"radius_m\": 1, \"radius_m\": 2}}",
+        &["radius_m", "twice"],
+    );
+    said(&"[".repeat(100_000), &["recursion"]);
+}
+
+#[test]
+fn a_byte_order_mark_is_no_trouble() {
+    Calibration::parse(&format!("\u{feff}{}", contract()), "lab.json").unwrap();
+}
+
+#[test]
+fn files_that_cannot_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let message = |name: &str, bytes: Option<&[u8]>| {
+        let path = folder.path().join(name);
+        if let Some(bytes) = bytes {
+            std::fs::write(&path, bytes).unwrap();
+        }
+        let message = Calibration::read(&path).unwrap_err().to_string();
+        assert!(message.contains(name), "{message}");
+        message
+    };
+    assert!(message("missing.json", None).contains("check the path"));
+    std::fs::create_dir(folder.path().join("folder.json")).unwrap();
+    assert!(message("folder.json", None).contains("in that folder"));
+    assert!(message("empty.json", Some(b"")).contains("empty"));
+    assert!(message("latin1.json", Some(b"{\"view\": \"\xe9\"}")).contains("UTF-8 text, from byte 10"));
+    assert!(message("utf16.json", Some(b"\xff\xfe{\0}\0")).contains("UTF-16"));
+    assert!(message("huge.json", Some(&vec![b' '; 1_000_001])).contains("above 1 MB"));
+    assert!(message("bad.json", Some(b"{\"schema\": \"track.calib/1\"}")).contains("scale: found nothing"));
+}
+
+#[test]
+fn another_picture_size_names_both_and_what_may_have_happened() {
+    let c = parse(&contract());
+    c.check_image_size(1280, 720).unwrap();
+    let said = |width, height| c.check_image_size(width, height).unwrap_err().to_string();
+    let swapped = said(720, 1280);
+    assert!(swapped.contains("1280x720") && swapped.contains("720x1280") && swapped.contains("rotation tag"));
+    let scaled = said(640, 360);
+    assert!(
+        scaled.contains("scaled by 0.5") && scaled.contains("times 2.0"),
+        "{scaled}"
+    );
+    assert!(said(1280, 700).contains("crop"));
+    parse(&without(contract(), "image_size_px"))
+        .check_image_size(3, 4)
+        .unwrap();
+}
+
+/// JSON numbers may change in the last digit on their way through text.
+fn alike(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Number(_), Value::Number(_)) => {
+            let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+            (a - b).abs() <= 1e-14 * a.abs().max(b.abs())
+        }
+        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
+        (Value::Object(a), Value::Object(b)) => {
+            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
+        }
+        _ => a == b,
+    }
+}
+
+#[test]
+fn samples_survive_writing_and_reading() {
+    for path in samples() {
+        let c = Calibration::read(&path).unwrap();
+        let written = c.to_json();
+        assert!(alike(&parse(&written).to_json(), &written), "{}", path.display());
+    }
+}
+
+fn maybe<T: std::fmt::Debug + Clone + 'static>(
+    value: impl Strategy<Value = T> + 'static,
+) -> impl Strategy<Value = Option<T>> {
+    proptest::option::of(value)
+}
+
+fn any_ruler() -> impl Strategy<Value = Value> {
+    let point = || (0.0..1279.0, 0.0..719.0);
+    (
+        point(),
+        point(),
+        0.01..10.0_f64,
+        maybe(1e-4..1e-3),
+        maybe(0.1..3.0),
+    )
+        .prop_map(|(from, to, length, s, p)| {
+            // Two points that happen to coincide are no ruler.
+            let to = if f64::abs(from.0 - to.0) > 2.0 {
+                to
+            } else {
+                ((from.0 + 600.0) % 1279.0, to.1)
+            };
+            json!({"from_px": from, "to_px": to, "length_m": length, "length_std_m": s, "point_std_px": p})
+        })
+}
+
+fn any_scale() -> impl Strategy<Value = Value> {
+    prop_oneof![
+        (1e-6..1.0_f64, maybe(1e-4..0.1)).prop_map(|(m, relative)| {
+            json!({"metres_per_pixel": m, "std_uncertainty": relative.map(|r| r * m)})
+        }),
+        any_ruler(),
+        Just(json!({"ball": true})),
+        Just(json!({"gravity": true})),
+        (-1e-4..1e-4, -1e-4..1e-4, maybe(1e-4..0.1)).prop_map(|(p, q, s)| {
+            json!({"world_from_pixel": [[8e-4, 1e-5, -0.1], [2e-5, -8e-4, 0.5], [p, q, 1.0]], "relative_std": s})
+        }),
+    ]
+}
+
+prop_compose! {
+    fn any_file()(
+        scale in any_scale(), top: bool, size: bool, origin in maybe((0.0..1279.0, 0.0..719.0)), angle in -3.2..3.2_f64,
+        stds in (maybe(0.1..5.0), maybe(0.01..5.0), maybe(1e-3..0.1), maybe(1e-5..1e-3)), lens: bool,
+        rate in maybe(1.0..1e4), gravity in 9.0..10.0, mass in maybe(1e-3..1.0), inertia in 0.1..0.66,
+        edge in maybe(-1.0..1.0), spin in maybe(-2.0..2.0),
+    ) -> Value {
+        let mut file = contract();
+        let homography = scale.get("world_from_pixel").is_some();
+        file["scale"] = scale;
+        file["view"] = json!(if top { "top" } else { "side" });
+        file["origin_px"] = if homography { Value::Null } else { json!(origin) };
+        file["origin_std_px"] = if file["origin_px"].is_null() { Value::Null } else { json!(stds.0) };
+        file["up_px"] = if homography { Value::Null } else { json!([angle.sin(), -angle.cos()]) };
+        file["up_std_deg"] = json!(stds.1);
+        file["gravity_m_s2"] = json!(gravity);
+        file["gravity_std_m_s2"] = json!(stds.2);
+        file["frame_rate_hz"] = json!(rate);
+        file["ball"] = json!({"radius_m": 0.0125, "radius_std_m": stds.3, "mass_kg": mass, "inertia_factor": inertia});
+        let has_origin = homography || origin.is_some();
+        file["launch"] = json!({"edge_x_m": edge.filter(|_| has_origin), "spin_ratio": spin});
+        if !size { file["image_size_px"] = Value::Null; }
+        if !lens { file["lens"] = Value::Null; }
+        file
+    }
+}
+
+fn any_json() -> impl Strategy<Value = Value> {
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::from),
+        any::<f64>().prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        Just(json!(0)),
+        "[a-z_\u{e9}\u{1F3C0}]{0,12}".prop_map(Value::from),
+    ];
+    leaf.prop_recursive(3, 24, 5, |inner| {
+        prop_oneof![
+            prop::collection::vec(inner.clone(), 0..5).prop_map(Value::from),
+            prop::collection::vec((any_key(), inner), 0..5).prop_map(|entries| entries.into_iter().collect()),
+        ]
+    })
+}
+
+fn any_key() -> impl Strategy<Value = String> {
+    let known = prop::sample::select(vec![
+        "schema",
+        "view",
+        "image_size_px",
+        "scale",
+        "origin_px",
+        "up_px",
+        "lens",
+        "ball",
+        "launch",
+        "metres_per_pixel",
+        "from_px",
+        "to_px",
+        "length_m",
+        "gravity",
+        "world_from_pixel",
+        "camera_matrix",
+        "distortion",
+        "radius_m",
+    ]);
+    prop_oneof![known.prop_map(str::to_owned), ".{0,20}"]
+}
+
+/// Every dotted path of a value, its own "" excluded.
+fn paths(value: &Value, prefix: &str, found: &mut Vec<String>) {
+    let mut visit = |key: String, value: &Value| {
+        let path = if prefix.is_empty() {
+            key
+        } else {
+            format!("{prefix}.{key}")
+        };
+        paths(value, &path, found);
+        found.push(path);
+    };
+    match value {
+        Value::Array(elements) => elements
+            .iter()
+            .enumerate()
+            .for_each(|(i, v)| visit(i.to_string(), v)),
+        Value::Object(entries) => entries.iter().for_each(|(key, v)| visit(key.clone(), v)),
+        _ => {}
+    }
+}
+
+/// Reads it, and if it is accepted, uses everything it offers: no panic, no number that is not one.
+fn use_all(text: &str) -> Result<(), TestCaseError> {
+    let c = match Calibration::parse(text, "lab.json") {
+        Ok(c) => c,
+        Err(error) => {
+            prop_assert!(!error.to_string().is_empty());
+            return Ok(());
+        }
+    };
+    let r = c.rectification().unwrap();
+    let scale = c.metres_per_unit(&EVIDENCE).unwrap();
+    prop_assert!(scale.value.is_finite() && scale.value > 0.0);
+    prop_assert!(scale.std_uncertainty.is_none_or(|s| s.is_finite() && s > 0.0));
+    for p in [(0.0, 0.0), (640.0, 360.0), (1279.0, 719.0), (-1e9, 1e9)] {
+        let p = PixelPoint::new(p.0, p.1);
+        if let Some(q) = r.plane_from_pixel(p) {
+            prop_assert!(q.right.is_finite() && q.up.is_finite());
+            if let Some(back) = r.pixel_from_plane(q) {
+                prop_assert!(back.u_px.is_finite() && back.v_px.is_finite());
+            }
+        }
+        prop_assert!(r.jacobian(p).is_none_or(|j| j.iter().all(|d| d.is_finite())));
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn any_valid_file_survives_writing_and_reading(file in any_file()) {
+        let c = Calibration::parse(&file.to_string(), "lab.json").map_err(|e| TestCaseError::fail(e.to_string()))?;
+        let written = c.to_json();
+        let again = Calibration::parse(&written.to_string(), "lab.json")
+            .map_err(|e| TestCaseError::fail(e.to_string()))?;
+        prop_assert!(alike(&again.to_json(), &written), "{written}\n{}", again.to_json());
+        use_all(&file.to_string())?;
+    }
+
+    #[test]
+    fn an_enlarged_picture_has_fewer_metres_a_pixel(ruler in any_ruler(), factor in 0.5..4.0) {
+        let metres_per_pixel = |by: f64| {
+            let mut ruler = ruler.clone();
+            for end in ["from_px", "to_px"] {
+                let enlarged = |axis: usize| ruler[end][axis].as_f64().unwrap() * by;
+                ruler[end] = json!([enlarged(0), enlarged(1)]);
+            }
+            parse(&with_scale(ruler)).metres_per_unit(&ScaleEvidence::default()).unwrap().value
+        };
+        prop_assert!((metres_per_pixel(factor) * factor / metres_per_pixel(1.0) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn arbitrary_json_never_panics(value in any_json()) {
+        use_all(&value.to_string())?;
+    }
+
+    #[test]
+    fn arbitrary_text_never_panics(text in "\\PC*") {
+        use_all(&text)?;
+    }
+
+    #[test]
+    fn a_valid_file_with_one_value_replaced_never_panics(
+        file in any_file(), place in any::<prop::sample::Index>(), value in any_json(),
+    ) {
+        let mut all = Vec::new();
+        paths(&file, "", &mut all);
+        use_all(&set(file, place.get::<String>(&all), value).to_string())?;
+    }
+
+    #[test]
+    fn a_valid_file_with_damaged_text_never_panics(
+        file in any_file(), place in any::<prop::sample::Index>(), insert in "[-0-9eE.,:\"\\[\\]{}a-z]{0,4}", cut in 0..6_usize,
+    ) {
+        let mut text: Vec<char> = file.to_string().chars().collect();
+        let start = place.index(text.len());
+        let end = (start + cut).min(text.len());
+        text.splice(start..end, insert.chars());
+        use_all(&text.into_iter().collect::<String>())?;
+    }
+}
