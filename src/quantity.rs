@@ -2,6 +2,12 @@
 
 use serde::Serialize;
 
+/// The middle one of `values`, which are reordered (the upper of two); `None` for none.
+pub fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 /// A measured quantity: value and standard uncertainty (k = 1), both in the unit that the field's name says.
 ///
 /// The uncertainty is `None` where it was not determined; it is never 0, negative or NaN.

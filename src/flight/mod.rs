@@ -14,6 +14,7 @@ pub mod linking;
 pub mod repeats;
 pub mod segment;
 
+use crate::quantity;
 use fit::{ArcFit, FitPoint, Forces, meeting};
 use linking::{Spot, Track};
 use segment::{Fall, Sample, own_fall};
@@ -53,8 +54,6 @@ pub enum SpotUse {
     Contact,
     /// Off its arc by this many plane units.
     Off(f64),
-    /// Repeats the frame before.
-    Repeat,
 }
 
 /// Why there is no flight.
@@ -123,8 +122,7 @@ fn interval(times: &[f64]) -> f64 {
         .map(|w| w[1] - w[0])
         .filter(|d| *d > 0.0)
         .collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(f64::INFINITY)
+    quantity::median(&mut steps).unwrap_or(f64::INFINITY)
 }
 
 /// A track that may be the ball's.
@@ -244,11 +242,7 @@ fn segment_sigma(spots: &[Spot], track: &Track, falls: bool) -> f64 {
 }
 
 fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+    quantity::median(values).unwrap_or(0.0)
 }
 
 fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
@@ -436,7 +430,7 @@ impl Flight {
         let within = self
             .points
             .iter()
-            .filter(|p| p.spot.time_s >= from && p.spot.time_s <= to && p.use_ != SpotUse::Repeat)
+            .filter(|p| p.spot.time_s >= from && p.spot.time_s <= to)
             .count();
         let free = self.used() as f64 >= LEAST_FREE_PART * within as f64;
         let met = self.impacts.iter().any(Option::is_some);
@@ -536,11 +530,11 @@ fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
             let least = 2.0 * g * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
             before.1 < 0.0 && after.1 > 0.0 && after.1 - before.1 > least
         }
-        Fall::Known(_) => false,
         // Where nothing falls, nothing bends a path but an impact.
+        Fall::Known(g) => g == 0.0,
         Fall::Free => true,
     };
-    jump > LEAST_JUMP * speed || turn || fall == Fall::Known(0.0)
+    jump > LEAST_JUMP * speed || turn
 }
 
 /// Arcs are fitted together, which takes memory and time as the square of their number; a ball that bounces more often

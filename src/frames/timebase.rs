@@ -82,8 +82,7 @@ fn gaps(stamps_s: &[f64]) -> (usize, usize) {
 /// The median positive step.
 fn typical_step(steps: impl Iterator<Item = f64>) -> Option<f64> {
     let mut steps: Vec<f64> = steps.filter(|d| *d > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied()
+    crate::quantity::median(&mut steps)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! points.
 
 use super::observe::Observation;
-use super::refine::{Found, arc_at};
+use super::refine::{Found, arc_at, of_sighting};
 use super::result::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
 use super::{WorldFrame, is_used, stretched};
 use crate::calibration::Rectification;
@@ -46,7 +46,7 @@ pub fn residual(flight: &Flight, p: &FlightPoint, frame: &WorldFrame) -> Option<
     let k = match p.use_ {
         SpotUse::Used(k) => k,
         SpotUse::Off(_) | SpotUse::Contact => arc_at(flight, p.spot.time_s),
-        SpotUse::NotFree | SpotUse::Repeat => return None,
+        SpotUse::NotFree => return None,
     };
     let m = flight.fit.motion(k, p.spot.time_s);
     let (here, there) = (
@@ -69,7 +69,6 @@ pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
             "off its arc by {:.2} mm",
             1e3 * units * frame.metres_per_unit
         )),
-        SpotUse::Repeat => PointUse::Unused("repeats the frame before".to_owned()),
     }
 }
 
@@ -77,7 +76,7 @@ pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
 pub fn strobe(seen: &Observation, found: &[Found], flight: &Flight) -> Strobe {
     let mut strobe = empty_strobe(seen);
     for p in flight.points.iter().filter(|p| is_used(p.use_)) {
-        let Some(f) = found.iter().find(|f| f.sighting == p.spot.id) else {
+        let Some(f) = of_sighting(found, p.spot.id) else {
             continue;
         };
         let s = &seen.sightings[f.sighting];

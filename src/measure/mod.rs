@@ -22,7 +22,7 @@ use crate::flight::{self, Flight, NoFlight, SpotUse};
 use crate::frames::timebase::TimeBase;
 use crate::frames::{FrameError, LumaRange};
 use crate::geometry::{PixelPoint, WorldPoint};
-use crate::quantity::Quantity;
+use crate::quantity::{Quantity, median};
 use observe::Observation;
 use refine::{Found, Shared};
 use std::path::{Path, PathBuf};
@@ -224,13 +224,10 @@ impl<'a> Work<'a> {
         let spots = self.first_spots();
         let forces = if self.falls() { Forces::Fall } else { Forces::None };
         let flight = flight::find(&spots, forces)?;
-        for s in spots
-            .iter()
-            .filter(|s| flight.points.iter().any(|p| p.spot.id == s.id))
-        {
-            if let Some(centre) = self.seen.sightings[s.id].centre {
+        for p in &flight.points {
+            if let Some(centre) = self.seen.sightings[p.spot.id].centre {
                 self.found.push(Found {
-                    sighting: s.id,
+                    sighting: p.spot.id,
                     centre,
                 });
             }
@@ -340,8 +337,7 @@ impl<'a> Work<'a> {
     fn radius_px(&self) -> Option<Quantity> {
         let outlines = || {
             let mut radii: Vec<f64> = self.found.iter().map(|f| f.centre.disc.radius_px).collect();
-            radii.sort_by(f64::total_cmp);
-            Quantity::undetermined(*radii.get(radii.len() / 2)?)
+            Quantity::undetermined(median(&mut radii)?)
         };
         self.shared.map(|s| s.radius_px).or_else(outlines)
     }
@@ -473,9 +469,8 @@ impl<'a> Work<'a> {
 
     fn track(&self, flight: &Flight, frame: &WorldFrame) -> Track {
         let excess = flight.fit.excess.max(1.0);
-        let centre = |id: usize| -> Option<&Centre> {
-            self.found.iter().find(|f| f.sighting == id).map(|f| &f.centre)
-        };
+        let centre =
+            |id: usize| -> Option<&Centre> { refine::of_sighting(&self.found, id).map(|f| &f.centre) };
         let points: Vec<TrackPoint> = flight
             .points
             .iter()
@@ -497,11 +492,10 @@ impl<'a> Work<'a> {
             .filter(|p| matches!(p.use_, PointUse::Used(_)))
             .filter_map(|p| p.std_px)
             .collect();
-        stds.sort_by(f64::total_cmp);
         Track {
             method: METHOD.to_owned(),
             detected: points.len(),
-            centre_std_px: stds.get(stds.len() / 2).copied(),
+            centre_std_px: median(&mut stds),
             radius_px: self.radius_px(),
             points,
         }

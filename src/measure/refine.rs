@@ -10,7 +10,7 @@ use crate::detect::centre::{Centre, Disc};
 use crate::flight::linking::Spot;
 use crate::flight::{Flight, SpotUse};
 use crate::geometry::PixelPoint;
-use crate::quantity::Quantity;
+use crate::quantity::{Quantity, median};
 
 /// What all frames share.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +32,15 @@ pub struct Found {
     pub centre: Centre,
 }
 
+/// The one of `found` (in the order of sightings, as all lists of them are) that is of this sighting.
+#[must_use]
+pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
+    found
+        .binary_search_by_key(&sighting, |f| f.sighting)
+        .ok()
+        .map(|i| &found[i])
+}
+
 /// The exposure is estimated from at most this many frames, the fastest.
 const EXPOSURE_FRAMES: usize = 24;
 
@@ -46,7 +55,7 @@ pub fn shared(seen: &Observation, found: &[Found], flight: &Flight, map: &Rectif
         .iter()
         .filter(|p| matches!(p.use_, SpotUse::Used(_)))
         .filter_map(|p| {
-            let f = found.iter().find(|f| f.sighting == p.spot.id)?;
+            let f = of_sighting(found, p.spot.id)?;
             Some((&seen.sightings[f.sighting], f.centre, p.spot.time_s))
         })
         .collect();
@@ -155,11 +164,6 @@ fn exposure(
 
 fn speed(v: [f64; 2]) -> f64 {
     v[0].hypot(v[1])
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// The arc that holds at `t`: up to an impact the one before, after it the one behind; beyond the ends the nearest.
