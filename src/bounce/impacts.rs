@@ -60,6 +60,17 @@ pub enum ImpactKind {
 /// Incidence is too steep to have a direction below this many standard uncertainties of vx.
 const DIRECTION_SIGMAS: f64 = 3.0;
 
+/// A restitution above 1 by this many standard uncertainties is no restitution.
+const GAIN_SIGMAS: f64 = 3.0;
+
+/// Whether the ball left the floor faster than it came, beyond doubt.
+fn gains(bounce: &Bounce) -> bool {
+    bounce.restitution.is_some_and(|e| {
+        let std = e.std_uncertainty.unwrap_or(f64::INFINITY);
+        e.value - 1.0 > GAIN_SIGMAS * std
+    })
+}
+
 /// A slip that does not stand out by this many standard uncertainties gives no e_x: it would be noise over noise.
 const SLIP_SIGMAS: f64 = 3.0;
 
@@ -220,9 +231,19 @@ impl<'a> Scene<'a> {
                 View::Side => self.side_bounce(k, history),
                 View::Top => self.top_bounce(k),
             };
-            bounces.push((k, bounce));
+            if !gains(&bounce) {
+                bounces.push((k, bounce));
+            }
         }
         bounces
+    }
+
+    /// How many floor impacts are not among the [`bounces`](Self::bounces): the ball would have left faster than it came,
+    /// so something else (a shadow, a hand) was followed on one side of them.
+    #[must_use]
+    pub fn impossible(&self, bounces: &[(usize, Bounce)]) -> usize {
+        let floors = (0..self.arcs().saturating_sub(1)).filter(|&k| self.kind(k) == Some(ImpactKind::Floor));
+        floors.count() - bounces.len()
     }
 
     /// R ω_y before the impact at `k`, m/s: the launch's spin, changed at each bounce before (spin stays in flight).

@@ -194,13 +194,17 @@ fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
         return 1.0;
     }
     // Chance alone gives 1/√pairs; the fit itself takes a little correlation away.
-    let rho = (product / square).clamp(0.0, 0.8);
+    let rho = (product / square).clamp(0.0, MOST_PERSISTENT);
     if rho < 1.0 / f64::sqrt(pairs) {
         1.0
     } else {
         (1.0 + rho) / (1.0 - rho)
     }
 }
+
+/// A path that is no parabola (perspective, a drifting camera) leaves residuals that hang together over a whole arc; at
+/// this correlation some 60 points count for one.
+const MOST_PERSISTENT: f64 = 0.97;
 
 /// Mean time of each arc's points; `None` when one has fewer than two.
 fn mean_times(points: &[FitPoint], arcs: usize) -> Option<Vec<f64>> {

@@ -8,7 +8,7 @@ use super::av::{AvError, Decoder, Packet, Picture};
 use super::error::FrameError;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
 use super::video::{FrameSource, Timed, checked_size, count, ffmpeg, turn};
-use super::{Frame, Luma, Note, SourceInfo, StreamHealth};
+use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
 use std::ffi::{CStr, OsStr};
 use std::fs;
 use std::io;
@@ -84,6 +84,7 @@ impl Listing {
             index,
             time_s: self.time(index),
             luma,
+            coded: Coded::Whole,
         })
     }
 
@@ -309,6 +310,7 @@ impl<P: Pixels> FolderReader<P> {
             index,
             time_s: self.listing.time(index),
             pixels,
+            coded: Coded::Whole,
         }))
     }
 

@@ -111,6 +111,20 @@ impl Yuv420 {
     }
 }
 
+/// How a frame is stored. A frame that is predicted from others holds what the encoder thought worth adding to the
+/// prediction, so that a ball in it is a little where it was expected: more so in one that is interpolated between
+/// two others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Coded {
+    /// By itself, or losslessly, or it is not known how.
+    #[default]
+    Whole,
+    /// From a frame before (a P frame).
+    Predicted,
+    /// From frames before and behind (a B frame).
+    Interpolated,
+}
+
 /// A decoded frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
@@ -120,6 +134,8 @@ pub struct Frame {
     pub time_s: f64,
     /// The luma plane, turned upright by the file's rotation tag.
     pub luma: Luma,
+    /// How the file stores it.
+    pub coded: Coded,
 }
 
 /// The code values that mean black and white.

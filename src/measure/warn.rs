@@ -152,6 +152,7 @@ pub struct Judged<'a> {
     pub radius_m: Option<f64>,
     pub radius_units: Option<f64>,
     pub walls: usize,
+    pub impossible: usize,
     pub x0_missing: bool,
     pub interval_s: f64,
 }
@@ -169,16 +170,22 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
             "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out.".to_owned(),
         ));
     }
+    if j.impossible > 0 {
+        out.push(warning(
+            "impossible_impact",
+            format!("{} impact(s) would have sent the ball up faster than it came down: on one side of them something else was followed (a shadow, a reflection, a hand). They are not among the bounces; x0 counts from the first that is.", j.impossible),
+        ));
+    }
     if j.walls > 0 {
         out.push(warning(
             "not_a_floor",
             format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
         ));
     }
-    if j.flight.fit.excess > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
+    if j.flight.excess() > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
         out.push(warning(
             "not_a_parabola",
-            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.fit.excess),
+            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.excess()),
         ));
     }
     if j.scene.metres_per_unit.std_uncertainty.is_none() {
