@@ -23,8 +23,8 @@ pub struct Scene<'a> {
 }
 
 /// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
-/// half the contact time, lift before and after.
-const EXTRAS: usize = 7;
+/// half the contact time, lift before and after, drag beyond its law before and after.
+const EXTRAS: usize = 9;
 const SCALE: usize = 0;
 const UP: usize = 1;
 const ZERO_RIGHT: usize = 2;
@@ -32,10 +32,16 @@ const ZERO_UP: usize = 3;
 const CONTACT: usize = 4;
 const LIFT_IN: usize = 5;
 const LIFT_OUT: usize = 6;
+const DRAG_IN: usize = 7;
+const DRAG_OUT: usize = 8;
 
 /// Lift of the air on a spinning ball (Magnus) is not in the arcs. Over drag it is about the spin ratio, up to 1/2;
 /// a constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
 const LIFT_OVER_DRAG_STD: f64 = 0.3;
+
+/// The fitted drag goes as the square of the speed; a sphere's coefficient changes by about this part over the speeds
+/// of an arc (Clift and Gauvin 1970, Reynolds numbers of 300 to 30 000).
+const DRAG_LAW_STD: f64 = 0.15;
 
 /// Air at 20 °C and sea level, kg/m³.
 pub const AIR_DENSITY_KG_M3: f64 = 1.204;
@@ -45,7 +51,9 @@ pub const AIR_DENSITY_KG_M3: f64 = 1.204;
 const COMMON_STD_PX: f64 = 0.03;
 
 /// Half the time of contact, s: the arcs meet in the middle of it, the ball touches before and leaves after. A steel
-/// ball of 2 cm takes 0.1 ms (Hertz); what a softer ball takes more is not contained.
+/// ball of 2 cm takes 0.07 ms in all (Hertz), smaller ones less; what a softer ball takes more is not contained.
+const HALF_CONTACT_S: f64 = 3.5e-5;
+/// Standard deviation of that from ball to ball, s.
 const HALF_CONTACT_STD_S: f64 = 3e-5;
 
 /// What kind of impact lies between two arcs.
@@ -106,9 +114,12 @@ impl<'a> Scene<'a> {
             (CONTACT, HALF_CONTACT_STD_S),
             (LIFT_IN, LIFT_OVER_DRAG_STD),
             (LIFT_OUT, LIFT_OVER_DRAG_STD),
+            (DRAG_IN, DRAG_LAW_STD),
+            (DRAG_OUT, DRAG_LAW_STD),
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
+        values[n + CONTACT] = HALF_CONTACT_S;
         let vr = fit.motion(0, fit.times[0]).vr;
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
@@ -164,18 +175,21 @@ impl<'a> Scene<'a> {
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
         let half = p[p.len() - EXTRAS + CONTACT];
-        let before = self.lifted(p, k, LIFT_IN, self.world(p, k, t - half));
-        let after = self.lifted(p, k + 1, LIFT_OUT, self.world(p, k + 1, t + half));
+        let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - half));
+        let after = self.pushed(p, k + 1, (LIFT_OUT, DRAG_OUT), self.world(p, k + 1, t + half));
         (t - half, before, after)
     }
 
-    /// The motion with what lift may have changed in the speed along x.
-    fn lifted(&self, p: &[f64], arc: usize, lift: usize, m: Motion) -> Motion {
+    /// The motion with what lift may have changed in the speed along x, and drag beyond its law in both.
+    fn pushed(&self, p: &[f64], arc: usize, (lift, drag): (usize, usize), m: Motion) -> Motion {
         let drag_per_m = p[DRAG] / self.scale(p);
         let (from, to) = self.flight.spans[arc];
-        let push = drag_per_m * (m.vr * m.vr + m.vh * m.vh) * (to - from) / 4.0;
+        let speed = m.vr.hypot(m.vh);
+        let push = drag_per_m * speed * (to - from) / 4.0;
+        let extras = &p[p.len() - EXTRAS..];
         Motion {
-            vr: m.vr + p[p.len() - EXTRAS + lift] * push,
+            vr: m.vr + push * (extras[lift] * speed - extras[drag] * m.vr),
+            vh: m.vh - push * extras[drag] * m.vh,
             ..m
         }
     }
@@ -213,7 +227,16 @@ impl<'a> Scene<'a> {
         if !(told && lift > 0.0) {
             return None;
         }
-        let out = self.evidence.outputs(|p| vec![p[GRAVITY] * self.scale(p) / lift]);
+        // Drag beyond its law passes for gravity by a part of its own mean over the arcs.
+        let top = self.flight.spans.iter().enumerate().map(|(k, s)| {
+            let m = self.world(self.evidence.values.as_slice(), k, s.1);
+            m.vr * m.vr + m.vh * m.vh
+        });
+        let speed2 = top.fold(0.0, f64::max);
+        let out = self.evidence.outputs(|p| {
+            let beyond = p[p.len() - EXTRAS + DRAG_IN] * p[DRAG] / self.scale(p) * speed2;
+            vec![p[GRAVITY] * self.scale(p) / lift + beyond]
+        });
         out.quantity(0)
     }
 
