@@ -23,8 +23,9 @@ pub struct Scene<'a> {
 }
 
 /// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
-/// half the contact time, lift before and after, drag beyond its law before and after.
-const EXTRAS: usize = 9;
+/// half the contact time, lift before and after, drag beyond its law before and after, centre errors that differ
+/// between two impacts.
+const EXTRAS: usize = 10;
 const SCALE: usize = 0;
 const UP: usize = 1;
 const ZERO_RIGHT: usize = 2;
@@ -34,6 +35,7 @@ const LIFT_IN: usize = 5;
 const LIFT_OUT: usize = 6;
 const DRAG_IN: usize = 7;
 const DRAG_OUT: usize = 8;
+const PLACES: usize = 9;
 
 /// Lift of the air on a spinning ball (Magnus) is not in the arcs. Over drag it is about the spin ratio, up to 1/2;
 /// a constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
@@ -49,6 +51,9 @@ pub const AIR_DENSITY_KG_M3: f64 = 1.204;
 /// A centre's error that all frames share (the light's side, the edge's shape): it does not average out. The edge-band
 /// fit's on a shaded ball with a highlight is up to this, px.
 const COMMON_STD_PX: f64 = 0.03;
+
+/// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
+const PLACES_STD_PX: f64 = 0.02;
 
 /// Half the time of contact, s: the arcs meet in the middle of it, the ball touches before and leaves after. A steel
 /// ball of 2 cm takes 0.07 ms in all (Hertz), smaller ones less; what a softer ball takes more is not contained.
@@ -116,6 +121,7 @@ impl<'a> Scene<'a> {
             (LIFT_OUT, LIFT_OVER_DRAG_STD),
             (DRAG_IN, DRAG_LAW_STD),
             (DRAG_OUT, DRAG_LAW_STD),
+            (PLACES, PLACES_STD_PX * units_per_px),
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
@@ -390,12 +396,13 @@ impl<'a> Scene<'a> {
             0.5 * (a.r + b.r)
         };
         let x0_m = self.edge_distance(first, &place);
+        let apart = |p: &[f64]| p[p.len() - EXTRAS + PLACES] * self.scale(p);
         // Seen, when the very next impact is on the floor too.
         let (x_m, x_source) = match bounces.get(1) {
             Some(&(second, _)) if second == first + 1 => {
                 let out = self
                     .evidence
-                    .outputs(|p| vec![place(p, second) - place(p, first)]);
+                    .outputs(|p| vec![place(p, second) - place(p, first) + apart(p)]);
                 (out.quantity(0), XSource::Observed)
             }
             _ if self.calibration.view == View::Top => {
@@ -409,7 +416,7 @@ impl<'a> Scene<'a> {
                 let out = self.evidence.outputs(|p| {
                     let t = self.impact_time(p, first);
                     let down = t + return_time(p, &self.flight.fit.times, first + 1, t);
-                    vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r]
+                    vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r + apart(p)]
                 });
                 (out.quantity(0), XSource::Extrapolated)
             }
