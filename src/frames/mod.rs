@@ -30,6 +30,7 @@ pub mod video;
 
 pub use encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
 pub use error::FrameError;
+pub use folder::{is_picture, open_picture, pictures_in};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
 pub use survey::open_sparse;
