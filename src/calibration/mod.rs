@@ -13,12 +13,15 @@
 //! Rules beside a homography, which has its own origin and axes: `origin_px` and an `up_px` other than the default are
 //! errors, because they would either do nothing or contradict it.
 
+mod blurred_edge;
 pub mod board;
+pub mod check;
 mod deviation;
 mod error;
 mod file;
 mod lens;
 mod plane;
+pub mod ruler;
 mod scale;
 
 pub use deviation::Deviation;

@@ -132,6 +132,23 @@ pub struct LumaRange {
     pub white: u8,
 }
 
+impl LumaRange {
+    /// A picture with black..white stretched to 0..=255, for people.
+    #[must_use]
+    pub fn stretched(self, luma: &Luma) -> Luma {
+        let (black, white) = (f64::from(self.black), f64::from(self.white));
+        let stretch = |&value: &u8| {
+            let part = (f64::from(value) - black) / (white - black);
+            (255.0 * part).round().clamp(0.0, 255.0) as u8
+        };
+        Luma {
+            width: luma.width,
+            height: luma.height,
+            data: luma.data.iter().map(stretch).collect(),
+        }
+    }
+}
+
 /// What is known of a recording before its first frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceInfo {

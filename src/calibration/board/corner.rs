@@ -8,15 +8,47 @@
 //! I(p) = (1 + g · (p − c)) (a + b E(X / |∇X|) E(Y / |∇Y|)),        E(d) = ∫ erf(t / √2 σ) dt over d − ½ .. d + ½
 //! ```
 //!
-//! with E an edge at the distance d (px), blurred by σ and averaged over a pixel, X, Y the board's own coordinates from the corner on (second-order polynomials through the neighbouring corners, so
-//! that perspective and the lens may bend the edges), a the mean grey, b the contrast, g the slope of the light, σ the blur. The fit gives
+//! with E an edge at the distance d (px), blurred by σ and averaged over a pixel, X, Y the board's own coordinates from the corner on (polynomials through the neighbouring corners, so that
+//! perspective and the lens may bend the edges), a the mean grey, b the contrast, g the slope of the light, σ the blur. The fit gives
 //! the place c with its standard uncertainty. The product of the two edges is exact for edges at right angles; elsewhere
 //! it is wrong within a blur's width of the corner, but point symmetric about it, so that the place does not suffer.
 
+use crate::calibration::blurred_edge::shade;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use nalgebra::{DMatrix, DVector, SMatrix, SVector};
-use std::f64::consts::{FRAC_2_SQRT_PI, SQRT_2};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector};
+use opencv::calib3d::find_homography_ext_def;
+use opencv::core::{MatTraitConst as _, Point2d, Vector};
+
+/// The homography from pixels to squares that all corners together show best; `None` where they have none.
+fn perspective(places: &[PixelPoint], columns: usize) -> Option<Matrix3<f64>> {
+    let pixels: Vector<Point2d> = places.iter().map(|p| Point2d::new(p.u_px, p.v_px)).collect();
+    let squares: Vector<Point2d> = (0..places.len())
+        .map(|i| Point2d::new((i % columns) as f64, (i / columns) as f64))
+        .collect();
+    let found = find_homography_ext_def(&pixels, &squares).ok()?;
+    let mut matrix = Matrix3::zeros();
+    for i in 0..3 {
+        for j in 0..3 {
+            matrix[(i, j)] = *found.at_2d::<f64>(i as i32, j as i32).ok()?;
+        }
+    }
+    Some(matrix)
+}
+
+/// (value, d/du, d/dv) of both coordinates of a pixel's image under a homography.
+fn through(h: &Matrix3<f64>, p: PixelPoint) -> [(f64, f64, f64); 2] {
+    let row = |i: usize| h[(i, 0)] * p.u_px + h[(i, 1)] * p.v_px + h[(i, 2)];
+    let w = row(2);
+    [0, 1].map(|i| {
+        let value = row(i) / w;
+        (
+            value,
+            (h[(i, 0)] - value * h[(2, 0)]) / w,
+            (h[(i, 1)] - value * h[(2, 1)]) / w,
+        )
+    })
+}
 
 /// Half the window's side in squares: clear of the next corners' lines.
 const REACH_SQUARES: f64 = 0.45;
@@ -49,8 +81,11 @@ pub fn refine(picture: &Luma, columns: usize, found: &[PixelPoint]) -> Vec<Optio
     let mut places = found.to_vec();
     let mut corners = vec![None; found.len()];
     for _ in 0..ROUNDS {
+        let Some(perspective) = perspective(&places, columns) else {
+            return vec![None; found.len()];
+        };
         corners = (0..places.len())
-            .map(|i| Board::around(&places, columns, i).and_then(|board| fit(picture, &board)))
+            .map(|i| fit(picture, &Board::around(&places, columns, i, &perspective)?))
             .collect();
         for (place, corner) in places.iter_mut().zip(&corners) {
             if let Some(Corner { at, .. }) = corner {
@@ -61,30 +96,49 @@ pub fn refine(picture: &Luma, columns: usize, found: &[PixelPoint]) -> Vec<Optio
     corners
 }
 
-/// The board's coordinates around a corner: X and Y in squares as polynomials of the pixel's offset from it.
-struct Board {
+/// Terms of a polynomial without its constant: u, v, u², u v, v².
+type Polynomial = SVector<f64, 5>;
+
+/// The board's coordinates around a corner: X and Y in squares as functions of the pixel's offset from it.
+///
+/// The perspective is that of the whole view; what it leaves (the lens) goes into a polynomial through the 3 by 3 corners
+/// around this one (or nearest to it at the board's rim).
+struct Board<'a> {
     corner: PixelPoint,
-    /// Of u, v, u², u v, v².
-    x: SVector<f64, 5>,
-    y: SVector<f64, 5>,
+    perspective: &'a Matrix3<f64>,
+    /// X and Y of the perspective at the corner.
+    zero: [f64; 2],
+    rest: [Polynomial; 2],
 }
 
-impl Board {
-    /// From the 3 by 3 corners around corner `index` (or nearest to it at the board's rim).
-    fn around(places: &[PixelPoint], columns: usize, index: usize) -> Option<Self> {
+impl<'a> Board<'a> {
+    fn around(
+        places: &[PixelPoint],
+        columns: usize,
+        index: usize,
+        perspective: &'a Matrix3<f64>,
+    ) -> Option<Self> {
         let rows = places.len() / columns;
         let (column, row) = (index % columns, index / columns);
         let block = |at: usize, size: usize| at.saturating_sub(1).min(size.saturating_sub(3));
         let corner = places[index];
+        let zero = through(perspective, corner).map(|x| x.0);
+        let mut board = Self {
+            corner,
+            perspective,
+            zero,
+            rest: [Polynomial::zeros(); 2],
+        };
         let mut terms = DMatrix::zeros(9, 5);
-        let (mut xs, mut ys) = (DVector::zeros(9), DVector::zeros(9));
+        let mut rests = [DVector::zeros(9), DVector::zeros(9)];
         for k in 0..9 {
             let (c, r) = (block(column, columns) + k % 3, block(row, rows) + k / 3);
             let p = places.get(r * columns + c)?;
             let (u, v) = (p.u_px - corner.u_px, p.v_px - corner.v_px);
             terms.row_mut(k).copy_from_slice(&[u, v, u * u, u * v, v * v]);
-            xs[k] = c as f64 - column as f64;
-            ys[k] = r as f64 - row as f64;
+            let [x, y] = board.at(u, v);
+            rests[0][k] = c as f64 - column as f64 - x.0;
+            rests[1][k] = r as f64 - row as f64 - y.0;
         }
         // Columns of one size each, so that a square of 5 px and one of 500 are solved alike.
         let scale: Vec<f64> = terms.column_iter().map(|c| c.norm()).collect();
@@ -92,32 +146,31 @@ impl Board {
             column /= *s;
         }
         let svd = terms.svd(true, true);
-        let solve = |right: &DVector<f64>| {
-            let solution = svd.solve(right, 1e-9).ok()?;
-            Some(SVector::from_fn(|i, _| solution[i] / scale[i]))
-        };
-        Some(Self {
-            corner,
-            x: solve(&xs)?,
-            y: solve(&ys)?,
-        })
+        for (polynomial, rest) in board.rest.iter_mut().zip(&rests) {
+            let solution = svd.solve(rest, 1e-9).ok()?;
+            *polynomial = Polynomial::from_fn(|i, _| solution[i] / scale[i]);
+        }
+        Some(board)
     }
 
-    /// (value, d/du, d/dv) of a polynomial at an offset.
-    fn at(p: &SVector<f64, 5>, u: f64, v: f64) -> (f64, f64, f64) {
-        (
-            (p[0] + p[2] * u + p[3] * v) * u + (p[1] + p[4] * v) * v,
-            p[0] + 2.0 * p[2] * u + p[3] * v,
-            p[1] + p[3] * u + 2.0 * p[4] * v,
-        )
+    /// (value, d/du, d/dv) of X and of Y at an offset.
+    fn at(&self, u: f64, v: f64) -> [(f64, f64, f64); 2] {
+        let seen = PixelPoint::new(self.corner.u_px + u, self.corner.v_px + v);
+        let mut both = through(self.perspective, seen);
+        for ((axis, zero), p) in both.iter_mut().zip(self.zero).zip(&self.rest) {
+            axis.0 += (p[0] + p[2] * u + p[3] * v) * u + (p[1] + p[4] * v) * v - zero;
+            axis.1 += p[0] + 2.0 * p[2] * u + p[3] * v;
+            axis.2 += p[1] + p[3] * u + 2.0 * p[4] * v;
+        }
+        both
     }
 
     /// How far the window reaches from the corner, px.
     fn reach_px(&self) -> f64 {
         // Half a square along each axis of the board is det / |other gradient| along the picture's axes; the smaller
         // height of the parallelogram is what fits.
-        let (steep_x, steep_y) = (self.x[0].hypot(self.x[1]), self.y[0].hypot(self.y[1]));
-        REACH_SQUARES / steep_x.max(steep_y)
+        let [x, y] = self.at(0.0, 0.0);
+        REACH_SQUARES / x.1.hypot(x.2).max(y.1.hypot(y.2))
     }
 }
 
@@ -127,7 +180,7 @@ const BLUR: usize = 2;
 const MEAN: usize = 3;
 const CONTRAST: usize = 6;
 
-fn fit(picture: &Luma, board: &Board) -> Option<Corner> {
+fn fit(picture: &Luma, board: &Board<'_>) -> Option<Corner> {
     let reach = board.reach_px().clamp(REACH_PX.0, REACH_PX.1);
     let window = Window::new(picture, board, reach)?;
     let mut p = window.start();
@@ -178,13 +231,13 @@ struct System {
 
 /// The picture around a corner.
 struct Window<'a> {
-    board: &'a Board,
+    board: &'a Board<'a>,
     /// (u, v) from the corner, grey.
     pixels: Vec<(f64, f64, f64)>,
 }
 
 impl<'a> Window<'a> {
-    fn new(picture: &Luma, board: &'a Board, reach: f64) -> Option<Self> {
+    fn new(picture: &Luma, board: &'a Board<'a>, reach: f64) -> Option<Self> {
         let (cu, cv) = (board.corner.u_px, board.corner.v_px);
         let side = |centre: f64, size: usize| {
             let (from, to) = ((centre - reach).ceil(), (centre + reach).floor());
@@ -197,8 +250,8 @@ impl<'a> Window<'a> {
             let row = picture.row(v);
             for u in us.clone() {
                 let (du, dv) = (u as f64 - cu, v as f64 - cv);
-                let near = |p| Board::at(p, du, dv).0.abs() <= REACH_SQUARES;
-                if near(&board.x) && near(&board.y) && du.hypot(dv) <= reach {
+                let near = |x: (f64, f64, f64)| x.0.abs() <= REACH_SQUARES;
+                if du.hypot(dv) <= reach && board.at(du, dv).into_iter().all(near) {
                     pixels.push((du, dv, f64::from(row[u])));
                 }
             }
@@ -213,8 +266,8 @@ impl<'a> Window<'a> {
         let count = self.pixels.len() as f64;
         p[MEAN] = self.pixels.iter().map(|x| x.2).sum::<f64>() / count;
         let sign = |u: f64, v: f64| {
-            let product = Board::at(&self.board.x, u, v).0 * Board::at(&self.board.y, u, v).0;
-            if product > 0.0 { 1.0 } else { -1.0 }
+            let [x, y] = self.board.at(u, v);
+            if x.0 * y.0 > 0.0 { 1.0 } else { -1.0 }
         };
         let sum: f64 = self.pixels.iter().map(|&(u, v, grey)| sign(u, v) * (grey - p[MEAN])).sum();
         p[CONTRAST] = sum / count;
@@ -241,7 +294,7 @@ impl<'a> Window<'a> {
     fn model(&self, p: &Parameters, u: f64, v: f64) -> (f64, Parameters) {
         let (du, dv, blur) = (u - p[0], v - p[1], p[BLUR]);
         let [(ex, ex_u, ex_v, ex_blur), (ey, ey_u, ey_v, ey_blur)] =
-            [&self.board.x, &self.board.y].map(|axis| edge(Board::at(axis, du, dv), blur));
+            self.board.at(du, dv).map(|axis| edge(axis, blur));
         let contrast = p[CONTRAST];
         let light = 1.0 + p[MEAN + 1] * du + p[MEAN + 2] * dv;
         let board = p[MEAN] + contrast * ex * ey;
@@ -262,15 +315,7 @@ impl<'a> Window<'a> {
 /// blur. The gradient that turns the coordinate into pixels counts as constant.
 fn edge((x, x_u, x_v): (f64, f64, f64), blur_px: f64) -> (f64, f64, f64, f64) {
     let steep = x_u.hypot(x_v);
-    let distance_px = x / steep;
-    // The mean over a pixel: differences of the integral of erf(d / √2 σ), half a pixel to each side.
-    let side = |d: f64| {
-        let t = d / (SQRT_2 * blur_px);
-        let (erf, bell) = (libm::erf(t), (-t * t).exp());
-        let by_blur = SQRT_2 * 0.5 * FRAC_2_SQRT_PI * bell;
-        (d * erf + blur_px * by_blur, erf, by_blur)
-    };
-    let (far, near) = (side(distance_px + 0.5), side(distance_px - 0.5));
-    let by_x = (far.1 - near.1) / steep;
-    (far.0 - near.0, by_x * x_u, by_x * x_v, far.2 - near.2)
+    let s = shade(x / steep, blur_px);
+    let by_x = s.by_distance / steep;
+    (s.value, by_x * x_u, by_x * x_v, s.by_blur)
 }

@@ -76,6 +76,12 @@ pub enum BoardError {
         /// The others'.
         expected: (usize, usize),
     },
+    /// A calibration without a lens, where one is needed.
+    #[error("{name} (--lens) holds no lens: accepted is a calib.json as track calibrate board writes it; give the pictures of the board in its place")]
+    NoLens {
+        /// The file.
+        name: String,
+    },
     /// The board leans so that no edge is the upright one.
     #[error(
         "{name} (--plane): the board leans by {lean_deg:.0} degrees, so that it is not clear which edge is upright; stand \

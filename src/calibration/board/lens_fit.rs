@@ -275,6 +275,46 @@ struct State {
     poses: Vec<Pose>,
 }
 
+/// Pose of a board seen by a known camera, from `start` on, and the covariance of camera and pose.
+pub fn pose(
+    camera: &Camera,
+    covariance: &SMatrix<f64, 9, 9>,
+    start: Pose,
+    view: &[Seen],
+) -> Option<(Pose, JointCovariance, f64)> {
+    let views = [view.to_vec()];
+    let weights = [vec![1.0; view.len()]];
+    let at = |pose: Pose| {
+        let state = State {
+            camera: *camera,
+            poses: vec![pose],
+        };
+        Normal::at(&state, &views, &weights)
+    };
+    let (mut pose, mut normal, mut damping) = (start, at(start)?, 1e-6);
+    for _ in 0..ITERATIONS {
+        let (part, right) = normal.parts.first()?;
+        let mut own = part.own;
+        for i in 0..POSE {
+            own[(i, i)] *= 1.0 + damping;
+        }
+        let step = own.cholesky()?.solve(right);
+        let next = pose.stepped(&step);
+        match at(next).filter(|n| n.chi2 < normal.chi2) {
+            Some(better) => {
+                (pose, normal) = (next, better);
+                damping *= 0.1;
+            }
+            None if damping > 1e3 || step.norm() < 1e-12 => break,
+            None => damping *= 20.0,
+        }
+    }
+    let freedom = normal.coordinates.checked_sub(POSE).filter(|&f| f > 0)?;
+    let scale = normal.chi2 / freedom as f64;
+    let joint = normal.parts.first()?.0.joint(covariance, scale)?;
+    Some((pose, joint, (2.0 * normal.chi2 / normal.coordinates as f64).sqrt()))
+}
+
 /// A view's part of the normal equations.
 #[derive(Debug, Clone, Copy)]
 struct Part {
@@ -510,7 +550,7 @@ impl Candidate {
 /// of the exact shape of pixel and blur under a slanted view. On renderings without noise corners are off by 0.001 to
 /// 0.004 px rms, and this much of it is common (with it, lenses from rendered boards have pulls of width 1). On real
 /// boards, which are uneven by 0.1 px, it does not matter.
-const SHARED_PX: f64 = 0.0015;
+const SHARED_PX: f64 = 0.0008;
 
 /// Combinations that count less than this are left out.
 const LEAST_WEIGHT: f64 = 1e-3;

@@ -11,21 +11,25 @@ mod coverage;
 mod deviate;
 mod error;
 pub mod finder;
+mod known_lens;
 mod lens_fit;
 mod plane_fit;
 mod projection;
 
-pub use coverage::Coverage;
+pub use coverage::{CELLS as COVERAGE_CELLS, Coverage};
 pub use error::BoardError;
 pub use finder::Corners;
 pub use lens_fit::{LensFit, Terms};
+pub use known_lens::plane_with_lens;
 pub use plane_fit::{Marks, Plane};
 pub use projection::Pose;
 
 use super::{Calibration, Lens, Scale};
 use crate::frames::Luma;
+use crate::geometry::PixelPoint;
 use finder::Found;
 use lens_fit::Seen;
+use plane_fit::SeenBoard;
 use nalgebra::Vector2;
 
 /// A chessboard.
@@ -96,6 +100,11 @@ impl View {
     #[must_use]
     pub fn corners(&self) -> usize {
         self.seen.len()
+    }
+
+    /// Where they are in the picture.
+    pub fn places(&self) -> impl Iterator<Item = PixelPoint> + '_ {
+        self.seen.iter().map(|s| s.at)
     }
 }
 
@@ -230,46 +239,17 @@ impl Views {
                 });
                 Ok(())
             }
-            Err(reason) => Err(BoardError::NoBoardInPlane {
-                name,
-                wanted: self.pattern.corners,
-                hint: match finder::any_board(picture)? {
-                    Some(found) if !same_corners(found, self.pattern.corners) => self.other_board(found),
-                    _ => format!("{reason}: show the whole board with its white rim, sharp and evenly lit"),
-                },
-            }),
+            Err(reason) => Err(no_board_in_plane(&self.pattern, name, picture, &reason)?),
         }
     }
 
     /// The corners in a picture, or why it cannot serve.
     fn look(&mut self, picture: &Luma) -> Result<Result<Vec<Seen>, String>, BoardError> {
-        let Found::Board(corners) = finder::find(picture, self.pattern.corners)? else {
-            if self.without.len() < KEPT {
-                self.without.push(picture.clone());
-            }
-            return Ok(Err("no board found".to_owned()));
-        };
-        let all = corners.len();
-        let seen: Vec<Seen> = corners
-            .into_iter()
-            .enumerate()
-            .filter_map(|(i, corner)| {
-                let corner = corner?;
-                Some(Seen {
-                    board_m: self.pattern.place_m(i),
-                    at: corner.at,
-                    std_px: corner.std_px,
-                })
-            })
-            .collect();
-        let missing = all - seen.len();
-        Ok(if missing as f64 > MISSING_PART * all as f64 {
-            Err(format!(
-                "{missing} of {all} corners are covered, smeared, overexposed or at the picture's border"
-            ))
-        } else {
-            Ok(seen)
-        })
+        let looked = look(&self.pattern, picture)?;
+        if looked.is_err() && self.without.len() < KEPT {
+            self.without.push(picture.clone());
+        }
+        Ok(looked)
     }
 
     /// The name of an earlier view with the board in the same place.
@@ -350,7 +330,7 @@ impl Views {
             others.extend(finder::any_board(picture)?);
         }
         let hint = match others.first() {
-            Some(&found) if !same_corners(found, self.pattern.corners) => self.other_board(found),
+            Some(&found) if !same_corners(found, self.pattern.corners) => other_board(found),
             Some(_) => "a part of it was found, but not the whole: show all of it with its white rim, sharp and \
                         evenly lit"
                 .to_owned(),
@@ -367,15 +347,60 @@ impl Views {
             hint,
         })
     }
+}
 
-    fn other_board(&self, (columns, rows): Corners) -> String {
-        format!(
-            "there is one of {columns}x{rows} inner corners ({} by {} squares): --pattern counts the points where four \
-             squares meet, so try --pattern {columns}x{rows}",
-            columns + 1,
-            rows + 1
-        )
-    }
+/// The corners of the board in a picture, or why it cannot serve.
+fn look(pattern: &Pattern, picture: &Luma) -> Result<Result<Vec<Seen>, String>, BoardError> {
+    let Found::Board(corners) = finder::find(picture, pattern.corners)? else {
+        return Ok(Err("no board found".to_owned()));
+    };
+    let all = corners.len();
+    let seen: Vec<Seen> = corners
+        .into_iter()
+        .enumerate()
+        .filter_map(|(i, corner)| {
+            let corner = corner?;
+            Some(Seen {
+                board_m: pattern.place_m(i),
+                at: corner.at,
+                std_px: corner.std_px,
+            })
+        })
+        .collect();
+    let missing = all - seen.len();
+    Ok(if missing as f64 > MISSING_PART * all as f64 {
+        Err(format!(
+            "{missing} of {all} corners are covered, smeared, overexposed or at the picture's border"
+        ))
+    } else {
+        Ok(seen)
+    })
+}
+
+/// The error of a picture of the plane that cannot serve for `reason`.
+fn no_board_in_plane(
+    pattern: &Pattern,
+    name: String,
+    picture: &Luma,
+    reason: &str,
+) -> Result<BoardError, BoardError> {
+    Ok(BoardError::NoBoardInPlane {
+        name,
+        wanted: pattern.corners,
+        hint: match finder::any_board(picture)? {
+            Some(found) if !same_corners(found, pattern.corners) => other_board(found),
+            _ => format!("{reason}: show the whole board with its white rim, sharp and evenly lit"),
+        },
+    })
+}
+
+fn other_board((columns, rows): Corners) -> String {
+    format!(
+        "there is one of {columns}x{rows} inner corners ({} by {} squares): --pattern counts the points where four \
+         squares meet, so try --pattern {columns}x{rows}",
+        columns + 1,
+        rows + 1
+    )
 }
 
 impl BoardLens {
@@ -409,8 +434,14 @@ impl BoardLens {
             .fit
             .joint_covariance(index)
             .ok_or_else(|| BoardError::not_determined(None, self.fit.poses.len()))?;
-        let pose = self.fit.poses[index];
-        Plane::new(name, self, &views.pattern, pose, joint, marks).map(Some)
+        let seen = SeenBoard {
+            camera: self.fit.camera,
+            lens: &self.lens,
+            size_px: self.size_px,
+            pose: self.fit.poses[index],
+            joint,
+        };
+        Plane::new(name, &seen, &views.pattern, marks).map(Some)
     }
 }
 

@@ -8,7 +8,7 @@
 use super::deviate;
 use super::lens_fit::{JointCovariance, lens};
 use super::projection::{Camera, POSE, Pose};
-use super::{BoardError, BoardLens, Pattern};
+use super::{BoardError, Pattern};
 use crate::calibration::{Calibration, Deviation, Homography, Lens, Scale};
 use crate::geometry::PixelPoint;
 use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector2, Vector3};
@@ -54,6 +54,21 @@ pub struct Plane {
     pub deviations: Vec<Deviation>,
 }
 
+/// A board as a camera of known lens sees it.
+#[derive(Clone, Copy)]
+pub(super) struct SeenBoard<'a> {
+    /// The lens's nine numbers.
+    pub camera: Camera,
+    /// The same as a lens.
+    pub lens: &'a Lens,
+    /// Width and height of the picture.
+    pub size_px: (usize, usize),
+    /// Where the board is.
+    pub pose: Pose,
+    /// Covariance of camera and pose.
+    pub joint: &'a JointCovariance,
+}
+
 /// The board's axes as the world's: unit vectors on the board, and the world's origin there.
 #[derive(Debug, Clone, Copy)]
 struct Axes {
@@ -62,15 +77,20 @@ struct Axes {
 }
 
 impl Plane {
+    /// From the board's pose in the picture `name` and its covariance together with the camera's.
     pub(super) fn new(
         name: &str,
-        board: &BoardLens,
+        seen: &SeenBoard<'_>,
         pattern: &Pattern,
-        pose: Pose,
-        joint: &JointCovariance,
         marks: &Marks,
     ) -> Result<Self, BoardError> {
-        let camera = board.fit.camera;
+        let SeenBoard {
+            camera,
+            lens,
+            size_px,
+            pose,
+            joint,
+        } = *seen;
         let middle = 0.5 * pattern.place_m(pattern.corners.0 * pattern.corners.1 - 1);
         let (axes, lean_rad) = upright(&camera, &pose, &middle, marks.up_px);
         if lean_rad.abs() > LARGEST_LEAN_RAD {
@@ -83,10 +103,10 @@ impl Plane {
             axes,
             corner_m: lower_left(pattern, &axes),
             marks: *marks,
-            size: board.size_px,
+            size: size_px,
         };
         let known = marks.floor.is_some();
-        let world_from_pixel = setting.world_from_pixel(&camera, &board.lens, &pose)?;
+        let world_from_pixel = setting.world_from_pixel(&camera, lens, &pose)?;
         let homography = Homography {
             world_from_pixel,
             relative_std: pattern.square_std_m.map(|s| s / pattern.square_m),

@@ -70,6 +70,11 @@ pub(super) fn home_of(name: &str) -> Option<String> {
 
 /// See [`Calibration::read`].
 pub(super) fn read(path: &Path) -> Result<Calibration, CalibrationError> {
+    accepted(inspect(path)?, &path.display().to_string())
+}
+
+/// What can be made of the file, and every problem in it.
+pub(super) fn inspect(path: &Path) -> Result<Inspected, CalibrationError> {
     let name = path.display().to_string();
     let mut bytes = Vec::new();
     std::fs::File::open(path)
@@ -100,11 +105,28 @@ pub(super) fn read(path: &Path) -> Result<Calibration, CalibrationError> {
             "name the calib.json, not a video or picture, or save it as UTF-8".into()
         },
     })?;
-    parse(text, &name)
+    inspect_text(text, &name)
 }
 
 /// See [`Calibration::parse`].
 pub(super) fn parse(source: &str, name: &str) -> Result<Calibration, CalibrationError> {
+    accepted(inspect_text(source, name)?, name)
+}
+
+/// A calibration with defaults in place of what is wrong (`None` without a scale), and what is wrong.
+pub(super) type Inspected = (Option<Calibration>, Vec<Problem>);
+
+fn accepted(inspected: Inspected, name: &str) -> Result<Calibration, CalibrationError> {
+    match inspected {
+        (Some(calibration), problems) if problems.is_empty() => Ok(calibration),
+        (_, problems) => Err(CalibrationError::Invalid {
+            name: name.to_owned(),
+            problems,
+        }),
+    }
+}
+
+fn inspect_text(source: &str, name: &str) -> Result<Inspected, CalibrationError> {
     let value = json(source, name)?;
     let Value::Object(keys) = &value else {
         return Err(CalibrationError::NotJson {
@@ -118,13 +140,7 @@ pub(super) fn parse(source: &str, name: &str) -> Result<Calibration, Calibration
     if let Some(calibration) = &calibration {
         reader.problems.extend(geometry_problems(calibration));
     }
-    match calibration {
-        Some(calibration) if reader.problems.is_empty() => Ok(calibration),
-        _ => Err(CalibrationError::Invalid {
-            name: name.to_owned(),
-            problems: reader.problems,
-        }),
-    }
+    Ok((calibration, reader.problems))
 }
 
 /// `None` where the scale itself is missing or wrong; other problems leave the default in place.
@@ -169,7 +185,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         reader.refuse(
             "origin_std_px".into(),
             "no origin_px beside it",
-            "only with origin_px",
+            "only with origin_px (or world_from_pixel)",
             "give origin_px or remove it",
         );
     }
