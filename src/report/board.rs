@@ -90,8 +90,8 @@ fn lens_rows(text: &mut String, board: &Board<'_>, lens: &BoardLens) {
             "{:.3} px in the picture's middle, {:.3} px at its worst place, [{:.0}, {:.0}]",
             middle(coverage),
             coverage.worst_std_px,
-            coverage.worst_at.u_px,
-            coverage.worst_at.v_px
+            coverage.worst_at.u_px.max(0.0),
+            coverage.worst_at.v_px.max(0.0)
         ),
     );
     row(
@@ -189,8 +189,8 @@ pub fn warnings(board: &Board<'_>) -> Vec<String> {
                 "poor_coverage: the lens is only sure to {:.2} px near [{:.0}, {:.0}]: take pictures with the board there (corners \
                  were seen in {:.0} % of the picture); what flies there is measured worse, and the uncertainties say so",
                 coverage.worst_std_px,
-                coverage.worst_at.u_px,
-                coverage.worst_at.v_px,
+                coverage.worst_at.u_px.max(0.0),
+                coverage.worst_at.v_px.max(0.0),
                 100.0 * coverage.share()
             ));
         }

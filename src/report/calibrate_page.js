@@ -266,7 +266,10 @@ function make(tag, attributes, parent) {
 }
 
 // A screen pixel in pixels of the picture.
-const unit = () => width / (el("stage").clientWidth || width);
+const unit = () => {
+  const matrix = el("stage").getScreenCTM();
+  return matrix && matrix.a > 0 ? 1 / matrix.a : 1;
+};
 
 const handles = {};
 const lines = {};

@@ -26,3 +26,27 @@ pub(super) fn jpeg(picture: &Luma, max_width_px: usize, max_bytes: usize) -> ope
     }
     Ok(jpeg.into())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wide_recording_is_shrunk() {
+        let noise: Vec<u8> = (0..3840_u32 * 2160)
+            .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
+            .collect();
+        let jpeg = jpeg(
+            &Luma {
+                width: 3840,
+                height: 2160,
+                data: noise,
+            },
+            1600,
+            700_000,
+        )
+        .unwrap();
+        assert!(jpeg.starts_with(&[0xff, 0xd8]));
+        assert!(jpeg.len() < 1_000_000, "{}", jpeg.len());
+    }
+}

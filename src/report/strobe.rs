@@ -518,21 +518,6 @@ mod tests {
     }
 
     #[test]
-    fn a_wide_recording_is_shrunk() {
-        let noise: Vec<u8> = (0..3840_u32 * 2160)
-            .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
-            .collect();
-        let jpeg = encode(&Luma {
-            width: 3840,
-            height: 2160,
-            data: noise,
-        })
-        .unwrap();
-        assert!(jpeg.starts_with(&[0xff, 0xd8]));
-        assert!(jpeg.len() < 1_000_000, "{}", jpeg.len());
-    }
-
-    #[test]
     fn without_material_there_is_no_picture_and_bad_material_is_an_error() {
         assert_eq!(strobe_picture(&fake::rejected()).unwrap(), None);
         let mut measurement = fake::two_bounces();

@@ -154,6 +154,46 @@ impl Default for Look {
     }
 }
 
+/// Views as a careful user takes them: the board in each part of the picture, out to `margin_px` from its rim, turned to
+/// all sides, nearer and farther.
+pub fn careful_views(camera: &Camera, board: &Board, margin_px: f64, random: &mut Gaussian) -> Vec<Pose> {
+    // A board whose middle is at a corner of the picture is moved inwards until all of it is inside.
+    let places = [
+        (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0),
+        (0.0, 0.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (0.3, 0.2), (-0.3, -0.1), (0.0, 0.3),
+    ];
+    let focal = 0.5 * (camera.focal_px[0] + camera.focal_px[1]);
+    let wide_m = board.square_m * (board.columns as f64 + 1.0);
+    places
+        .iter()
+        .enumerate()
+        .map(|(i, &(right, down))| {
+            // The board takes 30 to 55 % of the picture's width.
+            let z = focal * wide_m / (camera.width as f64 * random.between(0.3, 0.55));
+            let turn = random.between(15.0, 38.0);
+            let sides = [(turn, 5.0), (-turn, -5.0), (4.0, turn), (-6.0, -turn)][i % 4];
+            let angles = [sides.0, sides.1, random.between(-12.0, 12.0)];
+            let half = Vector2::new(camera.width as f64, camera.height as f64) * 0.5 / focal * z;
+            let at = |part: f64| {
+                let middle = Vector3::new(part * right * half.x, part * down * half.y, z);
+                Pose::of_middle(board, middle, angles)
+            };
+            let inside = |pose: &Pose| {
+                corners(camera, board, pose).iter().all(|c| {
+                    c.x > margin_px
+                        && c.y > margin_px
+                        && c.x < camera.width as f64 - margin_px
+                        && c.y < camera.height as f64 - margin_px
+                })
+            };
+            (0..=100)
+                .map(|k| at(1.3 - 0.013 * f64::from(k)))
+                .find(inside)
+                .expect("a board in the middle of the picture is inside")
+        })
+        .collect()
+}
+
 /// True places of the inner corners in the picture, row by row.
 pub fn corners(camera: &Camera, board: &Board, pose: &Pose) -> Vec<Vector2<f64>> {
     let at = |i: usize| {
@@ -226,6 +266,14 @@ fn places(camera: &Camera, board: &Board, pose: &Pose, (w, h): (usize, usize), p
         }
     }
     places
+}
+
+/// Writes a picture as PNG.
+pub fn write_png(picture: &Luma, path: &std::path::Path) {
+    use opencv::core::{Mat, MatTraitConst as _, Vector};
+    let flat = Mat::from_slice(&picture.data).unwrap();
+    let grey = flat.reshape(1, picture.height as i32).unwrap();
+    assert!(opencv::imgcodecs::imwrite(path.to_str().unwrap(), &grey, &Vector::new()).unwrap());
 }
 
 /// Mean grey over the parallelogram of sides `right` and `down` around `at`.

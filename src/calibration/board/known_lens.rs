@@ -33,7 +33,7 @@ pub fn plane_with_lens(
             expected,
         });
     }
-    let seen = match super::look(pattern, picture)? {
+    let seen = match pattern.look(picture)?.outcome {
         Ok(seen) => seen,
         Err(reason) => return Err(super::no_board_in_plane(pattern, name.to_owned(), picture, &reason)?),
     };

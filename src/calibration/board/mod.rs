@@ -6,11 +6,11 @@
 //!
 //! [`Views`] takes the pictures one by one; those that cannot serve are set aside with their reason.
 
-pub mod corner;
+mod corner;
 mod coverage;
 mod deviate;
 mod error;
-pub mod finder;
+mod finder;
 mod known_lens;
 mod lens_fit;
 mod plane_fit;
@@ -63,10 +63,61 @@ impl Pattern {
         })
     }
 
+    /// Looks for the board in a picture: the slow step, which pictures can take side by side.
+    ///
+    /// # Errors
+    /// [`BoardError::OpenCv`].
+    pub fn look(&self, picture: &Luma) -> Result<Looked, BoardError> {
+        let size = (picture.width, picture.height);
+        let Found::Board(corners) = finder::find(picture, self.corners)? else {
+            return Ok(Looked {
+                size,
+                outcome: Err("no board found".to_owned()),
+                without: Some(picture.clone()),
+            });
+        };
+        let all = corners.len();
+        let seen: Vec<Seen> = corners
+            .into_iter()
+            .enumerate()
+            .filter_map(|(i, corner)| {
+                let corner = corner?;
+                Some(Seen {
+                    board_m: self.place_m(i),
+                    at: corner.at,
+                    std_px: corner.std_px,
+                })
+            })
+            .collect();
+        let missing = all - seen.len();
+        let outcome = if missing as f64 > MISSING_PART * all as f64 {
+            Err(format!(
+                "{missing} of {all} corners are covered, smeared, overexposed or at the picture's border"
+            ))
+        } else {
+            Ok(seen)
+        };
+        Ok(Looked {
+            size,
+            outcome,
+            without: None,
+        })
+    }
+
     fn place_m(&self, index: usize) -> Vector2<f64> {
         let (column, row) = (index % self.corners.0, index / self.corners.0);
         Vector2::new(column as f64, row as f64) * self.square_m
     }
+}
+
+/// A picture in which the board was looked for.
+#[derive(Debug, Clone)]
+pub struct Looked {
+    size: (usize, usize),
+    /// The corners, or why the picture cannot serve.
+    outcome: Result<Vec<Seen>, String>,
+    /// The picture, where there is no board in it.
+    without: Option<Luma>,
 }
 
 /// What became of a picture.
@@ -181,16 +232,14 @@ impl Views {
         });
     }
 
-    /// Looks for the board in a picture.
-    ///
-    /// # Errors
-    /// [`BoardError::OpenCv`]; a picture without the board is set aside.
-    pub fn add(&mut self, name: String, picture: &Luma) -> Result<(), BoardError> {
-        let size = (picture.width, picture.height);
+    /// Adds a picture in which the board was [looked for](Pattern::look).
+    pub fn add(&mut self, name: String, looked: Looked) {
+        let size = looked.size;
         let expected = *self.size.get_or_insert(size);
         let mut seen = Vec::new();
         let use_ = if size == expected {
-            match self.look(picture)? {
+            self.keep(&looked);
+            match looked.outcome {
                 Ok(found) => {
                     seen = found;
                     self.alike(&seen).map_or(Use::Found, |other| {
@@ -206,7 +255,13 @@ impl Views {
             ))
         };
         self.views.push(View { name, use_, seen });
-        Ok(())
+    }
+
+    /// Keeps one of the pictures without a board, for the message.
+    fn keep(&mut self, looked: &Looked) {
+        if self.without.len() < KEPT {
+            self.without.extend(looked.without.clone());
+        }
     }
 
     /// Adds the picture of the board standing in the plane of motion, which serves for the lens as well.
@@ -214,7 +269,8 @@ impl Views {
     /// # Errors
     /// [`BoardError::PlaneSize`], [`BoardError::NoBoardInPlane`], [`BoardError::OpenCv`].
     pub fn add_plane(&mut self, name: String, picture: &Luma) -> Result<(), BoardError> {
-        let size = (picture.width, picture.height);
+        let looked = self.pattern.look(picture)?;
+        let size = looked.size;
         let expected = *self.size.get_or_insert(size);
         if size != expected {
             return Err(BoardError::PlaneSize {
@@ -223,7 +279,7 @@ impl Views {
                 expected,
             });
         }
-        match self.look(picture)? {
+        match looked.outcome {
             Ok(seen) => {
                 self.plane = Some(self.views.len());
                 // What it repeats goes: the plane needs its own.
@@ -241,15 +297,6 @@ impl Views {
             }
             Err(reason) => Err(no_board_in_plane(&self.pattern, name, picture, &reason)?),
         }
-    }
-
-    /// The corners in a picture, or why it cannot serve.
-    fn look(&mut self, picture: &Luma) -> Result<Result<Vec<Seen>, String>, BoardError> {
-        let looked = look(&self.pattern, picture)?;
-        if looked.is_err() && self.without.len() < KEPT {
-            self.without.push(picture.clone());
-        }
-        Ok(looked)
     }
 
     /// The name of an earlier view with the board in the same place.
@@ -347,34 +394,6 @@ impl Views {
             hint,
         })
     }
-}
-
-/// The corners of the board in a picture, or why it cannot serve.
-fn look(pattern: &Pattern, picture: &Luma) -> Result<Result<Vec<Seen>, String>, BoardError> {
-    let Found::Board(corners) = finder::find(picture, pattern.corners)? else {
-        return Ok(Err("no board found".to_owned()));
-    };
-    let all = corners.len();
-    let seen: Vec<Seen> = corners
-        .into_iter()
-        .enumerate()
-        .filter_map(|(i, corner)| {
-            let corner = corner?;
-            Some(Seen {
-                board_m: pattern.place_m(i),
-                at: corner.at,
-                std_px: corner.std_px,
-            })
-        })
-        .collect();
-    let missing = all - seen.len();
-    Ok(if missing as f64 > MISSING_PART * all as f64 {
-        Err(format!(
-            "{missing} of {all} corners are covered, smeared, overexposed or at the picture's border"
-        ))
-    } else {
-        Ok(seen)
-    })
 }
 
 /// The error of a picture of the plane that cannot serve for `reason`.

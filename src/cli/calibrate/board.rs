@@ -2,7 +2,7 @@
 
 use super::{Known, Status, Still, answer, answer_calibration, check_folder, direction, pixel, positive, say};
 use crate::calibration::board::{
-    BoardLens, Corners, Marks, Pattern, Plane, Use, View, Views, plane_with_lens,
+    BoardLens, Corners, Looked, Marks, Pattern, Plane, Use, View, Views, plane_with_lens,
 };
 use crate::calibration::{Calibration, Rectification};
 use crate::frames;
@@ -14,6 +14,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Pictures of a board, and what to make of them.
 #[derive(Debug, Args)]
@@ -126,7 +127,7 @@ fn marks(args: &BoardArgs) -> Marks {
 fn with_pictures(args: &BoardArgs, pattern: Pattern) -> anyhow::Result<Made> {
     let mut views = Views::new(pattern);
     let picture = args.plane.as_deref().map(|p| super::still(p, 0)).transpose()?;
-    look_at_all(&args.images, args.plane.as_deref(), &mut views)?;
+    look_at_all(args, &pattern, &mut views)?;
     if let (Some(path), Some(picture)) = (&args.plane, &picture) {
         views.add_plane(path.display().to_string(), &picture.raw)?;
     }
@@ -191,39 +192,77 @@ fn complete(args: &BoardArgs, mut calibration: Calibration, plane: Option<&Plane
 /// Frames of a video that are looked at.
 const FRAMES: usize = 40;
 
-/// Looks for the board in every picture; that of the plane has its own turn.
-fn look_at_all(paths: &[PathBuf], plane: Option<&Path>, views: &mut Views) -> anyhow::Result<()> {
-    let mut pictures = Vec::new();
+/// Looks for the board in every picture, several at a time; that of the plane has its own turn.
+fn look_at_all(args: &BoardArgs, pattern: &Pattern, views: &mut Views) -> anyhow::Result<()> {
+    let sources = sources(&args.images, args.plane.as_deref())?;
+    let bar = ProgressBar::new(sources.len() as u64)
+        .with_style(ProgressStyle::with_template("looking for the board {wide_bar} {pos}/{len}")?);
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        while let Some(path) = sources.get(next.fetch_add(1, Ordering::Relaxed)) {
+            done.push((path, look_at(path, pattern)));
+            bar.inc(1);
+        }
+        done
+    };
+    let threads = std::thread::available_parallelism().map_or(2, usize::from).min(8);
+    let done = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Vec<_>>()
+    });
+    bar.finish_and_clear();
+    let mut all = Vec::new();
+    for part in done {
+        all.extend(part.map_err(|_| anyhow::anyhow!("a thread that looked for the board died; this is a fault of track"))?);
+    }
+    // In the order of the command line, whoever was ready first.
+    all.sort_by_key(|(path, _)| sources.iter().position(|s| s == *path));
+    for (_, looked) in all {
+        for (name, looked) in looked? {
+            match looked {
+                Ok(looked) => views.add(name, looked),
+                Err(reason) => views.add_unreadable(name, reason),
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The files that are looked at, without that of the plane.
+fn sources(paths: &[PathBuf], plane: Option<&Path>) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
     for path in paths {
         if path.is_dir() {
-            pictures.extend(frames::pictures_in(path)?);
+            files.extend(frames::pictures_in(path)?);
         } else {
-            pictures.push(path.clone());
+            files.push(path.clone());
         }
     }
     if let Some(plane) = plane.and_then(|p| p.canonicalize().ok()) {
-        pictures.retain(|p| p.canonicalize().ok().as_ref() != Some(&plane));
+        files.retain(|p| p.canonicalize().ok().as_ref() != Some(&plane));
     }
-    let bar = ProgressBar::new(pictures.len() as u64)
-        .with_style(ProgressStyle::with_template("looking for the board {wide_bar} {pos}/{len}")?);
-    for path in &pictures {
-        let name = path.display().to_string();
-        if frames::is_picture(path) || !path.exists() {
-            match frames::open_picture(path) {
-                Ok(picture) => views.add(name, &picture)?,
-                Err(error @ frames::FrameError::Missing { .. }) => return Err(error.into()),
-                Err(error) => views.add_unreadable(name, error.to_string()),
-            }
-        } else {
-            // Not a picture by its name: a video, whose error says what else it may be.
-            for frame in frames::open_sparse(path, FRAMES)? {
-                views.add(format!("{name} at {:.2} s", frame.time_s), &frame.luma)?;
-            }
-        }
-        bar.inc(1);
+    Ok(files)
+}
+
+/// A picture's name and what was found in it, or why it cannot be read.
+type Named = (String, Result<Looked, String>);
+
+/// The picture at `path`, or frames of the video there.
+fn look_at(path: &Path, pattern: &Pattern) -> anyhow::Result<Vec<Named>> {
+    let name = path.display().to_string();
+    if frames::is_picture(path) || !path.exists() {
+        return match frames::open_picture(path) {
+            Ok(picture) => Ok(vec![(name, Ok(pattern.look(&picture)?))]),
+            Err(error @ frames::FrameError::Missing { .. }) => Err(error.into()),
+            Err(error) => Ok(vec![(name, Err(error.to_string()))]),
+        };
     }
-    bar.finish_and_clear();
-    Ok(())
+    // Not a picture by its name: a video, whose error says what else it may be.
+    frames::open_sparse(path, FRAMES)?
+        .iter()
+        .map(|frame| Ok((format!("{name} at {:.2} s", frame.time_s), Ok(pattern.look(&frame.luma)?))))
+        .collect()
 }
 
 /// The picture of the plane with the world's axes and a grid drawn in.
