@@ -1,5 +1,6 @@
 //! The command line: a file a command; the only place that prints or draws progress.
 
+mod calibrate;
 mod measure;
 mod simulate;
 
@@ -29,6 +30,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
+    Calibrate(calibrate::CalibrateArgs),
     /// Renders a recording with known truth from a scene file.
     Simulate {
         /// The scene (JSON, schema track.scene/1).
@@ -90,6 +93,7 @@ pub fn run() -> ExitCode {
             });
             simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
         }
+        (Some(Command::Calibrate(args)), _) => calibrate::run(&args),
         (None, Some(args)) => measure::run(&args),
         (None, None) => Err(anyhow::anyhow!("no recording given; see track --help")),
     };

@@ -151,6 +151,22 @@ impl ArcFit {
         })
     }
 
+    /// How the parameters follow, to first order, when each of the fit's `points` moves by its shift along r and h (plane
+    /// units). `None` where these points do not determine them.
+    #[must_use]
+    pub fn response(&self, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
+        // What was held has no variance.
+        let held = [GRAVITY, DRAG].map(|i| self.covariance[(i, i)] == 0.0);
+        let (matrix, mut right) = system(points, &self.times, &self.parameters, self.forces, held);
+        right.fill(0.0);
+        for (i, (p, (dr, dh))) in points.iter().zip(shifts).enumerate() {
+            let w = p.sample.weight.sqrt();
+            right[2 * i] = w * dr;
+            right[2 * i + 1] = w * dh;
+        }
+        solve(&matrix, &right).map(|(change, _)| change)
+    }
+
     /// Number of arcs.
     #[must_use]
     pub fn arcs(&self) -> usize {

@@ -30,6 +30,7 @@ pub mod video;
 
 pub use encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
 pub use error::FrameError;
+pub use folder::{is_picture, open_picture, pictures_in};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
 pub use survey::open_sparse;
@@ -145,6 +146,23 @@ pub struct LumaRange {
     pub black: u8,
     /// Code value of white: 255 (full range) or 235 (limited).
     pub white: u8,
+}
+
+impl LumaRange {
+    /// A picture with black..white stretched to 0..=255, for people.
+    #[must_use]
+    pub fn stretched(self, luma: &Luma) -> Luma {
+        let (black, white) = (f64::from(self.black), f64::from(self.white));
+        let stretch = |&value: &u8| {
+            let part = (f64::from(value) - black) / (white - black);
+            (255.0 * part).round().clamp(0.0, 255.0) as u8
+        };
+        Luma {
+            width: luma.width,
+            height: luma.height,
+            data: luma.data.iter().map(stretch).collect(),
+        }
+    }
 }
 
 /// What is known of a recording before its first frame.

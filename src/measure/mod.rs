@@ -3,6 +3,7 @@
 //! observe → repeats → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
 //! bounces → readings → warnings → drawing.
 
+mod doubt;
 mod drawing;
 mod observe;
 mod refine;
@@ -403,6 +404,7 @@ impl<'a> Work<'a> {
 
     fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
         let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
+        let flight = &doubt::widened(flight, self.calibration, &self.map);
         let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
         let scene = Scene::new(
             flight,

@@ -8,13 +8,20 @@
 //! | [`page`] | `<stem>.report.html`: picture, numbers and plots in one file |
 //! | [`strobe`] | the stroboscopic picture of that page |
 //! | [`plots`] | the plots of that page |
+//! | [`calibrate_page`] | the page on which a calibration's marks are dragged |
+//! | [`marks`] | a frame with the marks of a calibration drawn in |
+//! | [`board`] | the table and JSON of a lens from pictures of a board |
 //! | [`overlay`] | the drawing on each frame of `<stem>.overlay.mp4` |
 //! | [`write`](mod@write) | files that appear whole or not at all |
 
+pub mod board;
+pub mod calibrate_page;
 pub mod csv;
 pub mod json;
+pub mod marks;
 pub mod overlay;
 pub mod page;
+mod photograph;
 mod places;
 pub mod plots;
 pub mod strobe;

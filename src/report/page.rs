@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use thiserror::Error;
 
 /// The page's style sheet, put into the page itself.
-const STYLE: &str = include_str!("page.css");
+pub(super) const STYLE: &str = include_str!("page.css");
 /// Bounces side by side in the table: what fits across an A4 page.
 const BOUNCES_A_TABLE: usize = 3;
 

@@ -163,7 +163,19 @@ pub fn passing_name(dir: &Path) -> Result<TempPath, WriteError> {
 /// # Errors
 /// See [`WriteError`]; nothing remains of the attempt.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    place_together(vec![(stage(path, bytes)?, path)])
+    write_together(&[(path, bytes)])
+}
+
+/// Writes several files: all of them, or none.
+///
+/// # Errors
+/// See [`WriteError`]; nothing remains of the attempt.
+pub fn write_together(files: &[(&Path, &[u8])]) -> Result<(), WriteError> {
+    let staged = files
+        .iter()
+        .map(|&(path, bytes)| Ok((stage(path, bytes)?, path)))
+        .collect::<Result<Vec<_>, WriteError>>()?;
+    place_together(staged)
 }
 
 /// Writes `<stem>.result.json`, `<stem>.points.csv` and `<stem>.report.html` into `dir`, and gives `overlay`, made
