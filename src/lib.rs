@@ -34,6 +34,7 @@ pub mod bounce;
 pub mod calibration;
 pub mod cli;
 pub mod detect;
+pub mod fit;
 pub mod flight;
 pub mod frames;
 pub mod geometry;
