@@ -2,7 +2,8 @@
 //!
 //! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: grip-slide holds both
 //! other models as special cases (e_x = 0; friction never reached), so that it always fits as well and can never be beaten
-//! by much. It is preferred only where it is [`DECISIVE`] better; otherwise the choice is between the other two.
+//! by much. It is preferred only where it is [`GENERAL`] better, which chance makes of 1 in 70 series; otherwise the choice
+//! is between the other two.
 //!
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
@@ -15,6 +16,9 @@ use super::series::{Note, Weights};
 
 /// A difference of AICc that decides.
 const DECISIVE: f64 = 2.0;
+
+/// What grip-slide has to be better by than its own special cases.
+const GENERAL: f64 = 4.0;
 
 /// The choice among `fits`, whose solutions are `solutions`.
 pub(super) fn choose(data: &Data, solutions: &[Solution], fits: &[ModelFit]) -> (Preferred, String, Vec<Note>) {
@@ -84,7 +88,7 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
         return (Preferred::Model(best), list(best, least));
     };
     let general = aicc(ModelName::GripSlide);
-    if general.is_some_and(|g| simple_aicc - g >= DECISIVE) {
+    if general.is_some_and(|g| simple_aicc - g >= GENERAL) {
         return (
             Preferred::Model(ModelName::GripSlide),
             list(ModelName::GripSlide, general.unwrap_or(least)),

@@ -13,8 +13,12 @@ use crate::models::{e_e, grip_slide, mu_e, slip_share};
 use crate::quantity::{Quantity, median};
 use nalgebra::SMatrix;
 
-/// A coefficient that is only known to less than this is not known: it is the whole range that any bounce has.
-const KNOWN: f64 = 1.0;
+/// A coefficient that is known to no better than this is not known: the deviation of anything at all in the range of e, e_x,
+/// μ, and spin ratios.
+const KNOWN: Theta = [0.3, 0.6, 0.3, 1.0];
+
+/// Why a ball that rolls already tells nothing.
+const NO_SLIP: &str = "no row is seen to slip before the bounce";
 
 /// Static friction is given where its bounds are closer than this ratio; the paper's own best is 0.15 ± 0.02.
 const CLOSE: f64 = 1.5;
@@ -29,6 +33,8 @@ struct Work<'a> {
     theta: Theta,
     /// Scaled by the scatter.
     covariance: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    /// Other ways to part the rows that are not out of question.
+    valleys: Vec<Valley>,
     /// `None`: the rows leave no scatter to tell uncertainties from.
     scatter: Option<f64>,
     /// Standard uncertainties to a side that hold 95 %.
@@ -89,6 +95,15 @@ pub(super) fn all_sliding(data: &Data) -> Option<(Theta, SMatrix<f64, PARAMETERS
     ))
 }
 
+/// Another valley of χ².
+struct Valley {
+    theta: Theta,
+    /// Scaled by the scatter; `None` where the rows so parted do not determine all that they did.
+    covariance: Option<SMatrix<f64, PARAMETERS, PARAMETERS>>,
+    /// Part of the coverage factor that is left at its lowest.
+    room: f64,
+}
+
 impl<'a> Work<'a> {
     fn new(data: &'a Data, solution: &'a Solution) -> Self {
         let theta = solution.found.theta;
@@ -100,7 +115,10 @@ impl<'a> Work<'a> {
         let covariance = solution
             .found
             .triangle
-            .covariance(&solution.determined, &solution.free, solution.rank);
+            .covariance(&solution.determined, &solution.free, solution.rank)
+            * scatter.unwrap_or(0.0).powi(2);
+        let factor = criteria::coverage_factor(data.weights, freedom);
+        let valleys = valleys(data, solution, scatter.unwrap_or(0.0), factor);
         let mut ratios: Vec<f64> = data
             .rows
             .iter()
@@ -112,9 +130,10 @@ impl<'a> Work<'a> {
             data,
             solution,
             theta,
-            covariance: covariance * scatter.unwrap_or(0.0).powi(2),
+            covariance,
+            valleys,
             scatter,
-            factor: criteria::coverage_factor(data.weights, freedom),
+            factor,
             spin_ratio: median(&mut ratios).unwrap_or(0.0),
             slip_share: median(&mut shares).unwrap_or_else(|| slip_share(crate::models::SOLID_SPHERE)),
             sliding,
@@ -129,36 +148,39 @@ impl<'a> Work<'a> {
 
     /// Standard uncertainty of a function of the parameters, to first order.
     fn std(&self, function: impl Fn(&Theta) -> f64) -> f64 {
-        let mut slope = [0.0; PARAMETERS];
-        for (j, s) in slope.iter_mut().enumerate() {
-            let step = 0.01 * self.covariance[(j, j)].sqrt();
-            if step > 0.0 {
-                let at = |sign: f64| {
-                    let mut theta = self.theta;
-                    theta[j] += sign * step;
-                    function(&theta)
-                };
-                *s = (at(1.0) - at(-1.0)) / (2.0 * step);
-            }
-        }
-        let mut variance = 0.0;
-        for i in 0..PARAMETERS {
-            for j in 0..PARAMETERS {
-                variance += slope[i] * self.covariance[(i, j)] * slope[j];
-            }
-        }
-        variance.max(0.0).sqrt()
+        std_of(&function, &self.theta, &self.covariance)
     }
 
-    /// A value with a symmetric interval.
-    fn symmetric(&self, value: f64, std: f64) -> Fitted {
-        let Some(quantity) = Quantity::new(value, std) else {
+    /// A function of the parameters, with what it may be in every valley.
+    fn estimate(&self, function: impl Fn(&Theta) -> f64) -> Fitted {
+        let value = function(&self.theta);
+        let std = self.std(&function);
+        let Some(mut quantity) = Quantity::new(value, std) else {
             return Fitted::NotDetermined("the search did not come to a number".to_owned());
         };
-        let reach = quantity.std_uncertainty.map(|s| self.factor * s);
+        let Some(std) = quantity.std_uncertainty else {
+            return Fitted::Determined(Estimate {
+                quantity,
+                interval_95: (None, None),
+            });
+        };
+        let reach = self.factor * std;
+        let mut ends = (Some(value - reach), Some(value + reach));
+        for valley in &self.valleys {
+            let Some(covariance) = &valley.covariance else {
+                ends = (None, None);
+                break;
+            };
+            let there = function(&valley.theta);
+            let reach = valley.room * std_of(&function, &valley.theta, covariance);
+            ends.0 = ends.0.map(|low| low.min(there - reach));
+            ends.1 = ends.1.map(|high| high.max(there + reach));
+        }
+        let longer = ends.0.zip(ends.1).map(|(low, high)| (value - low).max(high - value));
+        quantity.std_uncertainty = longer.map(|longer| longer / self.factor);
         Fitted::Determined(Estimate {
             quantity,
-            interval_95: (reach.map(|r| value - r), reach.map(|r| value + r)),
+            interval_95: ends,
         })
     }
 
@@ -183,12 +205,12 @@ impl<'a> Work<'a> {
             return Fitted::NotDetermined(why_not());
         }
         let std = self.covariance[(j, j)].sqrt();
-        if std > KNOWN {
+        if std > KNOWN[j] {
             return Fitted::NotDetermined(format!(
                 "the rows give it only to ± {std:.2}, which is no more than is known of any bounce"
             ));
         }
-        self.symmetric(self.theta[j], std)
+        self.estimate(|theta| theta[j])
     }
 
     fn restitution(&self) -> Fitted {
@@ -257,6 +279,9 @@ impl<'a> Work<'a> {
         if self.solution.free[MU] && self.gripping == 0 {
             return Fitted::NotDetermined("every row slides".to_owned());
         }
+        if !self.solution.free[E_X] {
+            return Fitted::NotDetermined(NO_SLIP.to_owned());
+        }
         self.searched(E_X, || {
             if self.data.shared_spin {
                 "the spin before the bounce is not known, and e_x cannot be told from it".to_owned()
@@ -301,11 +326,11 @@ impl<'a> Work<'a> {
             Regimes::Jump(limit) => Some(profile.limits(limit, level)),
             _ => {
                 let share = Self::friction_share(&self.theta);
-                let reach = self.factor * self.std(Self::friction_share);
+                let (low, high) = self.estimate(Self::friction_share).estimate()?.interval_95;
                 let limits = profile.limits(share, level);
                 Some(Limits {
-                    low: Some(share - reach),
-                    high: limits.high.map(|high| high.max(share + reach)),
+                    low,
+                    high: limits.high.zip(high).map(|(a, b)| a.max(b)),
                 })
             }
         }
@@ -394,7 +419,7 @@ impl<'a> Work<'a> {
         let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
         let value = continuous(&self.theta);
         if solution.name == ModelName::GripSlide {
-            return of(self.symmetric(value, self.std(continuous)), None);
+            return of(self.estimate(continuous), None);
         }
         let ends = limits.map_or((None, None), |l| {
             let angle = |limit: Option<f64>| limit.map(|l| self.angle_rad(l, &self.theta));
@@ -469,6 +494,56 @@ impl<'a> Work<'a> {
             incident_rad: k.a.atan2(k.b),
         }
     }
+}
+
+/// Standard uncertainty of a function of the parameters, to first order.
+fn std_of(
+    function: &impl Fn(&Theta) -> f64,
+    theta: &Theta,
+    covariance: &SMatrix<f64, PARAMETERS, PARAMETERS>,
+) -> f64 {
+    let mut slope = [0.0; PARAMETERS];
+    for (j, s) in slope.iter_mut().enumerate() {
+        let step = 0.01 * covariance[(j, j)].sqrt();
+        if step > 0.0 {
+            let at = |sign: f64| {
+                let mut theta = *theta;
+                theta[j] += sign * step;
+                function(&theta)
+            };
+            *s = (at(1.0) - at(-1.0)) / (2.0 * step);
+        }
+    }
+    let mut variance = 0.0;
+    for i in 0..PARAMETERS {
+        for j in 0..PARAMETERS {
+            variance += slope[i] * covariance[(i, j)] * slope[j];
+        }
+    }
+    variance.max(0.0).sqrt()
+}
+
+/// The other valleys that reach below what the coverage factor allows.
+fn valleys(data: &Data, solution: &Solution, scatter: f64, factor: f64) -> Vec<Valley> {
+    let lowest = solution.found.chi2;
+    let task = solution.task(data);
+    solution
+        .valleys
+        .iter()
+        .filter_map(|found| {
+            let room = factor * factor - (found.chi2 - lowest) / (scatter * scatter);
+            let (determined, rank) = (room > 0.0)
+                .then(|| task.unit_triangle(&found.theta).determined(&solution.free))?;
+            let same = determined == solution.determined;
+            Some(Valley {
+                theta: found.theta,
+                covariance: same.then(|| {
+                    found.triangle.covariance(&determined, &solution.free, rank) * (scatter * scatter)
+                }),
+                room: room.sqrt(),
+            })
+        })
+        .collect()
 }
 
 /// Parameters of a solution, its limit among them.

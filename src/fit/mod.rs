@@ -105,7 +105,8 @@ fn fit_group(
     let (mut data, unweighable) = Data::new(series, indices);
     set_aside.extend(unweighable);
     let mut notes = Vec::new();
-    let outliers = outliers::find(series, &data);
+    let mut solutions = models::all(&data);
+    let outliers = outliers::find(series, &data, &solutions);
     if !outliers.systematic.is_empty() {
         notes.push(stay(series, &data, &outliers.systematic));
     }
@@ -120,6 +121,7 @@ fn fit_group(
             });
         }
         data = data.without(&out);
+        solutions = models::all(&data);
     }
     set_aside.sort_by_key(|s| s.row);
     let mut order: Vec<usize> = (0..data.rows.len()).collect();
@@ -140,7 +142,6 @@ fn fit_group(
     if data.rows.is_empty() {
         return group;
     }
-    let solutions = models::all(&data);
     group.models = solutions
         .iter()
         .map(|solution| estimate::model_fit(&data, solution, &order))

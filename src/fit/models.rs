@@ -7,13 +7,15 @@
 //! | grip-slide | all rows grip (e, e_x); some slide (e, e_x, μ) |
 //!
 //! A larger variant has to earn its parameter. Sliding has to show ([`SHOWS`]): otherwise the row nearest to the limit would
-//! give a friction made of its own noise.
+//! give a friction made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
+//! already) tell neither friction nor e_x.
 
-use super::criteria::Marks;
-use super::data::Data;
+use super::criteria::{Marks, chi2_quantile};
+use super::data::{Data, demand};
 use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
 use super::result::ModelName;
 use super::search::{Found, Task};
+use super::series::Weights;
 use super::starts;
 use super::transition::Profile;
 
@@ -21,8 +23,12 @@ use super::transition::Profile;
 /// series.
 const SHOWS: f64 = 8.8;
 
-/// By how much AICc has to fall for a jump to be believed.
-const JUMPS: f64 = 2.0;
+/// By how much AICc has to fall for a jump to be believed; χ² falls by 8 then. The interval of static friction allows for
+/// one in any case.
+const JUMPS: f64 = 6.0;
+
+/// Probability that rows without slip seem to have some.
+const NO_SLIP: f64 = 0.001;
 
 /// Starts that are followed to their end.
 const FOLLOWED: usize = 6;
@@ -34,6 +40,8 @@ pub(super) struct Solution {
     pub regimes: Regimes,
     pub free: [bool; PARAMETERS],
     pub found: Found,
+    /// Other valleys of χ², not much higher: the same model with a row more or less that slides.
+    pub valleys: Vec<Found>,
     pub determined: [bool; PARAMETERS],
     /// Independent combinations of the parameters that the rows determine.
     pub rank: usize,
@@ -57,6 +65,7 @@ impl Solution {
             determined,
             rank,
             marks: Marks::new(data, found.chi2, rank + limit, 1.0),
+            valleys: Vec::new(),
             found,
         }
     }
@@ -92,16 +101,42 @@ fn free(data: &Data, e_x: bool, mu: bool) -> [bool; PARAMETERS] {
 
 /// All models, in the order of the results; a model that cannot be fitted is left out.
 pub(super) fn all(data: &Data) -> Vec<Solution> {
-    let e_e = e_e(data);
-    [mu_e(data), e_e.clone(), grip_slide(data, e_e.as_ref())]
-        .into_iter()
-        .flatten()
-        .collect()
+    let rolling = solve(data, ModelName::MuE, Regimes::Grip, free(data, false, false), &[]);
+    if let Some(rolling) = rolling.as_ref().filter(|rolling| !slips(data, rolling)) {
+        let as_model = |name| Solution {
+            name,
+            ..rolling.clone()
+        };
+        return ModelName::ALL.map(as_model).to_vec();
+    }
+    let e_e = solve(data, ModelName::EE, Regimes::Grip, free(data, true, false), &[]);
+    let grip_slide = grip_slide(data, e_e.as_ref());
+    [mu_e(data, rolling), e_e, grip_slide].into_iter().flatten().collect()
 }
 
-fn mu_e(data: &Data) -> Option<Solution> {
+/// Whether the balls are seen to slip before the bounce.
+fn slips(data: &Data, rolling: &Solution) -> bool {
+    let spread = match data.weights {
+        Weights::Stated => 1.0,
+        Weights::Unit => {
+            let freedom = rolling.marks.equations.saturating_sub(rolling.rank);
+            (rolling.found.chi2 / freedom.max(1) as f64).max(data.rounding)
+        }
+    };
+    let (mut chi2, mut rows) = (0.0, 0);
+    for row in &data.rows {
+        let (slip, variance) = row.slip(rolling.found.theta[RATIO]);
+        if slip == 0.0 {
+            continue;
+        }
+        chi2 += slip * slip / (variance * spread).max(f64::MIN_POSITIVE);
+        rows += 1;
+    }
+    rows > 0 && chi2 > chi2_quantile(NO_SLIP, rows)
+}
+
+fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     let name = ModelName::MuE;
-    let rolling = solve(data, name, Regimes::Grip, free(data, false, false), &[]);
     let free = free(data, false, true);
     let from: Vec<Theta> = rolling.iter().map(|r| r.found.theta).collect();
     let sliding = solve(data, name, Regimes::Continuous, free, &from);
@@ -116,10 +151,6 @@ fn mu_e(data: &Data) -> Option<Solution> {
         .filter(|s| sliding.marks.criterion() - s.marks.criterion() > JUMPS && slides(data, s) > 0);
     let larger = jump.unwrap_or_else(|| sliding.clone());
     Some(if shows(data, rolling, &larger) { larger } else { rolling.clone() })
-}
-
-fn e_e(data: &Data) -> Option<Solution> {
-    solve(data, ModelName::EE, Regimes::Grip, free(data, true, false), &[])
 }
 
 fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
@@ -140,7 +171,7 @@ fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
 /// Whether the rows show that some slide.
 fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
     let freedom = data.equations().saturating_sub(with.rank);
-    let testable = data.weights == super::series::Weights::Stated || freedom > 0;
+    let testable = data.weights == Weights::Stated || freedom > 0;
     testable && slides(data, with) > 0 && without.marks.criterion() - with.marks.criterion() > SHOWS
 }
 
@@ -171,7 +202,58 @@ fn solve(
     } else {
         found
     };
-    Some(Solution::new(data, name, regimes, free, found))
+    let mut solution = Solution::new(data, name, regimes, free, found);
+    through_the_order(data, &mut solution);
+    Some(solution)
+}
+
+/// More rows than this: one of them on another side moves nothing.
+const FEW: usize = 150;
+
+/// Rows beside the transition that are tried on its other side.
+const BESIDE: usize = 3;
+
+/// Goes through the ways to part the rows near the transition. Each leads to a valley of its own; the lowest becomes the
+/// solution, the others are kept.
+fn through_the_order(data: &Data, solution: &mut Solution) {
+    if solution.regimes != Regimes::Continuous || data.rows.len() > FEW {
+        return;
+    }
+    let task = solution.task(data);
+    let theta = solution.found.theta;
+    let mut order: Vec<(f64, bool)> = data
+        .rows
+        .iter()
+        .map(|row| {
+            let slides = task.nearest(row, &theta).is_some_and(|n| n.state.slides());
+            (demand(row, &theta), slides)
+        })
+        .collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let gripping = order.iter().filter(|(_, slides)| !slides).count();
+    let mut valleys = vec![solution.found];
+    for below in gripping.saturating_sub(BESIDE)..=(gripping + BESIDE).min(order.len()) {
+        let limit = match below {
+            0 => 0.5 * order[0].0,
+            _ if below == order.len() => 2.0 * order[below - 1].0,
+            _ => 0.5 * (order[below - 1].0 + order[below].0),
+        };
+        let parted = Task {
+            regimes: Regimes::Jump(limit * (1.0 + theta[E_X])),
+            ..task.clone()
+        };
+        let valley = parted.search(theta).and_then(|parted| task.search(parted.theta));
+        let is_new = |found: &Found| valleys.iter().all(|v| (v.chi2 - found.chi2).abs() > 1e-6 * (1e-3 + found.chi2));
+        if let Some(found) = valley.filter(is_new) {
+            valleys.push(found);
+        }
+    }
+    valleys.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    let lowest = valleys.remove(0);
+    *solution = Solution {
+        valleys,
+        ..Solution::new(data, solution.name, solution.regimes, solution.free, lowest)
+    };
 }
 
 /// The least χ² of the `chosen` rows from many starts.

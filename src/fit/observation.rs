@@ -252,6 +252,14 @@ impl Observation {
         k
     }
 
+    /// a − w as measured, and its variance.
+    pub fn slip(&self, shared_ratio: f64) -> (f64, f64) {
+        let k = self.kinematics(&self.z, shared_ratio);
+        let slope: Slots = std::array::from_fn(|i| k.da[i] - k.dw[i]);
+        let spread = self.covariance_times(&slope);
+        (k.a - k.w, slope.iter().zip(&spread).map(|(s, v)| s * v).sum())
+    }
+
     /// Velocity along x after the impact as the measured numbers tell it, if restitution is `restitution` (which
     /// velocities do not need).
     pub fn rebound_vx(&self, restitution: f64) -> f64 {

@@ -13,6 +13,8 @@
 use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
 use super::data::{Data, demand};
 use super::law::{Nearest, PARAMETERS, Regimes, State, Theta};
+use super::models::Solution;
+use super::observation::Observation;
 use super::result::ModelName;
 use super::search::{Found, Task};
 use super::series::{ColumnSet, Series, Weights};
@@ -55,9 +57,9 @@ struct Robust {
     shares: Vec<f64>,
 }
 
-/// Looks for rows that no model explains.
-pub(super) fn find(series: &Series, data: &Data) -> Outliers {
-    if data.rows.len() < LEAST_ROWS {
+/// Looks for rows that no model explains. `solutions` are the plain fits to all rows.
+pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outliers {
+    if data.rows.len() < LEAST_ROWS || solutions.iter().any(|s| describes_all(data, s)) {
         return Outliers::default();
     }
     let mut fits: Vec<Vec<Robust>> = variants(data)
@@ -76,11 +78,15 @@ pub(super) fn find(series: &Series, data: &Data) -> Outliers {
         return Outliers::default();
     }
     // Many fits share their core; the one that reaches furthest beyond it is the model's.
-    let cap = chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
-    let fits = fits.into_iter().filter_map(|of_a_model| {
-        let cost = |fit: &Robust| fit.shares.iter().map(|share| (share / spread).min(cap)).sum::<f64>();
-        of_a_model.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))
-    });
+    let cap = spread * chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
+    let cost = |fit: &Robust| fit.shares.iter().map(|share| share.min(cap)).sum::<f64>();
+    let mut fits: Vec<Robust> = fits
+        .into_iter()
+        .filter_map(|of_a_model| of_a_model.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b))))
+        .collect();
+    for fit in &mut fits {
+        place_limit(data, fit, cap);
+    }
     let mut common: Option<Vec<bool>> = None;
     let mut closest: Option<(usize, Robust, Vec<bool>)> = None;
     for mut fit in fits {
@@ -118,6 +124,19 @@ pub(super) fn find(series: &Series, data: &Data) -> Outliers {
         out,
         systematic: Vec::new(),
     }
+}
+
+/// Whether a plain fit already describes every row within its stated deviations.
+fn describes_all(data: &Data, solution: &Solution) -> bool {
+    let freedom = solution.marks.equations.saturating_sub(solution.rank);
+    let fits = criteria::chi2_tail(solution.found.chi2, freedom).is_none_or(|p| p >= criteria::LEAST_PROBABILITY);
+    let limit = chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
+    let task = solution.task(data);
+    let within = |row: &Observation| {
+        let near = task.nearest(row, &solution.found.theta);
+        near.is_some_and(|n| n.chi2 <= limit * TAIL_RATIOS[row.equations() - 1])
+    };
+    data.weights == Weights::Stated && fits && data.rows.iter().all(within)
 }
 
 fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
@@ -186,6 +205,56 @@ fn robust_jumps(data: &Data) -> Vec<Robust> {
         .step_by(step)
         .flat_map(|&gap| robust(data, ModelName::MuE, Regimes::Jump(gap), free, starts.clone()))
         .collect()
+}
+
+/// Moves the limit of a jumping model to where the rows around it fit best, gap by gap: every row counts, but none more
+/// than `cap`.
+fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
+    const GAPS: usize = 30;
+    let Regimes::Jump(mut limit) = fit.regimes else {
+        return;
+    };
+    let mut demands: Vec<(f64, usize)> =
+        data.rows.iter().enumerate().map(|(i, row)| (demand(row, &fit.theta), i)).collect();
+    demands.retain(|d| d.0.is_finite());
+    demands.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut around = 0..demands.len();
+    loop {
+        let inside = &demands[around.clone()];
+        let step = inside.len().div_ceil(GAPS).max(1);
+        let rows: Vec<usize> = inside.iter().map(|d| d.1).collect();
+        let cost = |limit: f64| {
+            let task = Task {
+                regimes: Regimes::Jump(limit),
+                ..fit.task(data, Some(&rows))
+            };
+            shares(&task, &fit.theta).iter().map(|share| share.min(cap)).sum::<f64>()
+        };
+        let best = inside
+            .windows(2)
+            .enumerate()
+            .step_by(step)
+            .map(|(place, pair)| (place, 0.5 * (pair[0].0 + pair[1].0)))
+            .chain([(0, limit)])
+            .map(|(place, gap)| (cost(gap), place, gap))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, place, gap)) = best else { break };
+        limit = gap;
+        if step == 1 {
+            break;
+        }
+        let place = if inside.get(place).is_some_and(|d| d.0 <= gap) {
+            around.start + place
+        } else {
+            around.start + inside.partition_point(|d| d.0 <= gap)
+        };
+        let narrower = place.saturating_sub(2 * step)..(place + 2 * step).min(demands.len());
+        if narrower.len() >= around.len() {
+            break;
+        }
+        around = narrower;
+    }
+    fit.regimes = Regimes::Jump(limit);
 }
 
 /// Fits the rows that fit best, takes those that then fit best, and so on until they stay.
@@ -424,7 +493,7 @@ fn reason(series: &Series, data: &Data, fit: &Robust, index: usize, spread: f64)
 /// What was measured, and what the model expects for the measured incidence.
 fn expected(
     series: &Series,
-    row: &super::observation::Observation,
+    row: &Observation,
     near: &Nearest,
     theta: &Theta,
     equation: usize,

@@ -6,13 +6,14 @@
 
 use super::data::{Data, demand};
 use super::law::{E, MU, PARAMETERS, Regimes, Theta};
+use super::observation::Observation;
 use super::search::{Found, Task};
 
 /// More rows than this are not fitted anew for every Λ: one row more or less on a side then moves nothing else.
 const REFITTED: usize = 150;
 
 /// Gaps that are tried in one sweep.
-const GAPS: usize = 60;
+const GAPS: usize = 24;
 
 /// Gaps in a row that have to be out of question before the rest is taken to be.
 const OUT: usize = 4;
@@ -85,13 +86,14 @@ impl<'a> Profile<'a> {
         task.chi2(&self.theta)
     }
 
-    /// Values of Λ in the gaps between rows (at most [`GAPS`], from all over), and below and above all of them.
-    fn gaps(&self) -> Vec<f64> {
+    /// Values of Λ in the gaps between rows (at most [`GAPS`], from all over `between`), and below and above all of them.
+    fn gaps(&self, between: Option<(f64, f64)>) -> Vec<f64> {
         let mut demands: Vec<f64> = self
             .rows
             .iter()
             .map(|&i| demand(&self.data.rows[i], &self.theta))
             .filter(|d| d.is_finite())
+            .filter(|d| between.is_none_or(|(low, high)| (low..=high).contains(d)))
             .collect();
         demands.sort_by(f64::total_cmp);
         let (Some(&first), Some(&last)) = (demands.first(), demands.last()) else {
@@ -100,21 +102,25 @@ impl<'a> Profile<'a> {
         let mut gaps: Vec<f64> = demands.windows(2).filter(|w| w[1] > w[0]).map(|w| 0.5 * (w[0] + w[1])).collect();
         let step = gaps.len().div_ceil(GAPS).max(1);
         gaps = gaps.into_iter().step_by(step).collect();
-        gaps.insert(0, 0.5 * first);
-        gaps.push(2.0 * last);
+        let (low, high) = between.unwrap_or((0.5 * first, 2.0 * last));
+        gaps.insert(0, low);
+        gaps.push(high);
         gaps
     }
 
     /// The best Λ with its fit to all rows. Any value in its gap is as good; it is the middle.
     pub fn best(&mut self) -> Option<(f64, Found)> {
-        let mut gaps = self.gaps();
+        let mut gaps = self.gaps(None);
         let mut best = self.best_of(&gaps)?;
-        if self.data.rows.len() > GAPS {
-            // Once more, in the gaps between the neighbours of the best.
-            let (low, high) = neighbours(&gaps, best.0);
-            self.narrow(low, high);
-            gaps = self.gaps();
-            gaps.retain(|g| (low..=high).contains(g));
+        while self.thinned(&gaps) {
+            // Again, in the gaps between the neighbours of the best.
+            let between = neighbours(&gaps, best.0);
+            self.narrow(between);
+            let finer = self.gaps(Some(between));
+            if finer.len() < 2 || finer == gaps {
+                break;
+            }
+            gaps = finer;
             best = self.best_of(&gaps).unwrap_or(best);
         }
         let all: Vec<usize> = (0..self.data.rows.len()).collect();
@@ -128,6 +134,15 @@ impl<'a> Profile<'a> {
         whole.fitted(best.0).map(|found| (best.0, found))
     }
 
+    /// Whether `gaps` are not all there are between the first and the last of them.
+    fn thinned(&self, gaps: &[f64]) -> bool {
+        let (Some(&low), Some(&high)) = (gaps.first(), gaps.last()) else {
+            return false;
+        };
+        let within = |row: &Observation| (low..=high).contains(&demand(row, &self.theta));
+        self.data.rows.iter().filter(|row| within(row)).count() > gaps.len()
+    }
+
     fn best_of(&self, gaps: &[f64]) -> Option<(f64, f64)> {
         gaps.iter()
             .map(|&gap| (gap, self.chi2(gap)))
@@ -136,7 +151,7 @@ impl<'a> Profile<'a> {
     }
 
     /// Takes in all rows that lie about between `low` and `high`, and leaves the others out, where there are many.
-    fn narrow(&mut self, low: f64, high: f64) {
+    fn narrow(&mut self, (low, high): (f64, f64)) {
         if self.refit {
             return;
         }
@@ -152,17 +167,17 @@ impl<'a> Profile<'a> {
         if !self.refit {
             // The sample's interval is wider; within it, all rows.
             let wide = self.reach(best, level + 10.0);
-            let gaps = self.gaps();
+            let gaps = self.gaps(None);
             let low = wide.low.or(gaps.first().copied()).unwrap_or(0.0);
             let high = wide.high.or(gaps.last().copied()).unwrap_or(best);
-            self.narrow(low.min(best), high.max(best));
+            self.narrow((low.min(best), high.max(best)));
         }
         self.reach(best, level)
     }
 
     fn reach(&self, best: f64, level: f64) -> Limits {
         let ceiling = self.chi2(best) + level;
-        let mut gaps = self.gaps();
+        let mut gaps = self.gaps(None);
         gaps.retain(|g| *g != best);
         let split = gaps.partition_point(|g| *g < best);
         let (below, above) = gaps.split_at(split);
@@ -189,15 +204,16 @@ impl<'a> Profile<'a> {
             }
         }
         let mut outside = outside?;
-        for _ in 0..40 {
+        // To a hundredth of the distance from the best: an interval needs no more.
+        for _ in 0..50 {
+            if (outside - inside).abs() <= 1e-2 * (outside - best).abs() {
+                break;
+            }
             let middle = 0.5 * (inside + outside);
             if self.chi2(middle) <= ceiling {
                 inside = middle;
             } else {
                 outside = middle;
-            }
-            if (outside - inside).abs() <= 1e-7 * outside.abs() {
-                break;
             }
         }
         Some(outside)
