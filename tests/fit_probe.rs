@@ -150,3 +150,50 @@ fn zscores() {
     }
     println!("out {out} of {n} mean z {:.3} sd {:.3}", sum / n, (sq / n - (sum / n) * (sum / n)).sqrt());
 }
+
+#[test]
+fn steel60() {
+    let mut noise = Noise(std::env::var("SEED").unwrap().parse().unwrap());
+    let truth = mu_e(0.78, 0.07, 0.07);
+    let mut d = Vec::new(); let mut zs = Vec::new();
+    for i in 0..1000 {
+        let mut a: Vec<f64> = spread(10.0, 60.0, 60);
+        for x in &mut a { *x += (noise.uniform() - 0.5) * 50.0 / 60.0; }
+        let s = series(&truth, &a, 0.0, velocities, TRACK, &mut noise);
+        let f = fit::fit(&s, &Options::default());
+        let g = &f.groups[0];
+        let (m, q) = (g.model(fit::ModelName::MuE).unwrap(), g.model(fit::ModelName::GripSlide).unwrap());
+        let ex = q.parameter(Parameter::TangentialRestitution).quantity().unwrap();
+        d.push(m.chi2 - q.chi2);
+        let z = ex.value / ex.std_uncertainty.unwrap();
+        zs.push(z); if m.chi2 - q.chi2 > 400.0 { println!("{i} mu_e {:.2} gs {:.2} diff {:.2} e_x {:.5} z² {:.2} mu {:.5} {:.5} slides {} {}", m.chi2, q.chi2, m.chi2 - q.chi2, ex.value, z*z, m.parameter(Parameter::Friction).quantity().unwrap().value, q.parameter(Parameter::Friction).quantity().unwrap().value, m.sliding, q.sliding); }
+    }
+    d.sort_by(f64::total_cmp);
+    println!("median {:.2} 90% {:.2} 95% {:.2} 99% {:.2} min {:.3}", d[500], d[900], d[950], d[990], d[0]);
+    println!("sd diff {:.3} over 6.635: {} over 3.84 {}", (zs.iter().map(|z| z * z).sum::<f64>() / 1000.0).sqrt(), zs.iter().filter(|z| **z * **z > 6.635).count(), zs.iter().filter(|z| **z * **z > 3.84).count());
+}
+
+fn many(truth: &Truth, n: usize, make: Maker, noise: &mut Noise) -> track::fit::Series {
+    let a: Vec<f64> = (0..n).map(|_| 10.0 + 50.0 * noise.uniform()).collect();
+    series(truth, &a, 0.0, make, TRACK, noise)
+}
+
+#[test]
+fn large() {
+    let mut n = Noise(3);
+    for (name, truth) in [("steel", mu_e(0.78, 0.07, 0.07)), ("wood", mu_e(0.52, 0.10, 0.15)), ("super", e_e(0.96, 0.5)), ("gs", grip_slide(0.96, 0.5, 0.25))] {
+        show(&format!("{name} velocities 100k"), &many(&truth, 100_000, velocities, &mut n));
+        show(&format!("{name} angles 100k"), &many(&truth, 100_000, angles, &mut n));
+        show(&format!("{name} distances 100k"), &many(&truth, 100_000, distances, &mut n));
+    }
+}
+#[test]
+fn big1() {
+    let mut n = Noise(3);
+    let make: Maker = match std::env::var("KIND").unwrap().as_str() { "v" => velocities, "a" => angles, _ => distances };
+    let truth = match std::env::var("TRUTH").unwrap().as_str() { "steel" => mu_e(0.78, 0.07, 0.07), "wood" => mu_e(0.52, 0.10, 0.15), "super" => e_e(0.96, 0.5), _ => grip_slide(0.96, 0.5, 0.25) };
+    let s = many(&truth, 100_000, make, &mut n);
+    let t = std::time::Instant::now();
+    let f = fit::fit(&s, &Options::default()); let g = &f.groups[0]; println!("{} {} aside {} {:?}", g.preferred.name(), g.reason, g.rows_set_aside.len(), g.models[0].transition.angle_rad);
+    println!("TOOK {:?}", t.elapsed());
+}

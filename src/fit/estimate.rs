@@ -108,7 +108,8 @@ impl<'a> Work<'a> {
     fn new(data: &'a Data, solution: &'a Solution) -> Self {
         let theta = solution.found.theta;
         let task = solution.task(data);
-        let nearest: Vec<Nearest> = data.rows.iter().filter_map(|row| task.nearest(row, &theta)).collect();
+        // The search ended where every row has one.
+        let nearest = task.all_nearest(&theta).unwrap_or_default();
         let sliding = nearest.iter().filter(|n| n.state.slides()).count();
         let freedom = solution.marks.equations.saturating_sub(parameters(solution));
         let scatter = criteria::scatter(data, solution.found.chi2, freedom);
@@ -482,11 +483,12 @@ impl<'a> Work<'a> {
     }
 
     fn row_fit(&self, index: usize) -> RowFit {
-        let near = &self.nearest[index];
-        let k = self.data.rows[index].kinematics(&near.z, self.theta[RATIO]);
+        let row = &self.data.rows[index];
+        let near = self.nearest.get(index);
+        let k = row.kinematics(near.map_or(&row.z, |n| &n.z), self.theta[RATIO]);
         RowFit {
-            chi2: near.chi2,
-            regime: if near.state.slides() {
+            chi2: near.map_or(f64::NAN, |n| n.chi2),
+            regime: if near.is_some_and(|n| n.state.slides()) {
                 RowRegime::Sliding
             } else {
                 RowRegime::Gripping

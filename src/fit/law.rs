@@ -158,7 +158,7 @@ pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Opt
         Regimes::Slide => return law.solve(State::Slide),
         _ => {}
     }
-    let (margin, variance) = law.margin(&row.z);
+    let (margin, variance) = law.margin(&here);
     let (first, second) = if margin <= 0.0 {
         (State::Grip, State::Slide)
     } else {
@@ -234,9 +234,9 @@ const STEPS: usize = 60;
 
 impl Law<'_> {
     /// How far beyond the limit the motion is, and the variance of that.
-    fn margin(&self, z: &Slots) -> (f64, f64) {
+    fn margin(&self, k: &Kinematics) -> (f64, f64) {
         let mut equations = Equations::empty();
-        self.edge(&self.row.kinematics(z, self.theta[RATIO]), &mut equations);
+        self.edge(k, &mut equations);
         let slope = equations.by_slot[0];
         (equations.f[0], dot(&slope, &self.row.covariance_times(&slope)))
     }
@@ -246,37 +246,38 @@ impl Law<'_> {
         let mut z = row.z;
         let linear = row.is_linear();
         let mut last_move = f64::INFINITY;
+        let mut equations = Equations::empty();
+        let mut spread = [[0.0; SLOTS]; MOST];
+        let mut lower = [[0.0; MOST]; MOST];
         for step in 0..STEPS {
-            let equations = self.equations(&z, state);
+            self.equations(&z, state, &mut equations);
+            let count = equations.count;
             let mut right = equations.f;
-            for (r, slope) in right.iter_mut().zip(&equations.by_slot).take(equations.count) {
+            for i in 0..count {
+                let slope = &equations.by_slot[i];
                 for k in 0..SLOTS {
-                    *r += slope[k] * (row.z[k] - z[k]);
+                    right[i] += slope[k] * (row.z[k] - z[k]);
                 }
+                spread[i] = row.covariance_times(slope);
             }
-            let spread: [Slots; MOST] = std::array::from_fn(|i| {
-                if i < equations.count {
-                    row.covariance_times(&equations.by_slot[i])
-                } else {
-                    [0.0; SLOTS]
-                }
-            });
-            let lower = cholesky(&equations, &spread)?;
-            let residuals = forward(&lower, right, equations.count);
-            let multipliers = backward(&lower, residuals, equations.count);
+            if !cholesky(&equations, &spread, &mut lower) {
+                return None;
+            }
+            let residuals = forward(&lower, right, count);
+            let multipliers = backward(&lower, residuals, count);
             let mut next = row.z;
-            for (line, multiplier) in spread.iter().zip(&multipliers).take(equations.count) {
+            for i in 0..count {
                 for k in 0..SLOTS {
-                    next[k] -= line[k] * multiplier;
+                    next[k] -= spread[i][k] * multipliers[i];
                 }
             }
             let moved = relative_move(&z, &next);
-            let done = linear || moved <= 1e-14 || (moved <= 1e-9 && moved >= last_move) || step + 1 == STEPS;
+            // Each step is shorter than the one before by the ratio of error to curvature, so that ẑ is better than this.
+            let done = linear || moved <= 1e-8 || (moved <= 1e-6 && moved >= last_move) || step + 1 == STEPS;
             last_move = moved;
             if done {
-                // The derivatives belong to ẑ; of linear equations they are the same everywhere but for the parameters'.
-                let equations = self.equations(&next, state);
-                return self.finish(state, next, residuals, &lower, &equations);
+                let k = self.equations(&next, state, &mut equations);
+                return self.finish(state, next, residuals, &lower, &equations, &k);
             }
             z = next;
             if z.iter().any(|x| !x.is_finite()) {
@@ -293,20 +294,25 @@ impl Law<'_> {
         residuals: [f64; MOST],
         lower: &[[f64; MOST]; MOST],
         equations: &Equations,
+        k: &Kinematics,
     ) -> Option<Nearest> {
+        // L⁻¹ times the derivatives, all columns at once.
         let mut jacobian = [[0.0; PARAMETERS]; MOST];
-        for p in 0..PARAMETERS {
-            let column = std::array::from_fn(|i| equations.by_parameter[i][p]);
-            let whitened = forward(lower, column, equations.count);
-            for i in 0..equations.count {
-                jacobian[i][p] = whitened[i];
+        for i in 0..equations.count {
+            jacobian[i] = equations.by_parameter[i];
+            for j in 0..i {
+                for p in 0..PARAMETERS {
+                    jacobian[i][p] -= lower[i][j] * jacobian[j][p];
+                }
+            }
+            for entry in &mut jacobian[i] {
+                *entry /= lower[i][i];
             }
         }
         let margin = if state.on_edge() {
             0.0
         } else {
-            let k = self.row.kinematics(&z, self.theta[RATIO]);
-            self.grip_share() * self.sign_at(state, &k) * (k.a - k.w) - self.limit.value * k.b
+            self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
         };
         let chi2: f64 = residuals[..equations.count].iter().map(|r| r * r).sum();
         chi2.is_finite().then_some(Nearest {
@@ -334,23 +340,24 @@ impl Law<'_> {
         }
     }
 
-    fn equations(&self, z: &Slots, state: State) -> Equations {
+    /// The equations at `z`, in place of those in `out`; the motion there.
+    fn equations(&self, z: &Slots, state: State, out: &mut Equations) -> Kinematics {
         let k = self.row.kinematics(z, self.theta[RATIO]);
         let impulse = if state.slides() {
             self.sliding(&k)
         } else {
             self.gripping(&k)
         };
-        let mut equations = Equations::empty();
+        out.count = 0;
         match self.row.set {
-            ColumnSet::Velocities => self.velocities(z, &k, &impulse, &mut equations),
-            ColumnSet::Angles => self.angles(z, &k, &impulse, &mut equations),
-            ColumnSet::Distances => self.distances(z, &k, &impulse, &mut equations),
+            ColumnSet::Velocities => self.velocities(z, &k, &impulse, out),
+            ColumnSet::Angles => self.angles(z, &k, &impulse, out),
+            ColumnSet::Distances => self.distances(z, &k, &impulse, out),
         }
         if state.on_edge() {
-            self.edge(&k, &mut equations);
+            self.edge(&k, out);
         }
-        equations
+        k
     }
 
     /// P = s (1 + e_x) (a − w).
@@ -460,10 +467,12 @@ impl Equations {
         }
     }
 
-    /// Room for one more.
+    /// Room for one more, cleared.
     fn next(&mut self) -> (&mut f64, &mut Slots, &mut [f64; PARAMETERS]) {
         let i = self.count;
         self.count += 1;
+        self.by_slot[i] = [0.0; SLOTS];
+        self.by_parameter[i] = [0.0; PARAMETERS];
         (&mut self.f[i], &mut self.by_slot[i], &mut self.by_parameter[i])
     }
 }
@@ -480,9 +489,8 @@ fn relative_move(from: &Slots, to: &Slots) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// L of J Σ Jᵀ = L Lᵀ; `None` where an equation has no error at all, or two have the same one.
-fn cholesky(equations: &Equations, spread: &[Slots; MOST]) -> Option<[[f64; MOST]; MOST]> {
-    let mut lower = [[0.0; MOST]; MOST];
+/// L of J Σ Jᵀ = L Lᵀ; false where an equation has no error at all, or two have the same one.
+fn cholesky(equations: &Equations, spread: &[Slots; MOST], lower: &mut [[f64; MOST]; MOST]) -> bool {
     for i in 0..equations.count {
         for j in 0..=i {
             let entry = dot(&equations.by_slot[i], &spread[j]);
@@ -491,7 +499,7 @@ fn cholesky(equations: &Equations, spread: &[Slots; MOST]) -> Option<[[f64; MOST
                 let pivot = entry - known;
                 // Positive and not mere rounding of what it was before.
                 if !(pivot > 1e-13 * entry && pivot.is_finite()) {
-                    return None;
+                    return false;
                 }
                 lower[i][i] = pivot.sqrt();
             } else {
@@ -499,7 +507,7 @@ fn cholesky(equations: &Equations, spread: &[Slots; MOST]) -> Option<[[f64; MOST
             }
         }
     }
-    Some(lower)
+    true
 }
 
 /// L⁻¹ v.

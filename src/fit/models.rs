@@ -144,11 +144,11 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         return sliding.or(rolling);
     };
     let jump = Profile::new(data, free, sliding.found.theta)
-        .best()
+        .best(sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]), 0.5 * JUMPS)
         .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
-        .filter(|s| sliding.marks.criterion() - s.marks.criterion() > JUMPS && slides(data, s) > 0);
+        .filter(|s| sliding.marks.criterion() - s.marks.criterion() > JUMPS && slides(data, s));
     let larger = jump.unwrap_or_else(|| sliding.clone());
     Some(if shows(data, rolling, &larger) { larger } else { rolling.clone() })
 }
@@ -172,15 +172,14 @@ fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
 fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
     let freedom = data.equations().saturating_sub(with.rank);
     let testable = data.weights == Weights::Stated || freedom > 0;
-    testable && slides(data, with) > 0 && without.marks.criterion() - with.marks.criterion() > SHOWS
+    testable && slides(data, with) && without.marks.criterion() - with.marks.criterion() > SHOWS
 }
 
-/// Rows that slide.
-fn slides(data: &Data, solution: &Solution) -> usize {
+/// Whether some row slides.
+fn slides(data: &Data, solution: &Solution) -> bool {
     let task = solution.task(data);
     let theta = &solution.found.theta;
-    let state = |row| task.nearest(row, theta).is_some_and(|n| n.state.slides());
-    task.rows().filter(|row| state(row)).count()
+    task.rows().any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
 }
 
 fn solve(

@@ -12,16 +12,20 @@ use argmin::core::{
     CostFunction, Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus,
 };
 use argmin::solver::neldermead::NelderMead;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most steps. From a start within the basin six are usual; what needs more than this has no least value nearby.
 const MOST_STEPS: u64 = 200;
 
-/// A step that moves all residuals together by less than this part of their own length (or of one standard deviation,
-/// where they are smaller) is the last.
-const SETTLED: f64 = 1e-8;
+/// A step that would move all residuals together by no more than this part of the scatter of one is not taken: parameters
+/// move by no more than this part of their uncertainty then.
+const SETTLED: f64 = 1e-6;
 
 /// Nor does a change of every parameter by less than this matter, absolute or relative.
 const STILL: f64 = 1e-13;
+
+/// More rows than this: a crease is the work of one row, and one of so many has no weight.
+const MOST_CREASED: usize = 2000;
 
 /// Damping beyond which a step no longer gets anywhere.
 const MOST_DAMPING: f64 = 1e12;
@@ -53,12 +57,34 @@ pub(super) struct Found {
     pub converged: bool,
 }
 
+/// The rows that count, or a part of them.
+#[derive(Clone)]
+pub(super) struct Rows<'a> {
+    rows: &'a [Observation],
+    chosen: Option<&'a [usize]>,
+    at: usize,
+    end: usize,
+}
+
+impl<'a> Iterator for Rows<'a> {
+    type Item = &'a Observation;
+
+    fn next(&mut self) -> Option<&'a Observation> {
+        let at = self.at;
+        self.at += 1;
+        (at < self.end).then(|| self.chosen.map_or(&self.rows[at], |chosen| &self.rows[chosen[at]]))
+    }
+}
+
 impl<'a> Task<'a> {
     /// The rows that count.
-    pub fn rows(&self) -> impl Iterator<Item = &'a Observation> + use<'a> {
-        let (rows, chosen) = (self.rows, self.chosen);
-        let count = chosen.map_or(rows.len(), <[usize]>::len);
-        (0..count).map(move |i| chosen.map_or(&rows[i], |c| &rows[c[i]]))
+    pub fn rows(&self) -> Rows<'a> {
+        Rows {
+            rows: self.rows,
+            chosen: self.chosen,
+            at: 0,
+            end: self.chosen.map_or(self.rows.len(), <[usize]>::len),
+        }
     }
 
     /// The nearest motion to a row.
@@ -68,30 +94,85 @@ impl<'a> Task<'a> {
 
     /// χ² and its derivatives; `None` where χ² is not finite.
     pub fn linear(&self, theta: &Theta) -> Option<Linear> {
-        let mut linear = Linear {
-            chi2: 0.0,
-            triangle: Triangle::new(),
-        };
-        for row in self.rows() {
-            let near = self.nearest(row, theta)?;
-            linear.chi2 += near.chi2;
-            for i in 0..near.equations {
-                linear.triangle.push(self.masked(near.jacobian[i]), near.residuals[i]);
+        let parts = self.in_parts(|rows| {
+            let mut linear = Linear {
+                chi2: 0.0,
+                triangle: Triangle::new(),
+            };
+            for row in rows {
+                let near = self.nearest(row, theta)?;
+                linear.chi2 += near.chi2;
+                for i in 0..near.equations {
+                    linear.triangle.push(self.masked(near.jacobian[i]), near.residuals[i]);
+                }
             }
+            Some(linear)
+        });
+        let mut parts = parts.into_iter();
+        let mut linear = parts.next()??;
+        for part in parts {
+            let part = part?;
+            linear.chi2 += part.chi2;
+            linear.triangle.take_in(&part.triangle);
         }
         linear.chi2.is_finite().then_some(linear)
     }
 
     /// χ² alone, infinite where it is not finite.
     pub fn chi2(&self, theta: &Theta) -> f64 {
-        let mut sum = 0.0;
-        for row in self.rows() {
-            match self.nearest(row, theta) {
-                Some(near) => sum += near.chi2,
-                None => return f64::INFINITY,
-            }
-        }
+        let parts = self.in_parts(|rows| {
+            rows.map(|row| self.nearest(row, theta).map_or(f64::INFINITY, |near| near.chi2)).sum::<f64>()
+        });
+        let sum: f64 = parts.into_iter().sum();
         if sum.is_finite() { sum } else { f64::INFINITY }
+    }
+
+    /// The nearest motion of every row.
+    pub fn all_nearest(&self, theta: &Theta) -> Option<Vec<Nearest>> {
+        let parts = self.in_parts(|rows| rows.map(|row| self.nearest(row, theta)).collect::<Option<Vec<_>>>());
+        let parts: Option<Vec<Vec<Nearest>>> = parts.into_iter().collect();
+        Some(parts?.concat())
+    }
+
+    /// `work` on all rows, many of them in parts of a size of their own, so that sums do not depend on the machine.
+    fn in_parts<T: Send>(&self, work: impl Fn(Rows<'a>) -> T + Sync) -> Vec<T> {
+        const PART: usize = 8192;
+        let count = self.chosen.map_or(self.rows.len(), <[usize]>::len);
+        let rows = |from: usize, to: usize| Rows {
+            rows: self.rows,
+            chosen: self.chosen,
+            at: from,
+            end: to,
+        };
+        if count <= PART {
+            return vec![work(rows(0, count))];
+        }
+        let parts = count.div_ceil(PART);
+        let threads = std::thread::available_parallelism().map_or(1, usize::from).min(parts);
+        let next = AtomicUsize::new(0);
+        let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {
+            let worker = || {
+                let mut done = Vec::new();
+                loop {
+                    let part = next.fetch_add(1, Ordering::Relaxed);
+                    if part >= parts {
+                        return done;
+                    }
+                    done.push((part, work(rows(part * PART, ((part + 1) * PART).min(count)))));
+                }
+            };
+            let others: Vec<_> = (1..threads).map(|_| scope.spawn(worker)).collect();
+            let mut done = worker();
+            for other in others {
+                match other.join() {
+                    Ok(more) => done.extend(more),
+                    Err(panic) => std::panic::resume_unwind(panic),
+                }
+            }
+            done
+        });
+        done.sort_by_key(|(part, _)| *part);
+        done.into_iter().map(|(_, result)| result).collect()
     }
 
     /// The triangle of rows brought to unit length each, for the test of what they determine.
@@ -123,35 +204,29 @@ impl<'a> Task<'a> {
 
     /// The least χ² near `start`; `None` where χ² is not finite at the start itself.
     pub fn search(&self, start: Theta) -> Option<Found> {
-        self.linear(&start)?;
-        let solver = LevenbergMarquardt::default();
-        let result = Executor::new(self.clone(), solver)
+        let result = Executor::new(self.clone(), LevenbergMarquardt::default())
             .configure(|state| state.param(start.to_vec()).max_iters(MOST_STEPS))
             .ctrlc(false)
             .run()
             .ok()?;
-        let settled = matches!(
-            result.state().get_termination_status(),
-            TerminationStatus::Terminated(TerminationReason::SolverConverged)
-        );
-        let creased = result.solver.creased;
-        let theta = array(result.state().get_best_param()?)?;
-        let smooth = self.found(theta, settled)?;
-        if creased {
+        let LevenbergMarquardt {
+            here, theta, creased, ..
+        } = result.solver;
+        let Linear { chi2, triangle } = here?;
+        let smooth = Found {
+            theta,
+            chi2,
+            triangle,
+            converged: matches!(
+                result.state.get_termination_status(),
+                TerminationStatus::Terminated(TerminationReason::SolverConverged)
+            ),
+        };
+        if creased && self.rows.len() <= MOST_CREASED {
             Some(self.across_creases(smooth).unwrap_or(smooth))
         } else {
             Some(smooth)
         }
-    }
-
-    fn found(&self, theta: Theta, converged: bool) -> Option<Found> {
-        let Linear { chi2, triangle } = self.linear(&theta)?;
-        Some(Found {
-            theta,
-            chi2,
-            triangle,
-            converged,
-        })
     }
 
     /// Nelder-Mead from a point at which no smooth step gets down.
@@ -185,13 +260,15 @@ impl<'a> Task<'a> {
             .run()
             .ok()?;
         let best = result.state().get_best_param()?;
-        let found = self.found(reduced.theta(best), true)?;
-        (found.chi2 <= from.chi2).then_some(found)
+        let theta = reduced.theta(best);
+        let Linear { chi2, triangle } = self.linear(&theta)?;
+        (chi2 <= from.chi2).then_some(Found {
+            theta,
+            chi2,
+            triangle,
+            converged: true,
+        })
     }
-}
-
-fn array(v: &[f64]) -> Option<Theta> {
-    v.try_into().ok()
 }
 
 /// The parameters that move, for a method without derivatives.
@@ -224,6 +301,8 @@ impl CostFunction for Reduced<'_, '_> {
 /// Levenberg-Marquardt with Nielsen's damping.
 struct LevenbergMarquardt {
     here: Option<Linear>,
+    theta: Theta,
+    rows: usize,
     damping: f64,
     growth: f64,
     ended: bool,
@@ -235,6 +314,8 @@ impl Default for LevenbergMarquardt {
     fn default() -> Self {
         Self {
             here: None,
+            theta: [0.0; PARAMETERS],
+            rows: 1,
             damping: 1e-6,
             growth: 4.0,
             ended: false,
@@ -251,59 +332,53 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
     }
 
     fn init(&mut self, problem: &mut Problem<Task<'_>>, mut state: Step) -> Result<(Step, Option<KV>), Error> {
-        let theta = parameters(&mut state)?;
-        self.here = problem.problem("linear_count", |task| Ok(task.linear(&theta)))?;
-        let chi2 = self.here.as_ref().map_or(f64::INFINITY, |l| l.chi2);
-        Ok((state.param(theta.to_vec()).cost(chi2), None))
+        self.theta = state
+            .take_param()
+            .and_then(|start| start.try_into().ok())
+            .ok_or_else(|| Error::msg("a search starts at four parameters"))?;
+        self.here = problem.problem("linear_count", |task| {
+            self.rows = task.chosen.map_or(task.rows.len(), <[usize]>::len).max(1);
+            Ok(task.linear(&self.theta))
+        })?;
+        Ok((self.report(state), None))
     }
 
-    fn next_iter(
-        &mut self,
-        problem: &mut Problem<Task<'_>>,
-        mut state: Step,
-    ) -> Result<(Step, Option<KV>), Error> {
-        let theta = parameters(&mut state)?;
+    fn next_iter(&mut self, problem: &mut Problem<Task<'_>>, state: Step) -> Result<(Step, Option<KV>), Error> {
         let Some(here) = self.here else {
             self.ended = true;
-            return Ok((state.param(theta.to_vec()), None));
+            return Ok((self.report(state), None));
         };
         let lengths = here.triangle.lengths();
         let damping = lengths.map(|length| self.damping.sqrt() * length);
         let step = here.triangle.step(&damping);
-        let undamped = here.triangle.effect(&here.triangle.step(&lengths.map(|l| 1e-12 * l)));
-        let effect = here.triangle.effect(&step);
-        let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * theta[j].abs().max(1.0));
-        // Before the step is taken: the best that a step can do is already too little.
-        if undamped <= SETTLED * here.chi2.sqrt().min(1.0) || undamped == 0.0 || (still && self.damping < 1.0) {
+        // The best that any step can do.
+        let best = here.triangle.effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
+        let size = (here.chi2 / self.rows as f64).sqrt();
+        let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * self.theta[j].abs().max(1.0));
+        if best <= SETTLED * size || (still && self.damping < 1.0) {
             self.ended = true;
-            return Ok((state.param(theta.to_vec()).cost(here.chi2), None));
+            return Ok((self.report(state), None));
         }
-        let there_theta: Theta = std::array::from_fn(|j| theta[j] + step[j]);
-        let there = problem.problem("linear_count", |task| Ok(task.linear(&there_theta)))?;
+        let theta: Theta = std::array::from_fn(|j| self.theta[j] + step[j]);
+        let there = problem.problem("linear_count", |task| Ok(task.linear(&theta)))?;
         // Of a linear model: |r|² − |r + J δ|² = |J δ|² + 2 |D δ|².
-        let promised = effect.powi(2)
-            + 2.0 * (0..PARAMETERS).map(|j| (damping[j] * step[j]).powi(2)).sum::<f64>();
-        match there.filter(|there| there.chi2 < here.chi2) {
-            Some(there) => {
-                let gain = (here.chi2 - there.chi2) / promised;
-                self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(0.05, 3.0);
-                self.damping = self.damping.max(1e-14);
-                self.growth = 4.0;
-                self.here = Some(there);
-                Ok((state.param(there_theta.to_vec()).cost(there.chi2), None))
-            }
-            None => {
-                self.damping *= self.growth;
-                self.growth *= 2.0;
-                if self.damping > MOST_DAMPING || promised <= 1e-15 * here.chi2 {
-                    self.ended = true;
-                    // What rounding hides was not promised in earnest.
-                    self.creased = undamped > 1e-4 * here.chi2.sqrt().min(1.0) && promised > 1e-15 * here.chi2;
-                    self.creased |= undamped > 1e-3;
-                }
-                Ok((state.param(theta.to_vec()).cost(here.chi2), None))
-            }
+        let damped: f64 = (0..PARAMETERS).map(|j| (damping[j] * step[j]).powi(2)).sum();
+        let promised = here.triangle.effect(&step).powi(2) + 2.0 * damped;
+        if let Some(there) = there.filter(|there| there.chi2 < here.chi2) {
+            let gain = (here.chi2 - there.chi2) / promised;
+            self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(0.05, 3.0);
+            self.damping = self.damping.max(1e-14);
+            self.growth = 4.0;
+            (self.theta, self.here) = (theta, Some(there));
+        } else {
+            self.damping *= self.growth;
+            self.growth *= 2.0;
+            // What rounding hides was not promised in earnest.
+            let hidden = promised <= 1e-14 * here.chi2;
+            self.ended = hidden || self.damping > MOST_DAMPING;
+            self.creased = self.ended && !hidden && best > 1e-4 * size;
         }
+        Ok((self.report(state), None))
     }
 
     fn terminate(&mut self, _state: &Step) -> TerminationStatus {
@@ -315,10 +390,10 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
     }
 }
 
-fn parameters(state: &mut Step) -> Result<Theta, Error> {
-    state
-        .take_param()
-        .as_deref()
-        .and_then(array)
-        .ok_or_else(|| Error::msg("the search lost its parameters"))
+impl LevenbergMarquardt {
+    /// The state as argmin keeps it.
+    fn report(&self, state: Step) -> Step {
+        let chi2 = self.here.map_or(f64::INFINITY, |here| here.chi2);
+        state.param(self.theta.to_vec()).cost(chi2)
+    }
 }

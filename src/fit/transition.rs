@@ -108,8 +108,9 @@ impl<'a> Profile<'a> {
         gaps
     }
 
-    /// The best Λ with its fit to all rows. Any value in its gap is as good; it is the middle.
-    pub fn best(&mut self) -> Option<(f64, Found)> {
+    /// The best Λ with its fit to all rows. Any value in its gap is as good; it is the middle. `None` where χ² is no lower
+    /// there than at `without`, by `gain` at least, and so needs no fit of many rows to find out.
+    pub fn best(&mut self, without: f64, gain: f64) -> Option<(f64, Found)> {
         let mut gaps = self.gaps(None);
         let mut best = self.best_of(&gaps)?;
         while self.thinned(&gaps) {
@@ -122,6 +123,13 @@ impl<'a> Profile<'a> {
             }
             gaps = finer;
             best = self.best_of(&gaps).unwrap_or(best);
+        }
+        if !self.refit {
+            // The rows between the two are those that change.
+            self.narrow((without.min(best.0), without.max(best.0)));
+            if !(self.chi2(without) - self.chi2(best.0) > gain) {
+                return None;
+            }
         }
         let all: Vec<usize> = (0..self.data.rows.len()).collect();
         let whole = Profile {

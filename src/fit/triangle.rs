@@ -10,9 +10,9 @@ use super::law::{PARAMETERS, Theta};
 use nalgebra::{SMatrix, SVector};
 
 /// A direction with less than this part of the longest counts as one along which nothing changes. Equations that are
-/// truly dependent come out near 1e-12 (the nearest points are found to that), measured spins that differ by a thousandth
+/// truly dependent come out near 1e-10 (the nearest points are found to that), measured spins that differ by a thousandth
 /// at 1e-3.
-const RANK: f64 = 1e-8;
+const RANK: f64 = 1e-7;
 
 /// Share of a parameter in an undetermined direction from which on it is itself undetermined.
 const SHARE: f64 = 1e-6;
@@ -51,6 +51,13 @@ impl Triangle {
             let (upper, lower) = (self.right[j], residual);
             self.right[j] = cos * upper + sin * lower;
             residual = cos * lower - sin * upper;
+        }
+    }
+
+    /// Takes in all rows that `other` took in.
+    pub fn take_in(&mut self, other: &Self) {
+        for (row, residual) in other.r.iter().zip(&other.right) {
+            self.push(*row, *residual);
         }
     }
 
