@@ -1,5 +1,6 @@
 //! The command line: a file a command; the only place that prints or draws progress.
 
+mod fit;
 mod measure;
 mod simulate;
 
@@ -29,6 +30,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
+    Fit(fit::FitArgs),
     /// Renders a recording with known truth from a scene file.
     Simulate {
         /// The scene (JSON, schema track.scene/1).
@@ -72,6 +75,7 @@ enum Status {
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match (cli.command, cli.measure) {
+        (Some(Command::Fit(args)), _) => fit::run(&args),
         (
             Some(Command::Simulate {
                 scene,

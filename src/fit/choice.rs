@@ -2,8 +2,8 @@
 //!
 //! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: grip-slide holds both
 //! other models as special cases (e_x = 0; friction never reached), so that it always fits as well and can never be beaten
-//! by much. It is preferred only where it is [`GENERAL`] better, which chance makes of 1 in 70 series; otherwise the choice
-//! is between the other two.
+//! by much. Up to [`DECISIVE`] better it does not count, and the choice is between the other two; from [`GENERAL`] on it is
+//! preferred (chance makes that of 1 series in 70); between, nothing is.
 //!
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
@@ -16,6 +16,10 @@ use super::series::{Note, Weights};
 
 /// A difference of AICc that decides.
 const DECISIVE: f64 = 2.0;
+
+/// Where no model fits, how many times the χ² of the preferred one its rival's has to be: less may be the rivals' different
+/// luck with what all of them lack.
+const FAR_BETTER: f64 = 10.0;
 
 /// What grip-slide has to be better by than its own special cases.
 const GENERAL: f64 = 4.0;
@@ -41,23 +45,51 @@ pub(super) fn choose(data: &Data, solutions: &[Solution], fits: &[ModelFit]) -> 
         }
     }
     candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
+    // A model that the rows are too few to judge may be the right one; grip-slide has to show that it is needed.
+    let unjudged = |fit: &&ModelFit| {
+        let judged = candidates.iter().any(|c| c.0 == fit.name);
+        fit.name != ModelName::GripSlide && fit.impossible.is_none() && !judged
+    };
+    if fits.iter().any(|fit| unjudged(&fit)) {
+        candidates.clear();
+    }
     let rolling = fits.iter().any(|f| f.name == ModelName::MuE && f.sliding == 0);
-    let (preferred, mut sentences) = decide(&candidates, rolling);
+    let (mut preferred, mut sentences) = decide(&candidates, rolling);
+    if let Preferred::Model(name) = preferred
+        && spread > 1.0
+        && !far_better(name, fits)
+    {
+        preferred = Preferred::Undetermined;
+        sentences.push(format!("{} is the least bad, but not by far", name.name()));
+    }
     sentences.extend(excluded);
     if spread > 1.0 && candidates.len() > 1 {
         sentences.push(format!("differences of χ² are divided by the scatter, {spread:.1}"));
     }
     if notes.iter().any(|n| n.code == "no_model_fits") {
-        sentences.push("no model describes the data: the preference is only relative".to_owned());
+        sentences.push(match preferred {
+            Preferred::Model(_) => "no model describes the data: the preference is only relative".to_owned(),
+            Preferred::Undetermined => "no model describes the data".to_owned(),
+        });
     }
     let mut reason = sentences.join("; ");
     reason.push('.');
     (preferred, reason, notes)
 }
 
+/// Whether a model that does not fit is still in another class than its rivals.
+fn far_better(name: ModelName, fits: &[ModelFit]) -> bool {
+    let chi2 = |of: ModelName| fits.iter().find(|f| f.name == of).map_or(f64::INFINITY, |f| f.chi2);
+    let rivals = ModelName::ALL.into_iter().filter(|&rival| {
+        // Grip-slide fits as well as its special cases do: it is no rival of theirs.
+        rival != name && rival != ModelName::GripSlide
+    });
+    rivals.into_iter().all(|rival| chi2(rival) > FAR_BETTER * chi2(name))
+}
+
 fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<String>) {
     let Some(&(best, least)) = candidates.first() else {
-        return (Preferred::Undetermined, vec!["no model can be compared".to_owned()]);
+        return (Preferred::Undetermined, vec!["the models cannot be compared".to_owned()]);
     };
     let aicc = |name| candidates.iter().find(|c| c.0 == name).map(|c| c.1);
     let list = |preferred: ModelName, base: f64| {
@@ -88,17 +120,25 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
         return (Preferred::Model(best), list(best, least));
     };
     let general = aicc(ModelName::GripSlide);
-    if general.is_some_and(|g| simple_aicc - g >= GENERAL) {
+    let lead = general.map_or(0.0, |g| simple_aicc - g);
+    if lead >= GENERAL {
         return (
             Preferred::Model(ModelName::GripSlide),
             list(ModelName::GripSlide, general.unwrap_or(least)),
         );
     }
+    if lead >= DECISIVE {
+        let mut sentences = list(simple, simple_aicc);
+        sentences.push(format!(
+            "a model that holds the other as a special case is ahead by {DECISIVE} to {GENERAL} by chance now and then"
+        ));
+        return (Preferred::Undetermined, sentences);
+    }
     let other = if simple == ModelName::MuE { ModelName::EE } else { ModelName::MuE };
     let gap = aicc(other).map(|a| a - simple_aicc);
     // Where all rows leave rolling, μ-e is e-e with e_x = 0 and saves a parameter: that is no evidence.
-    let same = rolling && simple == ModelName::MuE;
-    if same && gap.is_some() {
+    let same = rolling && gap.is_some_and(|gap| simple == ModelName::MuE || gap < DECISIVE);
+    if same {
         let mut sentences =
             vec!["no row slides, and none needs an e_x other than 0, with which e_e says what mu_e says".to_owned()];
         sentences.extend(list(simple, simple_aicc));

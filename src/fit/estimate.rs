@@ -251,6 +251,9 @@ impl<'a> Work<'a> {
         if self.solution.name == ModelName::EE {
             return Fitted::NotDetermined("the e_e model has no friction".to_owned());
         }
+        if !self.solution.slips {
+            return Fitted::NotDetermined(NO_SLIP.to_owned());
+        }
         if !self.solution.free[MU] {
             return Fitted::NotDetermined(format!(
                 "no row is seen to slide, so friction is only known to be enough{}",
@@ -280,7 +283,7 @@ impl<'a> Work<'a> {
         if self.solution.free[MU] && self.gripping == 0 {
             return Fitted::NotDetermined("every row slides".to_owned());
         }
-        if !self.solution.free[E_X] {
+        if !self.solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
         }
         self.searched(E_X, || {
@@ -359,6 +362,9 @@ impl<'a> Work<'a> {
                 "the {} model has no static friction of its own",
                 solution.name.name()
             ));
+        }
+        if !solution.slips {
+            return Fitted::NotDetermined(NO_SLIP.to_owned());
         }
         if !solution.free[MU] {
             return Fitted::NotDetermined(format!(

@@ -29,6 +29,7 @@
 //! Coefficients are constants over a group, errors Gaussian and independent from row to row: what a whole series shares (a
 //! scale that is off by 1 %) widens no interval here. Motion is in the x-z plane.
 
+pub mod coordinates;
 pub mod csv;
 pub mod error;
 pub mod result;

@@ -31,7 +31,7 @@ const JUMPS: f64 = 6.0;
 const NO_SLIP: f64 = 0.001;
 
 /// Starts that are followed to their end.
-const FOLLOWED: usize = 6;
+const FOLLOWED: usize = 8;
 
 /// A model in one variant at its best.
 #[derive(Debug, Clone)]
@@ -45,6 +45,8 @@ pub(super) struct Solution {
     pub determined: [bool; PARAMETERS],
     /// Independent combinations of the parameters that the rows determine.
     pub rank: usize,
+    /// Whether any row is seen to slip before the bounce.
+    pub slips: bool,
     pub marks: Marks,
 }
 
@@ -66,6 +68,7 @@ impl Solution {
             rank,
             marks: Marks::new(data, found.chi2, rank + limit, 1.0),
             valleys: Vec::new(),
+            slips: true,
             found,
         }
     }
@@ -105,6 +108,7 @@ pub(super) fn all(data: &Data) -> Vec<Solution> {
     if let Some(rolling) = rolling.as_ref().filter(|rolling| !slips(data, rolling)) {
         let as_model = |name| Solution {
             name,
+            slips: false,
             ..rolling.clone()
         };
         return ModelName::ALL.map(as_model).to_vec();

@@ -12,7 +12,7 @@
 
 use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
 use super::data::{Data, demand};
-use super::law::{Nearest, PARAMETERS, Regimes, State, Theta};
+use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Regimes, State, Theta};
 use super::models::Solution;
 use super::observation::Observation;
 use super::result::ModelName;
@@ -26,7 +26,11 @@ const LEAST_ROWS: usize = 5;
 /// Part of the rows of the trimmed fit.
 const CORE: f64 = 0.6;
 
-/// Part of the rows that may be set aside.
+/// Of fewer rows than this, a fifth may be set aside, and only if the rest fits as its deviations say: a model with three
+/// parameters describes most of a handful of rows even where it is wrong.
+const HANDFUL: usize = 15;
+
+/// Part of more rows that may be set aside.
 const MOST_OUT: f64 = 1.0 / 3.0;
 
 /// Probability that a good series loses a row.
@@ -87,22 +91,14 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
     for fit in &mut fits {
         place_limit(data, fit, cap);
     }
-    let mut common: Option<Vec<bool>> = None;
-    let mut closest: Option<(usize, Robust, Vec<bool>)> = None;
+    let mut described: Vec<(Robust, Vec<bool>)> = Vec::new();
     for mut fit in fits {
         let Some(out) = sticking_out(data, &mut fit, spread) else {
             continue;
         };
-        let count = out.iter().filter(|o| **o).count();
-        common = Some(match common {
-            None => out.clone(),
-            Some(before) => before.iter().zip(&out).map(|(a, b)| *a && *b).collect(),
-        });
-        if closest.as_ref().is_none_or(|(least, ..)| count < *least) {
-            closest = Some((count, fit, out));
-        }
+        described.push((fit, out));
     }
-    let (Some(common), Some((_, fit, _))) = (common, closest) else {
+    let Some((fit, common)) = agreed(described) else {
         return Outliers::default();
     };
     let found: Vec<usize> = (0..data.rows.len()).filter(|&i| common[i]).collect();
@@ -124,6 +120,15 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
         out,
         systematic: Vec::new(),
     }
+}
+
+/// The rows that stick out of every model that describes the bulk, with a model that describes all others. `None` where
+/// there is no such model: each then describes the bulk at the cost of rows that another one explains, and the rows are not
+/// to blame.
+fn agreed(described: Vec<(Robust, Vec<bool>)>) -> Option<(Robust, Vec<bool>)> {
+    let rows = described.first()?.1.len();
+    let common: Vec<bool> = (0..rows).map(|i| described.iter().all(|(_, out)| out[i])).collect();
+    described.into_iter().find(|(_, out)| *out == common)
 }
 
 /// Whether a plain fit already describes every row within its stated deviations.
@@ -149,6 +154,19 @@ fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
 }
 
 impl Robust {
+    /// Static friction is not below friction.
+    fn is_possible(&self) -> bool {
+        match self.regimes {
+            Regimes::Jump(limit) => self.friction_share() <= limit,
+            _ => true,
+        }
+    }
+
+    /// μ (1 + e).
+    fn friction_share(&self) -> f64 {
+        self.theta[MU] * (1.0 + self.theta[E])
+    }
+
     fn task<'a>(&self, data: &'a Data, chosen: Option<&'a [usize]>) -> Task<'a> {
         Task {
             rows: &data.rows,
@@ -204,6 +222,7 @@ fn robust_jumps(data: &Data) -> Vec<Robust> {
     gaps.iter()
         .step_by(step)
         .flat_map(|&gap| robust(data, ModelName::MuE, Regimes::Jump(gap), free, starts.clone()))
+        .filter(Robust::is_possible)
         .collect()
 }
 
@@ -235,6 +254,7 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
             .enumerate()
             .step_by(step)
             .map(|(place, pair)| (place, 0.5 * (pair[0].0 + pair[1].0)))
+            .filter(|(_, gap)| *gap >= fit.friction_share())
             .chain([(0, limit)])
             .map(|(place, gap)| (cost(gap), place, gap))
             .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -302,6 +322,14 @@ fn spread_of(data: &Data, fit: &Robust) -> f64 {
     }
 }
 
+fn few(data: &Data) -> bool {
+    data.rows.len() < HANDFUL
+}
+
+fn most_out(rows: usize) -> usize {
+    if rows < HANDFUL { rows / 5 } else { (MOST_OUT * rows as f64) as usize }
+}
+
 /// The rows that lie beyond chance of the robust fit, which is improved on the way; `None` where the model does not
 /// describe the bulk of them.
 fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>> {
@@ -317,7 +345,7 @@ fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>>
             .map(|(share, row)| !(*share <= limit * TAIL_RATIOS[row.equations() - 1]))
             .collect();
         let count = now.iter().filter(|o| **o).count();
-        if count as f64 > MOST_OUT * now.len() as f64 {
+        if count > most_out(now.len()) {
             return None;
         }
         let same = now == out;
@@ -326,9 +354,15 @@ fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>>
         let found = fit.task(data, Some(&kept)).search(fit.theta)?;
         fit.theta = found.theta;
         spread = spread_of_kept(data, &kept, &found, fit);
+        if data.weights == Weights::Stated && few(data) && spread > 1.0 {
+            return None;
+        }
         if same {
             break;
         }
+    }
+    if !fit.is_possible() {
+        return None;
     }
     if data.rows.len() <= TRIED {
         take_back(data, fit, &mut out, spread);
@@ -498,13 +532,13 @@ fn expected(
     theta: &Theta,
     equation: usize,
 ) -> Option<String> {
-    let e = theta[super::law::E];
-    let k = row.kinematics(&row.z, theta[super::law::RATIO]);
+    let e = theta[E];
+    let k = row.kinematics(&row.z, theta[RATIO]);
     let slip = k.a - k.w;
     let impulse = if matches!(near.state, State::Slide | State::SlideEdge) {
-        slip.signum() * theta[super::law::MU] * (1.0 + e) * k.b
+        slip.signum() * theta[MU] * (1.0 + e) * k.b
     } else {
-        row.slip_share * (1.0 + theta[super::law::E_X]) * slip
+        row.slip_share * (1.0 + theta[E_X]) * slip
     };
     let after = k.a - impulse;
     let (name, unit, measured, expected) = match (series.set, equation) {

@@ -276,17 +276,22 @@ impl GroupFit {
         self.models.iter().find(|model| model.name == name)
     }
 
-    /// The preferred model's fit, or the one with the lowest AICc (χ², without that) where none is preferred.
+    /// The preferred model's fit; where none is preferred, of those about as good as the best (within 2 of its AICc) the one
+    /// that determines most of its parameters.
     #[must_use]
     pub fn shown(&self) -> Option<&ModelFit> {
         if let Preferred::Model(name) = self.preferred {
             return self.model(name);
         }
-        let rank = |m: &&ModelFit| (m.impossible.is_some(), m.aicc.unwrap_or(f64::INFINITY), m.chi2);
-        self.models.iter().min_by(|a, b| {
-            let (a, b) = (rank(a), rank(b));
-            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
-        })
+        let possible = self.models.iter().any(|m| m.impossible.is_none());
+        let candidates = || self.models.iter().filter(|m| m.impossible.is_none() || !possible);
+        let mark = |m: &ModelFit| m.aicc.unwrap_or(m.chi2);
+        let least = candidates().map(mark).fold(f64::INFINITY, f64::min);
+        // Of equals the first, which is the simplest.
+        candidates()
+            .filter(|m| mark(m) <= least + 2.0)
+            .rev()
+            .max_by_key(|m| m.parameters.iter().filter(|p| p.estimate().is_some()).count())
     }
 }
 

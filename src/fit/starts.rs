@@ -10,6 +10,7 @@ use super::law::{E, E_X, MU, PARAMETERS, RATIO, Theta};
 use super::observation::{Observation, Spin};
 use super::search::Task;
 use super::series::ColumnSet;
+use std::collections::HashSet;
 
 /// Which quantiles of the rows' own readings are tried.
 const QUANTILES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
@@ -38,7 +39,7 @@ pub(super) fn candidates(data: &Data, chosen: &[usize], free: &[bool; PARAMETERS
     starts
 }
 
-/// The `count` best of the starts by the sum of the `kept` smallest shares of χ² (all of them for 1), best first.
+/// The `count` best of the starts by the sum of the `kept` smallest shares of χ² (all of them for 1), and some more.
 pub(super) fn best(task: &Task<'_>, starts: Vec<Theta>, kept: f64, count: usize) -> Vec<Theta> {
     let all: Vec<usize> = (0..task.rows.len()).collect();
     let thin = thinned(task.chosen.unwrap_or(&all));
@@ -46,27 +47,39 @@ pub(super) fn best(task: &Task<'_>, starts: Vec<Theta>, kept: f64, count: usize)
         chosen: Some(&thin),
         ..task.clone()
     };
-    let mut scored: Vec<(f64, Theta)> = starts
+    let mut scored: Vec<(f64, usize, Theta)> = starts
         .into_iter()
-        .map(|theta| (trimmed(&task, &theta, kept), theta))
-        .filter(|(score, _)| score.is_finite())
+        .map(|theta| {
+            let (score, sliding) = trimmed(&task, &theta, kept);
+            (score, sliding, theta)
+        })
+        .filter(|(score, ..)| score.is_finite())
         .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.dedup_by(|a, b| a.0 == b.0);
-    scored.into_iter().take(count).map(|(_, theta)| theta).collect()
+    // The best of each way to part the rows, as each may be a valley of its own; then the best of what is left.
+    let mut ways = HashSet::new();
+    let (firsts, rest): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(_, sliding, _)| ways.insert(*sliding));
+    let other = rest.into_iter().take(count / 3);
+    firsts.into_iter().take(count).chain(other).map(|(.., theta)| theta).collect()
 }
 
-/// The sum of the smallest shares of χ², of `kept` of the rows.
-pub(super) fn trimmed(task: &Task<'_>, theta: &Theta, kept: f64) -> f64 {
+/// The sum of the smallest shares of χ², of `kept` of the rows, and how many of them slide.
+fn trimmed(task: &Task<'_>, theta: &Theta, kept: f64) -> (f64, usize) {
+    let mut sliding = 0;
     let mut shares: Vec<f64> = task
         .rows()
-        .map(|row| task.nearest(row, theta).map_or(f64::INFINITY, |n| n.chi2))
+        .map(|row| {
+            task.nearest(row, theta).map_or(f64::INFINITY, |n| {
+                sliding += usize::from(n.state.slides());
+                n.chi2
+            })
+        })
         .collect();
     let keep = ((kept * shares.len() as f64).ceil() as usize).min(shares.len());
     if keep < shares.len() {
         shares.sort_by(f64::total_cmp);
     }
-    shares[..keep].iter().sum()
+    (shares[..keep].iter().sum(), sliding)
 }
 
 fn thinned(chosen: &[usize]) -> Vec<usize> {
@@ -74,12 +87,44 @@ fn thinned(chosen: &[usize]) -> Vec<usize> {
     chosen.iter().copied().step_by(step).collect()
 }
 
+/// Restitution as single rows read it from velocities; as they do if they left rolling, and as pairs of them do if they
+/// slid, where the columns hold it only together with the rest; and some from all over.
 fn restitutions(rows: &[&Observation]) -> Vec<f64> {
-    match rows.first().map(|row| row.set) {
-        Some(ColumnSet::Velocities) => quantiles(rows.iter().map(|r| r.z[3] / r.z[1]), &[0.3, 0.5, 0.7]),
-        // Searches from steps of a tenth meet in the same valleys.
-        _ => (1..=10).map(|i| 0.1 * f64::from(i)).collect(),
+    if rows.first().is_none_or(|row| row.set == ColumnSet::Velocities) {
+        return quantiles(rows.iter().map(|r| r.z[3] / r.z[1]), &[0.3, 0.5, 0.7]);
     }
+    let possible = |e: &f64| *e > 0.02 && *e < 1.5;
+    let rolling = rows.iter().map(|row| {
+        let k = row.kinematics(&row.z, 0.0);
+        let kept = k.a - row.slip_share * (k.a - k.w);
+        // rebound_vx goes with e for angles, with 1/e for distances.
+        let at_one = row.rebound_vx(1.0);
+        if row.set == ColumnSet::Angles { kept / at_one } else { at_one / kept }
+    });
+    let mut found = quantiles(rolling.filter(possible), &QUANTILES);
+    let mut order: Vec<&&Observation> = rows.iter().collect();
+    order.sort_by(|a, b| a.kinematics(&a.z, 0.0).b.total_cmp(&b.kinematics(&b.z, 0.0).b));
+    let mut pairs = Vec::new();
+    for apart in [1, 2, rows.len().div_ceil(3)] {
+        let both = order.iter().zip(order.iter().skip(apart));
+        pairs.extend(both.filter_map(|(a, b)| sliding_pair(a, b)).filter(possible));
+    }
+    found.extend(quantiles(pairs.into_iter(), &[0.1, 0.3, 0.5, 0.7, 0.9]));
+    found.extend((1..=5).map(|i| 0.2 * f64::from(i)));
+    found
+}
+
+/// e of two rows that slide the same way: v'x = a ∓ μ (1 + e) b of both, v'x in proportion to e or 1/e.
+fn sliding_pair(first: &Observation, second: &Observation) -> Option<f64> {
+    let read = |row: &Observation| {
+        let k = row.kinematics(&row.z, 0.0);
+        let sign = if k.a < k.w { -1.0 } else { 1.0 };
+        (sign * k.a / k.b, sign * row.rebound_vx(1.0) / k.b)
+    };
+    let ((a, after_a), (b, after_b)) = (read(first), read(second));
+    let slope = (a - b) / (after_a - after_b);
+    let e = if first.set == ColumnSet::Angles { slope } else { 1.0 / slope };
+    e.is_finite().then_some(e)
 }
 
 /// ρ as each row reads it if it left rolling, and of a ball without spin or with much.
