@@ -16,7 +16,8 @@
 //! | [`bounce`] | an impact's angles, restitution, spin; x0 and x | [`bounce::Bounce`] |
 //! | [`models`] | the two rebound models of Domenech 2005: pure functions | |
 //! | [`measure`] | one recording from file to result: the order of the steps, nothing else | [`measure::Measurement`] |
-//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight` or `bounce` | |
+//! | [`fit`] | a series of bounces: the models' coefficients, where sliding begins, which model it is | [`fit::SeriesFit`] |
+//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `bounce` or `fit` | |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
 //! | [`cli`] | a file a command; the only place that prints or draws progress | |
 //!
@@ -34,6 +35,7 @@ pub mod bounce;
 pub mod calibration;
 pub mod cli;
 pub mod detect;
+pub mod fit;
 pub mod flight;
 pub mod frames;
 pub mod geometry;

@@ -3,7 +3,8 @@
 //! A file is written under a passing name in its own folder, forced to the disk, and renamed: whoever looks sees the
 //! old file or the new one, never half of one, and a failure leaves nothing behind.
 
-use super::{csv, json, page};
+use super::{csv, json, page, series_json, series_page};
+use crate::fit::{Series, SeriesFit};
 use crate::measure::Measurement;
 use std::fs;
 use std::io::{self, Write as _};
@@ -208,6 +209,33 @@ pub fn write_reports(
         staged.push((overlay, path));
     }
     place_together(staged)?;
+    Ok(paths)
+}
+
+/// Where [`write_fit`] put its files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FitPaths {
+    /// `fit.json`.
+    pub fit_json: PathBuf,
+    /// `report.html`.
+    pub report_html: PathBuf,
+}
+
+/// Writes `fit.json` and `report.html` into `dir`: both, or none. Links of rows are relative to `dir`.
+///
+/// # Errors
+/// See [`WriteError`].
+pub fn write_fit(series: &Series, fit: &SeriesFit, dir: &Path) -> Result<FitPaths, WriteError> {
+    let paths = FitPaths {
+        fit_json: dir.join("fit.json"),
+        report_html: dir.join("report.html"),
+    };
+    let result = json_text(&series_json::fit_json(fit)).map_err(|e| contents(&paths.fit_json, e))?;
+    let page = series_page::report_html(series, fit).map_err(|e| contents(&paths.report_html, e))?;
+    place_together(vec![
+        (stage(&paths.fit_json, &result)?, paths.fit_json.as_path()),
+        (stage(&paths.report_html, page.as_bytes())?, &paths.report_html),
+    ])?;
     Ok(paths)
 }
 
