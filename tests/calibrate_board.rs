@@ -2,7 +2,10 @@
 //! shares no code with the program.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "the measured figures, for those who read along")]
+#![allow(
+    clippy::print_stdout,
+    reason = "the measured figures, for those who read along"
+)]
 
 mod boards;
 
@@ -13,6 +16,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::tempdir;
 use track::calibration::Calibration;
+use track::detect::centre::Accuracy;
 use track::geometry::{PixelPoint, PlanePoint};
 use track::measure::{Outcome, measure};
 use track::quantity::Quantity;
@@ -69,7 +73,12 @@ fn take_pictures(camera: &Camera, dir: &Path, seed: u64) -> Vec<PathBuf> {
 
 /// `track calibrate board DIR ... --json`, the document.
 fn board(args: &[&str]) -> Value {
-    let output = track().args(["calibrate", "board"]).args(args).arg("--json").assert().success();
+    let output = track()
+        .args(["calibrate", "board"])
+        .args(args)
+        .arg("--json")
+        .assert()
+        .success();
     serde_json::from_slice(&output.get_output().stdout).unwrap()
 }
 
@@ -110,13 +119,26 @@ fn a_known_lens_comes_back_everywhere_in_the_picture() {
     ] {
         let dir = tempdir().unwrap();
         take_pictures(&camera, dir.path(), seed);
-        let document = board(&[dir.path().to_str().unwrap(), "--pattern", "9x6", "--square-m", "0.025"]);
+        let document = board(&[
+            dir.path().to_str().unwrap(),
+            "--pattern",
+            "9x6",
+            "--square-m",
+            "0.025",
+        ]);
         let found = calibration(&document);
         let matrix = *found.lens.as_ref().unwrap().camera_matrix();
-        let focal = (matrix[(0, 0)] / camera.focal_px[0] - 1.0).abs().max((matrix[(1, 1)] / camera.focal_px[1] - 1.0).abs());
+        let focal = (matrix[(0, 0)] / camera.focal_px[0] - 1.0)
+            .abs()
+            .max((matrix[(1, 1)] / camera.focal_px[1] - 1.0).abs());
         let displaced = largest_displacement(&camera, &found);
         let said = document["lens"]["coverage"]["worst_std_px"].as_f64().unwrap();
-        let used = document["pictures"].as_array().unwrap().iter().filter(|p| p["used"] == true).count();
+        let used = document["pictures"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|p| p["used"] == true)
+            .count();
         println!(
             "k1 {}: {used} pictures, focal length off by {:.4} %, the worst pixel by {displaced:.3} px (said: ± {said:.3})",
             camera.distortion[0],
@@ -125,15 +147,26 @@ fn a_known_lens_comes_back_everywhere_in_the_picture() {
         assert!(focal < 0.003, "{focal}");
         assert!(displaced < 0.1, "{displaced}");
         assert!(used >= 14, "{document}");
-        let truth = [camera.focal_px[0], camera.focal_px[1], camera.centre_px[0], camera.centre_px[1]];
-        for (i, value) in [matrix[(0, 0)], matrix[(1, 1)], matrix[(0, 2)], matrix[(1, 2)]].into_iter().enumerate() {
+        let truth = [
+            camera.focal_px[0],
+            camera.focal_px[1],
+            camera.centre_px[0],
+            camera.centre_px[1],
+        ];
+        for (i, value) in [matrix[(0, 0)], matrix[(1, 1)], matrix[(0, 2)], matrix[(1, 2)]]
+            .into_iter()
+            .enumerate()
+        {
             let pull = (value - truth[i]) / found.lens_std[i].unwrap();
             assert!(pull.abs() < 4.0, "number {i}: {pull:.1} standard uncertainties");
             inside += usize::from(pull.abs() < 2.0);
             all += 1;
         }
     }
-    assert!(inside * 100 >= all * 80, "{inside} of {all} within two standard uncertainties");
+    assert!(
+        inside * 100 >= all * 80,
+        "{inside} of {all} within two standard uncertainties"
+    );
 }
 
 /// The camera of the scenes: f = distance / (metres a pixel), axis through the picture's middle.
@@ -166,7 +199,8 @@ fn scene(seed: u64, oblique: bool) -> Value {
     if oblique {
         let f = DISTANCE_M / METRES_PER_PIXEL;
         camera["tilt_deg"] = json!(TILT_DEG);
-        camera["lens"] = json!({"camera_matrix": [[f, 0, 639.5], [0, f, 359.5], [0, 0, 1]], "distortion": BARREL});
+        camera["lens"] =
+            json!({"camera_matrix": [[f, 0, 639.5], [0, f, 359.5], [0, 0, 1]], "distortion": BARREL});
     }
     json!({
         "schema": "track.scene/1", "seed": seed,
@@ -185,7 +219,14 @@ fn errors(scene: &Value, calibration: Option<&Calibration>, dir: &Path) -> Vec<(
     let written = track::simulate::write(&recording, "scene", dir, |_| {}).unwrap();
     let own = Calibration::read(&written.calib).unwrap();
     let calibration = calibration.unwrap_or(&own);
-    let m = measure(&written.video, calibration, "calib", &mut |_| {}).unwrap();
+    let m = measure(
+        &written.video,
+        calibration,
+        "calib",
+        Accuracy::Standard,
+        &mut |_| {},
+    )
+    .unwrap();
     assert_eq!(m.outcome, Outcome::Measured);
     let truth: Value = serde_json::from_str(&std::fs::read_to_string(&written.truth).unwrap()).unwrap();
     let (b, t) = (&m.bounces[0], &truth["bounces"][0]);
@@ -228,19 +269,46 @@ fn an_oblique_recording_through_a_barrel_lens_is_measured_as_well_as_a_straight_
     let lens = dir.path().join("lens.calib.json");
     let calib = dir.path().join("plane.calib.json");
     let text = |p: &Path| p.to_str().unwrap().to_owned();
-    board(&[&text(&pictures), "--pattern", "9x6", "--square-m", "0.025", "--out", &text(&lens)]);
+    board(&[
+        &text(&pictures),
+        "--pattern",
+        "9x6",
+        "--square-m",
+        "0.025",
+        "--out",
+        &text(&lens),
+    ]);
     // Where the picture shows the world's origin, read off to a tenth of a pixel.
     let origin = {
         let own = dir.path().join("own");
         std::fs::create_dir(&own).unwrap();
         let recording = Recording::new(&Scene::from_json(&scene(0, true).to_string()).unwrap()).unwrap();
-        let truth = Calibration::parse(&track::simulate::calibration(&recording).to_string(), "truth").unwrap();
-        let p = truth.rectification().unwrap().pixel_from_plane(PlanePoint::new(0.0, 0.0)).unwrap();
+        let truth =
+            Calibration::parse(&track::simulate::calibration(&recording).to_string(), "truth").unwrap();
+        let p = truth
+            .rectification()
+            .unwrap()
+            .pixel_from_plane(PlanePoint::new(0.0, 0.0))
+            .unwrap();
         format!("{:.1},{:.1}", p.u_px, p.v_px)
     };
     let document = board(&[
-        "--lens", &text(&lens), "--plane", &text(&plane), "--pattern", "9x6", "--square-m", "0.05", "--origin", &origin,
-        "--ball-radius-m", "0.012", "--ball-mass-kg", "0.0567", "--out", &text(&calib),
+        "--lens",
+        &text(&lens),
+        "--plane",
+        &text(&plane),
+        "--pattern",
+        "9x6",
+        "--square-m",
+        "0.05",
+        "--origin",
+        &origin,
+        "--ball-radius-m",
+        "0.012",
+        "--ball-mass-kg",
+        "0.0567",
+        "--out",
+        &text(&calib),
     ]);
     let tilt = document["plane"]["tilt_deg"].as_f64().unwrap();
     assert!((tilt - TILT_DEG).abs() < 0.05, "{tilt}");

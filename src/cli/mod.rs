@@ -32,7 +32,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
-    Calibrate(calibrate::CalibrateArgs),
+    Calibrate(Box<calibrate::CalibrateArgs>),
     /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
     Fit(fit::FitArgs),
     /// Renders a recording with known truth from a scene file.

@@ -211,7 +211,8 @@ impl Header {
                 return Err(FitError::Column {
                     name: file.to_owned(),
                     column: name.clone(),
-                    problem: "the column that it belongs to is not there; add it, or remove this one".to_owned(),
+                    problem: "the column that it belongs to is not there; add it, or remove this one"
+                        .to_owned(),
                 });
             }
         }
@@ -221,8 +222,10 @@ impl Header {
     /// The first set that is there with a number in every column of some row: a batch of top views has the columns of
     /// velocities, but no number in those of z.
     fn set(&self, rows: &[Row]) -> ColumnSet {
-        let full =
-            |set: &ColumnSet| rows.iter().any(|row| set.required().iter().all(|&c| row.value(c).is_some()));
+        let full = |set: &ColumnSet| {
+            rows.iter()
+                .any(|row| set.required().iter().all(|&c| row.value(c).is_some()))
+        };
         ColumnSet::ALL.into_iter().find(full).unwrap_or(self.set)
     }
 
@@ -255,7 +258,8 @@ impl Header {
         let mut values = [None; Column::COUNT];
         let mut correlations = Vec::new();
         for ((name, meaning), cell) in cells() {
-            let number = || number_in(cell, decimal_comma).map_err(|found| aside(format!("{name} is {found}")));
+            let number =
+                || number_in(cell, decimal_comma).map_err(|found| aside(format!("{name} is {found}")));
             match *meaning {
                 Meaning::Value(c) => values[c as usize] = number()?,
                 Meaning::Std(c) => std[c as usize] = number()?,
@@ -336,7 +340,9 @@ fn missing(names: &[String], file: &str, has: &impl Fn(&Column) -> bool) -> FitE
     let typos: Vec<String> = names
         .iter()
         .filter(|name| Meaning::of(&name.to_ascii_lowercase()) == Meaning::Other)
-        .filter_map(|name| nearest(&name.to_ascii_lowercase()).map(|near| format!("is {name} meant to be {near}?")))
+        .filter_map(|name| {
+            nearest(&name.to_ascii_lowercase()).map(|near| format!("is {name} meant to be {near}?"))
+        })
         .collect();
     let missing = if typos.is_empty() {
         missing
@@ -375,7 +381,11 @@ fn number_in(cell: &[u8], decimal_comma: bool) -> Result<Option<f64>, String> {
     let Ok(text) = std::str::from_utf8(cell) else {
         return Err(told());
     };
-    if matches!(text, "" | "?" | "-") || ["null", "nan", "na", "n/a", "none"].iter().any(|w| text.eq_ignore_ascii_case(w)) {
+    if matches!(text, "" | "?" | "-")
+        || ["null", "nan", "na", "n/a", "none"]
+            .iter()
+            .any(|w| text.eq_ignore_ascii_case(w))
+    {
         return Ok(None);
     }
     let parsed = if decimal_comma && text.contains(',') {

@@ -287,6 +287,10 @@ impl Law<'_> {
         None
     }
 
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "indices of matrices, as in the formulas"
+    )]
     fn finish(
         &self,
         state: State,

@@ -115,7 +115,10 @@ pub(super) fn all(data: &Data) -> Vec<Solution> {
     }
     let e_e = solve(data, ModelName::EE, Regimes::Grip, free(data, true, false), &[]);
     let grip_slide = grip_slide(data, e_e.as_ref());
-    [mu_e(data, rolling), e_e, grip_slide].into_iter().flatten().collect()
+    [mu_e(data, rolling), e_e, grip_slide]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Whether the balls are seen to slip before the bounce.
@@ -148,13 +151,20 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         return sliding.or(rolling);
     };
     let jump = Profile::new(data, free, sliding.found.theta)
-        .best(sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]), 0.5 * JUMPS)
+        .best(
+            sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]),
+            0.5 * JUMPS,
+        )
         .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
         .filter(|s| sliding.marks.criterion() - s.marks.criterion() > JUMPS && slides(data, s));
     let larger = jump.unwrap_or_else(|| sliding.clone());
-    Some(if shows(data, rolling, &larger) { larger } else { rolling.clone() })
+    Some(if shows(data, rolling, &larger) {
+        larger
+    } else {
+        rolling.clone()
+    })
 }
 
 fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
@@ -183,7 +193,8 @@ fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
 fn slides(data: &Data, solution: &Solution) -> bool {
     let task = solution.task(data);
     let theta = &solution.found.theta;
-    task.rows().any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
+    task.rows()
+        .any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
 }
 
 fn solve(
@@ -246,7 +257,11 @@ fn through_the_order(data: &Data, solution: &mut Solution) {
             ..task.clone()
         };
         let valley = parted.search(theta).and_then(|parted| task.search(parted.theta));
-        let is_new = |found: &Found| valleys.iter().all(|v| (v.chi2 - found.chi2).abs() > 1e-6 * (1e-3 + found.chi2));
+        let is_new = |found: &Found| {
+            valleys
+                .iter()
+                .all(|v| (v.chi2 - found.chi2).abs() > 1e-6 * (1e-3 + found.chi2))
+        };
         if let Some(found) = valley.filter(is_new) {
             valleys.push(found);
         }

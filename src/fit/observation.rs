@@ -134,7 +134,10 @@ impl Observation {
         } else if after.is_some() {
             self.spin = Spin::FromAfter;
         }
-        if self.z[SPIN] == 0.0 && self.variance[SPIN] == 0.0 && matches!(self.spin, Spin::Surface | Spin::Ratio) {
+        if self.z[SPIN] == 0.0
+            && self.variance[SPIN] == 0.0
+            && matches!(self.spin, Spin::Surface | Spin::Ratio)
+        {
             self.spin = Spin::Zero;
         }
         if after.is_some() {
@@ -169,8 +172,9 @@ impl Observation {
         if !any {
             return Ok(());
         }
-        self.log_correlation = log_correlation(&full)
-            .ok_or_else(|| "its correlations contradict each other: no errors have them all at once".to_owned())?;
+        self.log_correlation = log_correlation(&full).ok_or_else(|| {
+            "its correlations contradict each other: no errors have them all at once".to_owned()
+        })?;
         self.covariance = Some(Box::new(full));
         Ok(())
     }
@@ -304,13 +308,21 @@ fn factor(column: Column) -> f64 {
 /// gravity, spin before) is taken as exact.
 fn unit_std(column: Column) -> f64 {
     match column {
-        Column::LaunchSpeed | Column::Gravity | Column::SpinIn | Column::SpinRatio | Column::InertiaFactor => 0.0,
+        Column::LaunchSpeed
+        | Column::Gravity
+        | Column::SpinIn
+        | Column::SpinRatio
+        | Column::InertiaFactor => 0.0,
         _ => 1.0,
     }
 }
 
 /// ln of the determinant of the correlations that belong to a covariance, over what has an error of its own; `None` where
 /// the covariance has a negative direction. By Cholesky's scheme.
+#[allow(
+    clippy::needless_range_loop,
+    reason = "indices of matrices, as in the formulas"
+)]
 fn log_correlation(full: &[Slots; SLOTS]) -> Option<f64> {
     const ROUNDING: f64 = 1e-9;
     let std: Vec<f64> = (0..SLOTS).map(|i| full[i][i].sqrt()).collect();

@@ -69,7 +69,13 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
     let mut fits: Vec<Vec<Robust>> = variants(data)
         .into_iter()
         .map(|(name, regimes, free)| {
-            robust(data, name, regimes, free, starts::candidates(data, &data.sample, &free))
+            robust(
+                data,
+                name,
+                regimes,
+                free,
+                starts::candidates(data, &data.sample, &free),
+            )
         })
         .collect();
     fits.push(robust_jumps(data));
@@ -127,14 +133,17 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
 /// to blame.
 fn agreed(described: Vec<(Robust, Vec<bool>)>) -> Option<(Robust, Vec<bool>)> {
     let rows = described.first()?.1.len();
-    let common: Vec<bool> = (0..rows).map(|i| described.iter().all(|(_, out)| out[i])).collect();
+    let common: Vec<bool> = (0..rows)
+        .map(|i| described.iter().all(|(_, out)| out[i]))
+        .collect();
     described.into_iter().find(|(_, out)| *out == common)
 }
 
 /// Whether a plain fit already describes every row within its stated deviations.
 fn describes_all(data: &Data, solution: &Solution) -> bool {
     let freedom = solution.marks.equations.saturating_sub(solution.rank);
-    let fits = criteria::chi2_tail(solution.found.chi2, freedom).is_none_or(|p| p >= criteria::LEAST_PROBABILITY);
+    let fits =
+        criteria::chi2_tail(solution.found.chi2, freedom).is_none_or(|p| p >= criteria::LEAST_PROBABILITY);
     let limit = chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
     let task = solution.task(data);
     let within = |row: &Observation| {
@@ -149,7 +158,11 @@ fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
     vec![
         (ModelName::MuE, Regimes::Continuous, [true, false, true, ratio]),
         (ModelName::EE, Regimes::Grip, [true, true, false, ratio]),
-        (ModelName::GripSlide, Regimes::Continuous, [true, true, true, ratio]),
+        (
+            ModelName::GripSlide,
+            Regimes::Continuous,
+            [true, true, true, ratio],
+        ),
     ]
 }
 
@@ -213,7 +226,11 @@ fn robust(
 fn robust_jumps(data: &Data) -> Vec<Robust> {
     const GAPS: usize = 20;
     let free = [true, false, true, data.shared_spin];
-    let mut demands: Vec<f64> = data.sample.iter().map(|&i| demand(&data.rows[i], &[0.0; PARAMETERS])).collect();
+    let mut demands: Vec<f64> = data
+        .sample
+        .iter()
+        .map(|&i| demand(&data.rows[i], &[0.0; PARAMETERS]))
+        .collect();
     demands.retain(|d| d.is_finite());
     demands.sort_by(f64::total_cmp);
     let gaps: Vec<f64> = demands.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
@@ -233,8 +250,12 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
     let Regimes::Jump(mut limit) = fit.regimes else {
         return;
     };
-    let mut demands: Vec<(f64, usize)> =
-        data.rows.iter().enumerate().map(|(i, row)| (demand(row, &fit.theta), i)).collect();
+    let mut demands: Vec<(f64, usize)> = data
+        .rows
+        .iter()
+        .enumerate()
+        .map(|(i, row)| (demand(row, &fit.theta), i))
+        .collect();
     demands.retain(|d| d.0.is_finite());
     demands.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut around = 0..demands.len();
@@ -247,7 +268,10 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
                 regimes: Regimes::Jump(limit),
                 ..fit.task(data, Some(&rows))
             };
-            shares(&task, &fit.theta).iter().map(|share| share.min(cap)).sum::<f64>()
+            shares(&task, &fit.theta)
+                .iter()
+                .map(|share| share.min(cap))
+                .sum::<f64>()
         };
         let best = inside
             .windows(2)
@@ -285,7 +309,10 @@ fn concentrate(data: &Data, task: &Task<'_>, start: Theta) -> Option<(Theta, Vec
         let shares = shares(task, &theta);
         let mut order: Vec<usize> = (0..shares.len()).collect();
         order.sort_by(|&a, &b| shares[a].total_cmp(&shares[b]));
-        let mut core: Vec<usize> = order[..core_size(order.len())].iter().map(|&i| data.sample[i]).collect();
+        let mut core: Vec<usize> = order[..core_size(order.len())]
+            .iter()
+            .map(|&i| data.sample[i])
+            .collect();
         core.sort_unstable();
         if core == before {
             break;
@@ -327,7 +354,11 @@ fn few(data: &Data) -> bool {
 }
 
 fn most_out(rows: usize) -> usize {
-    if rows < HANDFUL { rows / 5 } else { (MOST_OUT * rows as f64) as usize }
+    if rows < HANDFUL {
+        rows / 5
+    } else {
+        (MOST_OUT * rows as f64) as usize
+    }
 }
 
 /// The rows that lie beyond chance of the robust fit, which is improved on the way; `None` where the model does not
@@ -445,7 +476,9 @@ fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &[usize]) ->
     if found.len() < 2 {
         return false;
     }
-    let mut order: Vec<(f64, usize)> = (0..data.rows.len()).map(|i| (demand(&data.rows[i], theta), i)).collect();
+    let mut order: Vec<(f64, usize)> = (0..data.rows.len())
+        .map(|i| (demand(&data.rows[i], theta), i))
+        .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let sides: Vec<(usize, Option<(usize, bool)>)> = order
         .iter()
@@ -455,7 +488,9 @@ fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &[usize]) ->
         .collect();
     let neighbours = |places: &[usize], sides: &[Option<(usize, bool)>]| {
         let pairs = places.windows(2).zip(sides.windows(2));
-        pairs.filter(|(p, s)| p[1] == p[0] + 1 && s[0].is_some() && s[0] == s[1]).count()
+        pairs
+            .filter(|(p, s)| p[1] == p[0] + 1 && s[0].is_some() && s[0] == s[1])
+            .count()
     };
     let places: Vec<usize> = sides.iter().map(|s| s.0).collect();
     let mut tags: Vec<Option<(usize, bool)>> = sides.iter().map(|s| s.1).collect();
@@ -514,8 +549,12 @@ fn reason(series: &Series, data: &Data, fit: &Robust, index: usize, spread: f64)
     };
     let far = (near.chi2 / spread).sqrt();
     let others = match data.weights {
-        Weights::Stated => format!("it lies {far:.1} standard deviations from every model that describes the other rows"),
-        Weights::Unit => format!("it lies {far:.1} times the scatter of the other rows from every model that describes them"),
+        Weights::Stated => {
+            format!("it lies {far:.1} standard deviations from every model that describes the other rows")
+        }
+        Weights::Unit => format!(
+            "it lies {far:.1} times the scatter of the other rows from every model that describes them"
+        ),
     };
     let (equation, _) = side(&near);
     match expected(series, row, &near, &fit.theta, equation) {

@@ -33,6 +33,10 @@ impl Triangle {
     }
 
     /// Takes in a row of the Jacobian and its residual.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "indices of matrices, as in the formulas"
+    )]
     pub fn push(&mut self, mut row: [f64; PARAMETERS], mut residual: f64) {
         for j in 0..PARAMETERS {
             if row[j] == 0.0 {
@@ -111,7 +115,11 @@ impl Triangle {
         }
         let svd = scaled.svd(false, true);
         let longest = svd.singular_values.max();
-        let rank = svd.singular_values.iter().filter(|s| **s > RANK * longest).count();
+        let rank = svd
+            .singular_values
+            .iter()
+            .filter(|s| **s > RANK * longest)
+            .count();
         let Some(directions) = svd.v_t else {
             return (determined, 0);
         };
@@ -204,7 +212,10 @@ mod tests {
         triangle.push([1e12, 1e12, 0.0, 0.0], -3e12);
         triangle.push([1.0, -1.0, 0.0, 0.0], -1.0);
         let step = triangle.step(&[0.0; 4]);
-        assert!((step[0] - 2.0).abs() < 1e-11 && (step[1] - 1.0).abs() < 1e-11, "{step:?}");
+        assert!(
+            (step[0] - 2.0).abs() < 1e-11 && (step[1] - 1.0).abs() < 1e-11,
+            "{step:?}"
+        );
         let free = [true, true, false, false];
         let unit = of(&[[1.0, 1.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]]);
         let (determined, rank) = unit.determined(&free);

@@ -126,7 +126,7 @@ mod tests {
         let (g, hit) = (9800.0, 0.2025);
         (0..100)
             .map(|i| {
-                let t = f64::from(i) * 0.005;
+                let t = i as f64 * 0.005;
                 let s = t - hit;
                 let (right, up) = if s < 0.0 {
                     (100.0 + 1200.0 * t, -600.0 - 1960.0 * s - 0.5 * g * s * s)
@@ -135,8 +135,9 @@ mod tests {
                 };
                 let seen = truth.pixel_from_plane(PlanePoint::new(right, up)).unwrap();
                 Spot {
-                    id: i as usize,
-                    frame: i as usize,
+                    id: i,
+                    frame: i,
+                    coded: crate::frames::Coded::Whole,
                     time_s: t,
                     place: map.plane_from_pixel(seen).unwrap(),
                     std: 0.05,
@@ -162,7 +163,10 @@ mod tests {
         for i in [GRAVITY, ARCS + 1, ARCS + 3, ARCS + 5, ARCS + 7] {
             let added = (wide.fit.covariance[(i, i)] - flight.fit.covariance[(i, i)]).sqrt();
             let change = (ratio * again.fit.parameters[i] - flight.fit.parameters[i]).abs();
-            assert!((added - change).abs() < 0.05 * change + 1e-3, "{i}: {added} {change}");
+            assert!(
+                (added - change).abs() < 0.05 * change + 1e-3,
+                "{i}: {added} {change}"
+            );
             assert!(added > 0.0);
         }
     }

@@ -258,6 +258,13 @@ impl<'a> Work<'a> {
         }
     }
 
+    fn frames(&self) -> refine::Frames<'_> {
+        refine::Frames {
+            times_s: &self.base.times_s,
+            skip: &self.repeats,
+        }
+    }
+
     /// The flight once more with centres by the method of `accuracy`: first where the first flight leads, then where
     /// the better arcs do.
     fn refined(&mut self, first: &Flight, accuracy: Accuracy) -> Result<Flight, NoFlight> {
@@ -277,8 +284,7 @@ impl<'a> Work<'a> {
                 &flight,
                 &self.map,
                 &shared,
-                &self.base.times_s,
-                &self.repeats,
+                &self.frames(),
                 known,
                 accuracy,
             );
@@ -324,8 +330,7 @@ impl<'a> Work<'a> {
             &self.seen,
             &flight,
             shared,
-            times_s,
-            &self.repeats,
+            &self.frames(),
             accuracy,
             within,
         ));

@@ -50,6 +50,15 @@ pub struct Found {
     pub centre: Centre,
 }
 
+/// When the frames were taken, and which not to look at.
+#[derive(Debug, Clone, Copy)]
+pub struct Frames<'a> {
+    /// Time of each, s.
+    pub times_s: &'a [f64],
+    /// Those that repeat the one before.
+    pub skip: &'a [bool],
+}
+
 /// The one of `found` (in the order of sightings, as all lists of them are) that is of this sighting.
 #[must_use]
 pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
@@ -162,18 +171,18 @@ fn velocity_px_s(flight: &Flight, map: &Rectification, t: f64) -> Option<[f64; 2
 }
 
 /// The ball in every frame from the flight's first to its last, looked for where the arcs say, with what is shared
-/// held. `times_s` of all frames, `skip` the frames not to look at (repeats); what is in `known` stands.
+/// held; what is in `known` stands.
 #[must_use]
 pub fn centres(
     seen: &Observation,
     flight: &Flight,
     map: &Rectification,
     shared: &Shared,
-    times_s: &[f64],
-    skip: &[bool],
+    frames: &Frames<'_>,
     known: &[Found],
     accuracy: Accuracy,
 ) -> Vec<Found> {
+    let Frames { times_s, skip } = *frames;
     let (from, to) = reach(flight);
     let wanted: Vec<usize> = (0..seen.sightings.len())
         .filter(|&i| {
@@ -214,11 +223,11 @@ pub fn of_that_size(
     seen: &Observation,
     flight: &Flight,
     shared: &Shared,
-    times_s: &[f64],
-    skip: &[bool],
+    frames: &Frames<'_>,
     accuracy: Accuracy,
     without: impl Fn(f64) -> bool,
 ) -> Vec<Found> {
+    let Frames { times_s, skip } = *frames;
     let (from, to) = reach(flight);
     seen.sightings
         .iter()

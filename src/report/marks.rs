@@ -116,7 +116,14 @@ impl Canvas {
         let factor = LEAST_SIDE_PX.div_ceil(side).min(4);
         let mut large = Mat::default();
         let times = factor as f64;
-        imgproc::resize(&grey, &mut large, Size::default(), times, times, imgproc::INTER_NEAREST)?;
+        imgproc::resize(
+            &grey,
+            &mut large,
+            Size::default(),
+            times,
+            times,
+            imgproc::INTER_NEAREST,
+        )?;
         let mut picture = Mat::default();
         imgproc::cvt_color_def(&large, &mut picture, imgproc::COLOR_GRAY2BGR)?;
         Ok(Self {
@@ -136,7 +143,15 @@ impl Canvas {
     fn line(&mut self, from: Point, to: Point, ink: Ink, thick: i32) -> opencv::Result<()> {
         // Dark beneath, so that it shows on bright ground too.
         for (colour, thick) in [(Scalar::all(20.0), thick + 2), (ink.bgr(), thick)] {
-            imgproc::line(&mut self.picture, from, to, colour, thick, imgproc::LINE_AA, SHIFT)?;
+            imgproc::line(
+                &mut self.picture,
+                from,
+                to,
+                colour,
+                thick,
+                imgproc::LINE_AA,
+                SHIFT,
+            )?;
         }
         Ok(())
     }
@@ -177,7 +192,15 @@ impl Canvas {
             Shape::Ring { at, ink } => {
                 let (p, radius) = (self.place(*at), (7 * self.stroke) << SHIFT);
                 for (colour, thick) in [(Scalar::all(20.0), self.stroke + 2), (ink.bgr(), self.stroke)] {
-                    imgproc::circle(&mut self.picture, p, radius, colour, thick, imgproc::LINE_AA, SHIFT)?;
+                    imgproc::circle(
+                        &mut self.picture,
+                        p,
+                        radius,
+                        colour,
+                        thick,
+                        imgproc::LINE_AA,
+                        SHIFT,
+                    )?;
                 }
                 Ok(())
             }
@@ -193,7 +216,10 @@ impl Canvas {
         let p = self.place(at);
         let gap = 10 * self.stroke;
         // Beside the point, but inside the picture.
-        let (right, bottom) = (self.picture.cols() - room.width - 4, self.picture.rows() - base - 4);
+        let (right, bottom) = (
+            self.picture.cols() - room.width - 4,
+            self.picture.rows() - base - 4,
+        );
         let mut x = (p.x >> SHIFT) + gap;
         if x > right {
             x = (p.x >> SHIFT) - gap - room.width;
@@ -201,7 +227,17 @@ impl Canvas {
         let y = ((p.y >> SHIFT) - gap).clamp(room.height + 4, bottom.max(room.height + 4));
         let place = Point::new(x.clamp(4, right.max(4)), y);
         for (colour, thick) in [(Scalar::all(20.0), self.stroke + 3), (ink.bgr(), self.stroke)] {
-            imgproc::put_text(&mut self.picture, text, place, font, size, colour, thick, imgproc::LINE_AA, false)?;
+            imgproc::put_text(
+                &mut self.picture,
+                text,
+                place,
+                font,
+                size,
+                colour,
+                thick,
+                imgproc::LINE_AA,
+                false,
+            )?;
         }
         Ok(())
     }

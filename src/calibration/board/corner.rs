@@ -112,6 +112,10 @@ struct Board<'a> {
 }
 
 impl<'a> Board<'a> {
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "indices of matrices, as in the formulas"
+    )]
     fn around(
         places: &[PixelPoint],
         columns: usize,
@@ -269,7 +273,11 @@ impl<'a> Window<'a> {
             let [x, y] = self.board.at(u, v);
             if x.0 * y.0 > 0.0 { 1.0 } else { -1.0 }
         };
-        let sum: f64 = self.pixels.iter().map(|&(u, v, grey)| sign(u, v) * (grey - p[MEAN])).sum();
+        let sum: f64 = self
+            .pixels
+            .iter()
+            .map(|&(u, v, grey)| sign(u, v) * (grey - p[MEAN]))
+            .sum();
         p[CONTRAST] = sum / count;
         p
     }

@@ -1,6 +1,6 @@
 //! The centre of a ball whose appearance is known: two coordinates, and how much its light differs from usual.
 //!
-//! The pixels of the band follow [`ball`](super::ball)'s picture with the recording's [`Appearance`]; free in each frame
+//! The pixels of the band follow [`ball`]'s picture with the recording's `Appearance`; free in each frame
 //! are the centre and four departures: the light's strength, a tilt of it along u and v, and the ball's size (it comes
 //! nearer or goes away), each held to what it scatters by over the recording. Where the ball looks alike in all frames the tilt is held, and the centre is as
 //! exact as the pixels allow; where it has seams that turn or passes uneven light, the tilt is free, and the
