@@ -131,12 +131,6 @@ const GRADIENT_SIGMAS: f64 = 4.0;
 /// Cells of the grid in which something must carry gradient; a ball, its shadow and a hand fill fewer.
 const LEAST_CELLS: usize = 16;
 
-/// Fewer samples than this tell nothing.
-const LEAST_SAMPLES: usize = 50;
-
-/// One sample in so many tells the brightness: of 3000, 750 with noise 2 fix the gain to a thousandth.
-const BRIGHTNESS_STRIDE: usize = 4;
-
 /// Gauss-Newton steps; from a start within a pixel, four suffice.
 const STEPS: usize = 12;
 
@@ -215,19 +209,14 @@ impl Registrar {
         let moving = moving && self.sees_shift;
         let mut now = start;
         let mut spread = f64::INFINITY;
-        if self.samples.len() < LEAST_SAMPLES * BRIGHTNESS_STRIDE {
+        if self.samples.len() < 50 {
             return (start, spread);
         }
-        // Gain and offset alone are known from far fewer pixels than a shift.
-        let (steps, stride, settled) = if moving {
-            (STEPS, 1, 1e-5)
-        } else {
-            (3, BRIGHTNESS_STRIDE, 1e-4)
-        };
-        let mut residuals = Vec::with_capacity(self.samples.len() / stride + 1);
+        let steps = if moving { STEPS } else { 3 };
+        let mut residuals = Vec::with_capacity(self.samples.len());
         for _ in 0..steps {
             residuals.clear();
-            for s in self.samples.iter().step_by(stride) {
+            for s in &self.samples {
                 residuals.push(
                     bilinear(frame, s.u + now.shift_u_px, s.v + now.shift_v_px)
                         .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32),
@@ -238,18 +227,18 @@ impl Registrar {
                 .filter(|r| r.is_finite())
                 .map(|r| r.abs())
                 .collect();
-            if magnitudes.len() < LEAST_SAMPLES {
+            if magnitudes.len() < 50 {
                 return (start, f64::INFINITY);
             }
             spread = f64::from(super::background::median_in_place(&mut magnitudes));
-            let Some(step) = self.step(&residuals, stride, spread, now.gain, moving) else {
+            let Some(step) = self.step(&residuals, spread, now.gain, moving) else {
                 break;
             };
             now.shift_u_px += step[0];
             now.shift_v_px += step[1];
             now.gain += step[2];
             now.offset_grey += step[3];
-            if step[0].hypot(step[1]) < 1e-3 && step[2].abs() < settled {
+            if step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5 {
                 break;
             }
         }
@@ -264,18 +253,11 @@ impl Registrar {
         }
     }
 
-    fn step(
-        &self,
-        residuals: &[f32],
-        stride: usize,
-        spread: f64,
-        gain: f64,
-        moving: bool,
-    ) -> Option<Vector4<f64>> {
+    fn step(&self, residuals: &[f32], spread: f64, gain: f64, moving: bool) -> Option<Vector4<f64>> {
         let cut = 4.685 * (1.4826 * spread).max(0.5);
         let mut normal = Matrix4::zeros();
         let mut right = Vector4::zeros();
-        for (s, &r) in self.samples.iter().step_by(stride).zip(residuals) {
+        for (s, &r) in self.samples.iter().zip(residuals) {
             let r = f64::from(r);
             if r.is_finite() && r.abs() < cut {
                 let weight = (1.0 - (r / cut).powi(2)).powi(2);

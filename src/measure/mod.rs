@@ -440,6 +440,8 @@ impl<'a> Work<'a> {
             interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
         };
         self.warnings.extend(warn::measured(&judged));
+        self.warnings
+            .extend(warn::unlearned(self.accuracy, self.method()));
         let outcome = if bounces.is_empty() {
             Outcome::Rejected {
                 reason: warn::no_bounce(flight, walls),
@@ -483,6 +485,12 @@ impl<'a> Work<'a> {
             arcs: Vec::new(),
             strobe: Some(drawing::empty_strobe(&self.seen)),
         }
+    }
+
+    /// The method that the centres are by: where the ball's appearance could not be learned, its outline had to do.
+    fn method(&self) -> Accuracy {
+        let learned = self.shared.as_ref().is_some_and(|s| s.appearance.is_some());
+        if learned { self.accuracy } else { Accuracy::Fast }
     }
 
     /// The ball's radius: as given, or as seen.
@@ -535,7 +543,7 @@ impl<'a> Work<'a> {
             .filter_map(|p| p.std_px)
             .collect();
         Track {
-            method: method_name(self.accuracy).to_owned(),
+            method: method_name(self.method()).to_owned(),
             detected: points.len(),
             centre_std_px: median(&mut stds),
             radius_px: self.radius_px(),

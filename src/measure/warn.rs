@@ -6,6 +6,7 @@ use super::result::Warning;
 use crate::bounce::Bounce;
 use crate::bounce::impacts::Scene;
 use crate::calibration::{Calibration, Scale, View};
+use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
@@ -195,6 +196,16 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
         ));
     }
     out
+}
+
+/// That another method had to be used than was asked for.
+pub fn unlearned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
+    (asked != used).then(|| {
+        warning(
+            "appearance_not_learned",
+            "the ball looks too different from frame to frame (noise, smear, light) to learn its appearance: centres are circles through edge points, which shading pulls by up to a tenth of a pixel. More light, a shorter exposure or a plainer background helps.".to_owned(),
+        )
+    })
 }
 
 /// The self-check: gravity as the flight shows it, and what would explain another.

@@ -238,7 +238,6 @@ mod tests {
             ("a/b.calib.json", "a/b.marks.png"),
             ("b.json", "b.marks.png"),
             ("b", "b.marks.png"),
-            (".calib.json", ".calib.marks.png"),
         ] {
             assert_eq!(beside(Path::new(calib), "marks.png"), Path::new(expected));
         }
