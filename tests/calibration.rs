@@ -149,6 +149,19 @@ fn every_sample_is_read_and_works_over_its_whole_picture() {
 }
 
 #[test]
+fn no_sample_has_a_problem() {
+    use track::calibration::check::{Weight, check};
+    for path in samples() {
+        let found = check(&path, None).unwrap();
+        assert!(
+            found.iter().all(|f| f.weight == Weight::Remark),
+            "{}: {found:?}",
+            path.display()
+        );
+    }
+}
+
+#[test]
 fn the_contracts_example_means_what_it_says() {
     let c = parse(&contract());
     assert_eq!(c.view, View::Side);
@@ -426,7 +439,10 @@ fn a_homography_may_say_that_its_origin_is_not_the_worlds() {
     assert!(!c.has_origin());
     assert_eq!(c.launch.edge_x_m, None);
     assert_eq!(Calibration::parse(&c.to_json().to_string(), "again").unwrap(), c);
-    refused(&set(homography(), "scale.origin_unknown", json!(1)), "scale.origin_unknown");
+    refused(
+        &set(homography(), "scale.origin_unknown", json!(1)),
+        "scale.origin_unknown",
+    );
     refused(&set(unknown, "origin_std_px", json!(0.7)), "origin_std_px");
 }
 
@@ -445,12 +461,25 @@ fn deviations_come_back_and_belong_to_lens_and_homography() {
     assert_eq!(Calibration::parse(&c.to_json().to_string(), "again").unwrap(), c);
     let off = &c.deviated()[0];
     assert_eq!(off.lens.as_ref().unwrap().camera_matrix()[(0, 0)], 901.0);
-    refused(&without(file.clone(), "lens"), "deviations[0].lens");
-    refused(&set(file.clone(), "deviations", json!([{"lens": [1, 2]}])), "deviations[0].lens");
-    refused(&set(file.clone(), "deviations", json!([{"lense": []}])), "deviations[0].lense");
+    let single = set(file.clone(), "deviations", json!([one]));
+    refused(&without(single, "lens"), "deviations[0].lens");
+    refused(
+        &set(file.clone(), "deviations", json!([{"lens": [1, 2]}])),
+        "deviations[0].lens",
+    );
+    refused(
+        &set(file.clone(), "deviations", json!([{"lense": []}])),
+        "deviations[0].lense",
+    );
     refused(&set(file.clone(), "deviations", json!(3)), "deviations");
-    refused(&set(file.clone(), "lens.camera_std_px", json!([1, 1, 1])), "lens.camera_std_px");
-    refused(&set(file, "lens.distortion_std", json!([0, 1, 1, 1, 1])), "lens.distortion_std");
+    refused(
+        &set(file.clone(), "lens.camera_std_px", json!([1, 1, 1])),
+        "lens.camera_std_px",
+    );
+    refused(
+        &set(file, "lens.distortion_std", json!([0, 1, 1, 1, 1])),
+        "lens.distortion_std",
+    );
 }
 
 #[test]

@@ -82,7 +82,11 @@ impl Findings {
     }
 
     fn add(&mut self, weight: Weight, key: &str, message: impl Into<String>) {
-        if self.refused.iter().any(|r| r.starts_with(key) || key.starts_with(r.as_str())) {
+        if self
+            .refused
+            .iter()
+            .any(|r| r.starts_with(key) || key.starts_with(r.as_str()))
+        {
             return;
         }
         self.all.push(Finding {
@@ -252,7 +256,10 @@ fn homography(
     }
     let (right, bottom) = (size.0 as f64 - 1.0, size.1 as f64 - 1.0);
     let corners = [(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)];
-    if corners.iter().any(|&(u, v)| map.plane_from_pixel(PixelPoint::new(u, v)).is_none()) {
+    if corners
+        .iter()
+        .any(|&(u, v)| map.plane_from_pixel(PixelPoint::new(u, v)).is_none())
+    {
         out.remark(key, "a corner of the picture is beyond the plane's horizon (or the lens's reach): a ball there is not measured");
     }
 }
@@ -262,7 +269,9 @@ fn ball(c: &Calibration, size: Option<(usize, usize)>, out: &mut Findings) {
     if !(2e-4..0.5).contains(&radius_m) {
         out.problem(
             "ball.radius_m",
-            format!("{radius_m} m is no ball's radius: give half the diameter, in metres (20 mm across: 0.01)"),
+            format!(
+                "{radius_m} m is no ball's radius: give half the diameter, in metres (20 mm across: 0.01)"
+            ),
         );
     } else if let Some(size) = size
         && let Some(q) = metres_per_pixel(c, size)
@@ -342,7 +351,12 @@ fn lens_findings(lens: &Lens, size: (usize, usize), out: &mut Findings) {
             ),
         );
     }
-    let corners = [(0.0, 0.0), (width - 1.0, 0.0), (0.0, height - 1.0), (width - 1.0, height - 1.0)];
+    let corners = [
+        (0.0, 0.0),
+        (width - 1.0, 0.0),
+        (0.0, height - 1.0),
+        (width - 1.0, height - 1.0),
+    ];
     let lost = corners
         .iter()
         .filter(|&&(u, v)| lens.undistort(PixelPoint::new(u, v)).is_none())
@@ -463,7 +477,10 @@ mod tests {
             height_px: 720,
             nominal_rate_hz: Some(30.0),
             frames_expected: None,
-            luma_range: crate::frames::LumaRange { black: 16, white: 235 },
+            luma_range: crate::frames::LumaRange {
+                black: 16,
+                white: 235,
+            },
             codec: "h264".into(),
             has_time_base: true,
             time_resolution_s: None,
@@ -519,7 +536,15 @@ mod tests {
         // Without a scale there is no calibration to judge further; with one there is.
         c["scale"] = json!({"metres_per_pixel": 0.0008});
         let found = problems(&c.to_string(), Some(&recording()));
-        for words in ["fps", "up_px", "ball.radius_m", "image_size_px", "swapped", "frame_rate_hz", "3.333"] {
+        for words in [
+            "fps",
+            "up_px",
+            "ball.radius_m",
+            "image_size_px",
+            "swapped",
+            "frame_rate_hz",
+            "3.333",
+        ] {
             assert!(found.iter().any(|f| f.contains(words)), "{words} in {found:#?}");
         }
     }
@@ -545,7 +570,11 @@ mod tests {
         let mut c = sound();
         c.as_object_mut().unwrap().retain(|k, _| !k.starts_with("origin"));
         c["scale"] = mirrored;
-        assert!(problems(&c.to_string(), None).iter().any(|f| f.contains("mirrors")));
+        assert!(
+            problems(&c.to_string(), None)
+                .iter()
+                .any(|f| f.contains("mirrors"))
+        );
     }
 
     #[test]

@@ -35,7 +35,10 @@ impl Calibration {
             for (i, at) in [(0, 0), (1, 1), (0, 2), (1, 2)].into_iter().enumerate() {
                 matrix[at] += deviation.lens[i];
             }
-            distortion.iter_mut().zip(&deviation.lens[4..]).for_each(|(k, d)| *k += d);
+            distortion
+                .iter_mut()
+                .zip(&deviation.lens[4..])
+                .for_each(|(k, d)| *k += d);
             off.lens = Some(Lens::new(matrix, distortion).ok()?);
         }
         if let (Scale::Homography(homography), Some(change)) = (&mut off.scale, &deviation.world_from_pixel) {

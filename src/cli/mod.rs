@@ -31,7 +31,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
-    Calibrate(calibrate::CalibrateArgs),
+    Calibrate(Box<calibrate::CalibrateArgs>),
     /// Renders a recording with known truth from a scene file.
     Simulate {
         /// The scene (JSON, schema track.scene/1).

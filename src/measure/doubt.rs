@@ -162,7 +162,10 @@ mod tests {
         for i in [GRAVITY, ARCS + 1, ARCS + 3, ARCS + 5, ARCS + 7] {
             let added = (wide.fit.covariance[(i, i)] - flight.fit.covariance[(i, i)]).sqrt();
             let change = (ratio * again.fit.parameters[i] - flight.fit.parameters[i]).abs();
-            assert!((added - change).abs() < 0.05 * change + 1e-3, "{i}: {added} {change}");
+            assert!(
+                (added - change).abs() < 0.05 * change + 1e-3,
+                "{i}: {added} {change}"
+            );
             assert!(added > 0.0);
         }
     }

@@ -74,8 +74,16 @@ fn lens_rows(text: &mut String, board: &Board<'_>, lens: &BoardLens) {
             unit,
         )
     };
-    row(text, "focal", &format!("fx {}, fy {}", say(0, "px"), say(1, "px")));
-    row(text, "centre", &format!("cx {}, cy {}", say(2, "px"), say(3, "px")));
+    row(
+        text,
+        "focal",
+        &format!("fx {}, fy {}", say(0, "px"), say(1, "px")),
+    );
+    row(
+        text,
+        "centre",
+        &format!("cx {}, cy {}", say(2, "px"), say(3, "px")),
+    );
     row(
         text,
         "distortion",
@@ -125,7 +133,12 @@ fn plane_rows(text: &mut String, plane: &Plane) {
 }
 
 fn view_rows(text: &mut String, views: &[View]) {
-    let width = views.iter().map(|v| v.name.chars().count()).max().unwrap_or(0).clamp(7, 48);
+    let width = views
+        .iter()
+        .map(|v| v.name.chars().count())
+        .max()
+        .unwrap_or(0)
+        .clamp(7, 48);
     let _ = writeln!(text, "{:<width$}  corners  misfit px  turned", "picture");
     for view in views {
         match &view.use_ {
@@ -248,8 +261,10 @@ pub fn board_json(board: &Board<'_>) -> Value {
             }),
             Use::Found => json!({"name": view.name, "used": true, "corners": view.corners(), "rms_px": null,
                 "tilt_deg": null, "reason": null}),
-            Use::Aside(reason) => json!({"name": view.name, "used": false, "corners": view.corners(), "rms_px": null,
-                "tilt_deg": null, "reason": reason}),
+            Use::Aside(reason) => {
+                json!({"name": view.name, "used": false, "corners": view.corners(), "rms_px": null,
+                "tilt_deg": null, "reason": reason})
+            }
         })
         .collect();
     let lens = board.lens.map(|lens| {

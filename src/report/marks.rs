@@ -116,7 +116,14 @@ impl Canvas {
         let factor = LEAST_SIDE_PX.div_ceil(side).min(4);
         let mut large = Mat::default();
         let times = factor as f64;
-        imgproc::resize(&grey, &mut large, Size::default(), times, times, imgproc::INTER_NEAREST)?;
+        imgproc::resize(
+            &grey,
+            &mut large,
+            Size::default(),
+            times,
+            times,
+            imgproc::INTER_NEAREST,
+        )?;
         let mut picture = Mat::default();
         imgproc::cvt_color_def(&large, &mut picture, imgproc::COLOR_GRAY2BGR)?;
         Ok(Self {
@@ -133,10 +140,20 @@ impl Canvas {
         Point::new(fixed(p.u_px), fixed(p.v_px))
     }
 
-    fn line(&mut self, from: Point, to: Point, ink: Ink, thick: i32) -> opencv::Result<()> {
+    fn line(&mut self, places: &[Point], ink: Ink, thick: i32) -> opencv::Result<()> {
         // Dark beneath, so that it shows on bright ground too.
         for (colour, thick) in [(Scalar::all(20.0), thick + 2), (ink.bgr(), thick)] {
-            imgproc::line(&mut self.picture, from, to, colour, thick, imgproc::LINE_AA, SHIFT)?;
+            for pair in places.windows(2) {
+                imgproc::line(
+                    &mut self.picture,
+                    pair[0],
+                    pair[1],
+                    colour,
+                    thick,
+                    imgproc::LINE_AA,
+                    SHIFT,
+                )?;
+            }
         }
         Ok(())
     }
@@ -146,14 +163,11 @@ impl Canvas {
             Shape::Line { points, ink, fine } => {
                 let thick = if *fine { 1 } else { self.stroke };
                 let places: Vec<Point> = points.iter().map(|p| self.place(*p)).collect();
-                for pair in places.windows(2) {
-                    self.line(pair[0], pair[1], *ink, thick)?;
-                }
-                Ok(())
+                self.line(&places, *ink, thick)
             }
             Shape::Arrow { from, to, ink } => {
                 let (a, b) = (self.place(*from), self.place(*to));
-                self.line(a, b, *ink, self.stroke)?;
+                self.line(&[a, b], *ink, self.stroke)?;
                 let (dx, dy) = (f64::from(b.x - a.x), f64::from(b.y - a.y));
                 let length = dx.hypot(dy).max(1.0);
                 let head = f64::from((8 * self.stroke) << SHIFT);
@@ -163,21 +177,29 @@ impl Canvas {
                         b.x - (along * dx - across * dy) as i32,
                         b.y - (along * dy + across * dx) as i32,
                     );
-                    self.line(b, end, *ink, self.stroke)?;
+                    self.line(&[b, end], *ink, self.stroke)?;
                 }
                 Ok(())
             }
             Shape::Cross { at, ink } => {
                 let (p, arm) = (self.place(*at), (3 * self.stroke) << SHIFT);
                 let (a, b) = (Point::new(p.x - arm, p.y - arm), Point::new(p.x + arm, p.y + arm));
-                self.line(a, b, *ink, 1)?;
+                self.line(&[a, b], *ink, 1)?;
                 let (a, b) = (Point::new(p.x - arm, p.y + arm), Point::new(p.x + arm, p.y - arm));
-                self.line(a, b, *ink, 1)
+                self.line(&[a, b], *ink, 1)
             }
             Shape::Ring { at, ink } => {
                 let (p, radius) = (self.place(*at), (7 * self.stroke) << SHIFT);
                 for (colour, thick) in [(Scalar::all(20.0), self.stroke + 2), (ink.bgr(), self.stroke)] {
-                    imgproc::circle(&mut self.picture, p, radius, colour, thick, imgproc::LINE_AA, SHIFT)?;
+                    imgproc::circle(
+                        &mut self.picture,
+                        p,
+                        radius,
+                        colour,
+                        thick,
+                        imgproc::LINE_AA,
+                        SHIFT,
+                    )?;
                 }
                 Ok(())
             }
@@ -193,7 +215,10 @@ impl Canvas {
         let p = self.place(at);
         let gap = 10 * self.stroke;
         // Beside the point, but inside the picture.
-        let (right, bottom) = (self.picture.cols() - room.width - 4, self.picture.rows() - base - 4);
+        let (right, bottom) = (
+            self.picture.cols() - room.width - 4,
+            self.picture.rows() - base - 4,
+        );
         let mut x = (p.x >> SHIFT) + gap;
         if x > right {
             x = (p.x >> SHIFT) - gap - room.width;
@@ -201,7 +226,17 @@ impl Canvas {
         let y = ((p.y >> SHIFT) - gap).clamp(room.height + 4, bottom.max(room.height + 4));
         let place = Point::new(x.clamp(4, right.max(4)), y);
         for (colour, thick) in [(Scalar::all(20.0), self.stroke + 3), (ink.bgr(), self.stroke)] {
-            imgproc::put_text(&mut self.picture, text, place, font, size, colour, thick, imgproc::LINE_AA, false)?;
+            imgproc::put_text(
+                &mut self.picture,
+                text,
+                place,
+                font,
+                size,
+                colour,
+                thick,
+                imgproc::LINE_AA,
+                false,
+            )?;
         }
         Ok(())
     }

@@ -1,9 +1,9 @@
 //! The files of a recording: video, truth, calibration.
 
 use super::Recording;
+use super::camera::{middle_m, middle_px};
 use super::scene::{Scene, SceneError, View};
 use crate::frames::encode::{Coding, EncodeError, VideoWriter};
-use super::camera::{middle_m, middle_px};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Map, Value, json};
 use std::io::Write;

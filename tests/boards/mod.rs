@@ -116,7 +116,8 @@ impl Pose {
     pub fn of_middle(board: &Board, middle_m: Vector3<f64>, angles_deg: [f64; 3]) -> Self {
         let [x, y, z] = angles_deg.map(f64::to_radians);
         let rotation = Rotation3::from_euler_angles(x, y, z);
-        let half = Vector3::new(board.columns as f64 - 1.0, board.rows as f64 - 1.0, 0.0) * 0.5 * board.square_m;
+        let half =
+            Vector3::new(board.columns as f64 - 1.0, board.rows as f64 - 1.0, 0.0) * 0.5 * board.square_m;
         Self {
             rotation,
             at_m: middle_m - rotation * half,
@@ -159,8 +160,22 @@ impl Default for Look {
 pub fn careful_views(camera: &Camera, board: &Board, margin_px: f64, random: &mut Gaussian) -> Vec<Pose> {
     // A board whose middle is at a corner of the picture is moved inwards until all of it is inside.
     let places = [
-        (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0),
-        (0.0, 0.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (0.3, 0.2), (-0.3, -0.1), (0.0, 0.3),
+        (-1.0, -1.0),
+        (1.0, -1.0),
+        (-1.0, 1.0),
+        (1.0, 1.0),
+        (0.0, -1.0),
+        (0.0, 1.0),
+        (-1.0, 0.0),
+        (1.0, 0.0),
+        (0.0, 0.0),
+        (-1.0, -1.0),
+        (1.0, -1.0),
+        (-1.0, 1.0),
+        (1.0, 1.0),
+        (0.3, 0.2),
+        (-0.3, -0.1),
+        (0.0, 0.3),
     ];
     let focal = 0.5 * (camera.focal_px[0] + camera.focal_px[1]);
     let wide_m = board.square_m * (board.columns as f64 + 1.0);
@@ -245,11 +260,21 @@ pub fn render(camera: &Camera, board: &Board, pose: &Pose, look: &Look) -> Luma 
             (mean + look.noise * noise.next()).round().clamp(0.0, 255.0) as u8
         })
         .collect();
-    Luma { width: w, height: h, data }
+    Luma {
+        width: w,
+        height: h,
+        data,
+    }
 }
 
 /// The place on the board of each pixel, in squares, the first inner corner at (1, 1); `pad` pixels more on every side.
-fn places(camera: &Camera, board: &Board, pose: &Pose, (w, h): (usize, usize), pad: usize) -> Vec<Vector2<f64>> {
+fn places(
+    camera: &Camera,
+    board: &Board,
+    pose: &Pose,
+    (w, h): (usize, usize),
+    pad: usize,
+) -> Vec<Vector2<f64>> {
     let normal = pose.rotation * Vector3::z();
     let distance = normal.dot(&pose.at_m);
     let inverse = pose.rotation.inverse();
@@ -286,11 +311,15 @@ fn mean_over(board: &Board, look: &Look, at: Vector2<f64>, right: Vector2<f64>, 
     }
     // Roberts' R2 sequence: multiples of 1/p and 1/p² modulo 1, p the plastic number.
     // Elsewhere for each cell: edges along the picture's rows would meet the same samples all along.
-    let start = Vector2::new((at.x * 7919.3 + at.y * 104_729.7).abs(), (at.y * 15_485.9 + at.x * 32_452.3).abs());
+    let start = Vector2::new(
+        (at.x * 7919.3 + at.y * 104_729.7).abs(),
+        (at.y * 15_485.9 + at.x * 32_452.3).abs(),
+    );
     let sum: f64 = (0..SAMPLES / 2)
         .map(|k| {
             let part = |step: f64, start: f64| (start + step * k as f64).fract() - 0.5;
-            let off = right * part(0.754_877_666_246_693, start.x) + down * part(0.569_840_290_998_053_3, start.y);
+            let off =
+                right * part(0.754_877_666_246_693, start.x) + down * part(0.569_840_290_998_053_3, start.y);
             // In pairs, so that the samples' mean is the pixel's centre.
             grey_at(board, look, at + off) + grey_at(board, look, at - off)
         })
@@ -319,7 +348,9 @@ fn blur(grey: &[f32], width: usize, sigma: f64) -> Vec<f32> {
         return grey.to_vec();
     }
     let reach = (4.0 * sigma).ceil() as i64;
-    let raw: Vec<f64> = (-reach..=reach).map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp()).collect();
+    let raw: Vec<f64> = (-reach..=reach)
+        .map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp())
+        .collect();
     let sum: f64 = raw.iter().sum();
     let weights: Vec<f32> = raw.iter().map(|w| (w / sum) as f32).collect();
     // The rim within reach stays as it is: the picture is cut out of its middle.
@@ -329,7 +360,10 @@ fn blur(grey: &[f32], width: usize, sigma: f64) -> Vec<f32> {
         let inner = reach * step..from.len() - reach * step;
         for (d, w) in weights.iter().enumerate() {
             let shifted = &from[d * step..];
-            to[inner.clone()].iter_mut().zip(shifted).for_each(|(t, f)| *t += w * f);
+            to[inner.clone()]
+                .iter_mut()
+                .zip(shifted)
+                .for_each(|(t, f)| *t += w * f);
         }
         to
     };
@@ -363,7 +397,10 @@ impl Gaussian {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        let (radius, angle) = ((-2.0 * self.uniform().ln()).sqrt(), std::f64::consts::TAU * self.uniform());
+        let (radius, angle) = (
+            (-2.0 * self.uniform().ln()).sqrt(),
+            std::f64::consts::TAU * self.uniform(),
+        );
         self.spare = Some(radius * angle.sin());
         radius * angle.cos()
     }

@@ -44,12 +44,18 @@ impl Coverage {
             .collect();
         let rim = (0..=16).flat_map(|i| {
             let part = f64::from(i) / 16.0;
-            [place(part, 0.0), place(part, 1.0), place(0.0, part), place(1.0, part)]
+            [
+                place(part, 0.0),
+                place(part, 1.0),
+                place(0.0, part),
+                place(1.0, part),
+            ]
         });
-        let (worst_std_px, worst_at) = rim.map(|p| (std_at(fit, p), p)).fold(
-            (0.0, place(0.5, 0.5)),
-            |worst, here| if here.0 > worst.0 { here } else { worst },
-        );
+        let (worst_std_px, worst_at) =
+            rim.map(|p| (std_at(fit, p), p))
+                .fold((0.0, place(0.5, 0.5)), |worst, here| {
+                    if here.0 > worst.0 { here } else { worst }
+                });
         Self {
             cells,
             std_px,

@@ -5,7 +5,7 @@ use crate::calibration::Deviation;
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 /// Part of the whole effect (variance) that may be left out.
-const LEFT_OUT: f64 = 1e-5;
+const LEFT_OUT: f64 = 1e-3;
 /// Differences are taken over this part of a standard deviation.
 const STEP: f64 = 0.1;
 
@@ -56,7 +56,11 @@ pub(super) fn principal(
 
 fn flat((camera, homography): &Numbers) -> DVector<f64> {
     let mut numbers: Vec<f64> = camera.iter().copied().collect();
-    numbers.extend(homography.iter().flat_map(|h| h.transpose().iter().copied().collect::<Vec<_>>()));
+    numbers.extend(
+        homography
+            .iter()
+            .flat_map(|h| h.transpose().iter().copied().collect::<Vec<_>>()),
+    );
     DVector::from_vec(numbers)
 }
 
@@ -71,7 +75,11 @@ fn deviation(numbers: &DVector<f64>) -> Deviation {
 fn root_of_correlation(covariance: &DMatrix<f64>, std: &DVector<f64>) -> DMatrix<f64> {
     let correlation = DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
         let scale = std[i] * std[j];
-        if scale > 0.0 { covariance[(i, j)] / scale } else { 0.0 }
+        if scale > 0.0 {
+            covariance[(i, j)] / scale
+        } else {
+            0.0
+        }
     });
     let eigen = correlation.symmetric_eigen();
     let roots = eigen.eigenvalues.map(|x| x.max(0.0).sqrt());

@@ -77,7 +77,9 @@ pub enum BoardError {
         expected: (usize, usize),
     },
     /// A calibration without a lens, where one is needed.
-    #[error("{name} (--lens) holds no lens: accepted is a calib.json as track calibrate board writes it; give the pictures of the board in its place")]
+    #[error(
+        "{name} (--lens) holds no lens: accepted is a calib.json as track calibrate board writes it; give the pictures of the board in its place"
+    )]
     NoLens {
         /// The file.
         name: String,

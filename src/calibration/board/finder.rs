@@ -47,7 +47,13 @@ pub fn any_board(picture: &Luma) -> opencv::Result<Option<Corners>> {
     for least in [(4, 4), (3, 3)] {
         let (mut points, mut meta) = (Mat::default(), Mat::default());
         let flags = CALIB_CB_LARGER | CALIB_CB_EXHAUSTIVE | CALIB_CB_NORMALIZE_IMAGE;
-        if calib3d::find_chessboard_corners_sb_with_meta(&small, size_of(least), &mut points, flags, &mut meta)? {
+        if calib3d::find_chessboard_corners_sb_with_meta(
+            &small,
+            size_of(least),
+            &mut points,
+            flags,
+            &mut meta,
+        )? {
             let side = |n: i32| usize::try_from(n).unwrap_or(0);
             let (a, b) = (side(meta.cols()), side(meta.rows()));
             return Ok(Some((a.max(b), a.min(b))));
@@ -73,7 +79,14 @@ fn searched(picture: &Luma) -> opencv::Result<(Mat, f64)> {
     let factor = largest as f64 / SEARCH_SIDE_PX as f64;
     let mut small = Mat::default();
     let shrink = 1.0 / factor;
-    imgproc::resize(&whole, &mut small, Size::default(), shrink, shrink, imgproc::INTER_AREA)?;
+    imgproc::resize(
+        &whole,
+        &mut small,
+        Size::default(),
+        shrink,
+        shrink,
+        imgproc::INTER_AREA,
+    )?;
     Ok((small, factor))
 }
 

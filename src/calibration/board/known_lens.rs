@@ -35,7 +35,14 @@ pub fn plane_with_lens(
     }
     let seen = match pattern.look(picture)?.outcome {
         Ok(seen) => seen,
-        Err(reason) => return Err(super::no_board_in_plane(pattern, name.to_owned(), picture, &reason)?),
+        Err(reason) => {
+            return Err(super::no_board_in_plane(
+                pattern,
+                name.to_owned(),
+                picture,
+                &reason,
+            )?);
+        }
     };
     let camera = camera_of(lens);
     let covariance: SMatrix<f64, 9, 9> = known
@@ -46,7 +53,8 @@ pub fn plane_with_lens(
         .sum();
     let undetermined = || BoardError::not_determined(None, 1);
     let start = first_pose(lens, &seen)?;
-    let (pose, joint, rms_px) = lens_fit::pose(&camera, &covariance, start, &seen).ok_or_else(undetermined)?;
+    let (pose, joint, rms_px) =
+        lens_fit::pose(&camera, &covariance, start, &seen).ok_or_else(undetermined)?;
     let board = SeenBoard {
         camera,
         lens,

@@ -144,13 +144,18 @@ impl LensFit {
     /// Residuals of a view's corners: px, and over the expected deviation of such a distance.
     pub fn residuals(&self, index: usize, view: &[Seen]) -> Vec<(f64, f64)> {
         view.iter()
-            .map(|seen| match project(&self.camera, &self.poses[index], &seen.board_m) {
-                Some(p) => {
-                    let px = (p.at - pixel(seen)).norm();
-                    (px, px / (2.0 * (self.common_px2 + seen.std_px * seen.std_px)).sqrt())
-                }
-                None => (f64::INFINITY, f64::INFINITY),
-            })
+            .map(
+                |seen| match project(&self.camera, &self.poses[index], &seen.board_m) {
+                    Some(p) => {
+                        let px = (p.at - pixel(seen)).norm();
+                        (
+                            px,
+                            px / (2.0 * (self.common_px2 + seen.std_px * seen.std_px)).sqrt(),
+                        )
+                    }
+                    None => (f64::INFINITY, f64::INFINITY),
+                },
+            )
             .collect()
     }
 }
@@ -203,7 +208,10 @@ fn common(views: &[Vec<Seen>], mean_square: f64) -> f64 {
 /// Weights of corners: 1 for the typical one, less for those that noise or blur makes worse than what is common to all.
 fn weights(views: &[Vec<Seen>], mean_square: f64, common_px2: f64) -> Vec<Vec<f64>> {
     let weigh = |s: &Seen| mean_square / (common_px2 + s.std_px * s.std_px);
-    views.iter().map(|view| view.iter().map(weigh).collect()).collect()
+    views
+        .iter()
+        .map(|view| view.iter().map(weigh).collect())
+        .collect()
 }
 
 /// Whether the lens can be inverted over the whole picture. Its reach is convex, so the rim decides.
@@ -223,8 +231,12 @@ fn start(size: (usize, usize), views: &[Vec<Seen>]) -> Result<(Camera, Vec<Pose>
     let mut objects = Vector::<Vector<Point3f>>::new();
     let mut images = Vector::<Vector<Point2f>>::new();
     for view in views {
-        let object = view.iter().map(|s| Point3f::new(s.board_m.x as f32, s.board_m.y as f32, 0.0));
-        let image = view.iter().map(|s| Point2f::new(s.at.u_px as f32, s.at.v_px as f32));
+        let object = view
+            .iter()
+            .map(|s| Point3f::new(s.board_m.x as f32, s.board_m.y as f32, 0.0));
+        let image = view
+            .iter()
+            .map(|s| Point2f::new(s.at.u_px as f32, s.at.v_px as f32));
         objects.push(object.collect());
         images.push(image.collect());
     }
@@ -312,7 +324,11 @@ pub fn pose(
     let freedom = normal.coordinates.checked_sub(POSE).filter(|&f| f > 0)?;
     let scale = normal.chi2 / freedom as f64;
     let joint = normal.parts.first()?.0.joint(covariance, scale)?;
-    Some((pose, joint, (2.0 * normal.chi2 / normal.coordinates as f64).sqrt()))
+    Some((
+        pose,
+        joint,
+        (2.0 * normal.chi2 / normal.coordinates as f64).sqrt(),
+    ))
 }
 
 /// A view's part of the normal equations.
@@ -331,7 +347,9 @@ impl Part {
         let mut joint = JointCovariance::zeros();
         joint.fixed_view_mut::<9, 9>(0, 0).copy_from(camera);
         joint.fixed_view_mut::<9, POSE>(0, 9).copy_from(&mixed);
-        joint.fixed_view_mut::<POSE, 9>(9, 0).copy_from(&mixed.transpose());
+        joint
+            .fixed_view_mut::<POSE, 9>(9, 0)
+            .copy_from(&mixed.transpose());
         joint
             .fixed_view_mut::<POSE, POSE>(9, 9)
             .copy_from(&(inverse * scale + lever * camera * lever.transpose()));
@@ -403,7 +421,10 @@ impl Normal {
         let reduced = basis.transpose() * matrix * basis;
         let solution = solve_scaled(reduced, &(basis.transpose() * right))?;
         let camera = Camera::from_iterator((basis * solution).iter().copied());
-        let poses = levers.iter().map(|(lever, alone)| alone - lever * camera).collect();
+        let poses = levers
+            .iter()
+            .map(|(lever, alone)| alone - lever * camera)
+            .collect();
         Some((camera, poses))
     }
 
@@ -472,10 +493,18 @@ fn descend(
         };
         let next = State {
             camera: state.camera + camera_step,
-            poses: state.poses.iter().zip(&pose_steps).map(|(p, s)| p.stepped(s)).collect(),
+            poses: state
+                .poses
+                .iter()
+                .zip(&pose_steps)
+                .map(|(p, s)| p.stepped(s))
+                .collect(),
         };
         let better = Normal::at(&next, views, weights).filter(|n| n.chi2 <= normal.chi2);
-        let moved_px = camera_step[0].abs().max(camera_step[2].abs()).max(camera_step[3].abs());
+        let moved_px = camera_step[0]
+            .abs()
+            .max(camera_step[2].abs())
+            .max(camera_step[3].abs());
         match better {
             Some(n) => {
                 (state, normal) = (next, n);
@@ -539,7 +568,8 @@ impl Candidate {
     /// Camera and the pose of view `index` as differences from `reference`.
     fn difference(&self, reference: &State, index: usize) -> SVector<f64, 15> {
         let mut all = SVector::<f64, 15>::zeros();
-        all.fixed_rows_mut::<9>(0).copy_from(&(self.state.camera - reference.camera));
+        all.fixed_rows_mut::<9>(0)
+            .copy_from(&(self.state.camera - reference.camera));
         let step = self.state.poses[index].step_from(&reference.poses[index]);
         all.fixed_rows_mut::<POSE>(9).copy_from(&step);
         all
@@ -560,7 +590,10 @@ fn average(mut candidates: Vec<Candidate>, views: &[Vec<Seen>], common_px2: f64)
     candidates.sort_by(|a, b| a.criterion.total_cmp(&b.criterion));
     let best = candidates.first()?.criterion;
     candidates.retain(|c| (0.5 * (best - c.criterion)).exp() > LEAST_WEIGHT);
-    let raw: Vec<f64> = candidates.iter().map(|c| (0.5 * (best - c.criterion)).exp()).collect();
+    let raw: Vec<f64> = candidates
+        .iter()
+        .map(|c| (0.5 * (best - c.criterion)).exp())
+        .collect();
     let sum: f64 = raw.iter().sum();
     let weights: Vec<f64> = raw.iter().map(|w| w / sum).collect();
     let reference = candidates[0].state.clone();
@@ -572,7 +605,9 @@ fn average(mut candidates: Vec<Candidate>, views: &[Vec<Seen>], common_px2: f64)
     let noise_px2 = views.iter().flatten().map(|s| s.std_px * s.std_px).sum::<f64>() / corners;
     let shared = 1.0 + corners / views.len() as f64 * SHARED_PX * SHARED_PX / (common_px2 + noise_px2);
     for index in 0..views.len() {
-        let shift: SVector<f64, 15> = weighted().map(|(c, w)| c.difference(&reference, index) * *w).sum();
+        let shift: SVector<f64, 15> = weighted()
+            .map(|(c, w)| c.difference(&reference, index) * *w)
+            .sum();
         mean.poses[index] = reference.poses[index].stepped(&shift.fixed_rows::<POSE>(9).into_owned());
         mean.camera = reference.camera + shift.fixed_rows::<9>(0);
         let whole: JointCovariance = weighted()
@@ -644,7 +679,10 @@ mod tests {
         let mut views = Vec::new();
         while views.len() < count {
             let z = random.between(0.3, 0.5);
-            let (x, y) = (random.between(-0.8, 0.8) * 0.71 * z, random.between(-0.8, 0.8) * 0.4 * z);
+            let (x, y) = (
+                random.between(-0.8, 0.8) * 0.71 * z,
+                random.between(-0.8, 0.8) * 0.4 * z,
+            );
             let rotation = Rotation3::from_euler_angles(
                 random.between(-turn, turn),
                 random.between(-turn, turn),
@@ -666,9 +704,7 @@ mod tests {
                     })
                 })
                 .collect();
-            let inside = |s: &Seen| {
-                (10.0..1270.0).contains(&s.at.u_px) && (10.0..710.0).contains(&s.at.v_px)
-            };
+            let inside = |s: &Seen| (10.0..1270.0).contains(&s.at.u_px) && (10.0..710.0).contains(&s.at.v_px);
             if view.len() == 54 && view.iter().all(inside) {
                 views.push(view);
             }
@@ -682,7 +718,10 @@ mod tests {
 
     #[test]
     fn exact_corners_give_the_lens_back() {
-        for camera in [barrel(), Camera::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0])] {
+        for camera in [
+            barrel(),
+            Camera::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0]),
+        ] {
             let fit = fit(SIZE, &views(&camera, 8, 0.6, 0.0, &mut random(1))).unwrap();
             let off = fit.camera - camera;
             assert!(off.rows(0, 4).amax() < 0.01, "{off}");

@@ -1,8 +1,8 @@
 //! A lens, and the plane of motion, from pictures of a chessboard.
 //!
-//! [`finder`](find) (where the board is) → [`corner`] (each corner to a hundredth of a pixel) → [`lens_fit`] (camera, poses,
-//! covariance) → [`coverage`] (how sure the lens is where in the picture) → [`plane_fit`] (the plane of motion, its "up" and
-//! origin) → the calibration with its [`Deviation`](super::Deviation)s.
+//! `finder` (where the board is) → `corner` (each corner, to a hundredth of a pixel) → `lens_fit` (camera, poses,
+//! covariance) → `coverage` (how sure the lens is where in the picture) → `plane_fit` (the plane of motion, its "up" and
+//! origin; `known_lens` where the lens is given) → `deviate` (the calibration's [`Deviation`](super::Deviation)s).
 //!
 //! [`Views`] takes the pictures one by one; those that cannot serve are set aside with their reason.
 
@@ -19,8 +19,8 @@ mod projection;
 pub use coverage::{CELLS as COVERAGE_CELLS, Coverage};
 pub use error::BoardError;
 pub use finder::Corners;
-pub use lens_fit::{LensFit, Terms};
 pub use known_lens::plane_with_lens;
+pub use lens_fit::{LensFit, Terms};
 pub use plane_fit::{Marks, Plane};
 pub use projection::Pose;
 
@@ -29,8 +29,8 @@ use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use finder::Found;
 use lens_fit::Seen;
-use plane_fit::SeenBoard;
 use nalgebra::Vector2;
+use plane_fit::SeenBoard;
 
 /// A chessboard.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -489,7 +489,9 @@ fn drop_strays(views: &mut Views, used: &[usize], fit: &LensFit) -> bool {
         let residuals = fit.residuals(k, &views.views[i].seen);
         let mut at = residuals.iter();
         let before = views.views[i].seen.len();
-        views.views[i].seen.retain(|_| at.next().is_some_and(|(_, r)| *r <= limit));
+        views.views[i]
+            .seen
+            .retain(|_| at.next().is_some_and(|(_, r)| *r <= limit));
         any |= views.views[i].seen.len() < before;
     }
     any

@@ -142,7 +142,11 @@ fn upright(camera: &Camera, pose: &Pose, middle: &Vector2<f64>, up_px: [f64; 2])
     // Clockwise from "up" in the picture is right: of the two directions across, the one that the picture shows there.
     let across = Vector2::new(up.y, -up.x);
     let clockwise = |a: Vector2<f64>, b: Vector2<f64>| a.x * b.y - a.y * b.x;
-    let right = if clockwise(seen(up), seen(across)) > 0.0 { across } else { -across };
+    let right = if clockwise(seen(up), seen(across)) > 0.0 {
+        across
+    } else {
+        -across
+    };
     let lean = clockwise(hint, seen(up)).atan2(hint.dot(&seen(up)));
     (Axes { right, up }, lean)
 }
@@ -166,14 +170,21 @@ struct Setting {
 }
 
 impl Setting {
-    fn world_from_pixel(&self, camera: &Camera, lens: &Lens, pose: &Pose) -> Result<Matrix3<f64>, BoardError> {
+    fn world_from_pixel(
+        &self,
+        camera: &Camera,
+        lens: &Lens,
+        pose: &Pose,
+    ) -> Result<Matrix3<f64>, BoardError> {
         let board_from_pixel = pose
             .pixel_from_board(camera)
             .try_inverse()
             .ok_or_else(|| BoardError::not_determined(None, 1))?;
         let middle = PixelPoint::new(0.5 * (self.size.0 as f64 - 1.0), 0.5 * (self.size.1 as f64 - 1.0));
         // The side of the horizon that the picture's middle is on.
-        let side = (board_from_pixel * Vector3::new(middle.u_px, middle.v_px, 1.0)).z.signum();
+        let side = (board_from_pixel * Vector3::new(middle.u_px, middle.v_px, 1.0))
+            .z
+            .signum();
         let place = |mark: &'static str, seen: PixelPoint| {
             let wrong = |why| BoardError::Mark {
                 mark,
@@ -223,7 +234,10 @@ impl Setting {
         // Pixels that a metre has in the picture's middle make the effect one in pixels.
         let best = self.places(&numbers(&DVector::zeros(15))?)?;
         let width: Vec<f64> = best.iter().step_by(2).copied().collect();
-        let spread = |x: &[f64]| x.iter().copied().fold(f64::NEG_INFINITY, f64::max) - x.iter().copied().fold(f64::INFINITY, f64::min);
+        let spread = |x: &[f64]| {
+            x.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+                - x.iter().copied().fold(f64::INFINITY, f64::min)
+        };
         let px_per_m = self.size.0 as f64 / spread(&width);
         deviate::principal(&covariance, numbers, |n| {
             Some(self.places(n)?.iter().map(|x| x * px_per_m).collect())
@@ -239,7 +253,8 @@ impl Setting {
         let cells = (0..GRID.1).flat_map(|j| (0..GRID.0).map(move |i| (i, j)));
         let mut places = Vec::new();
         for (i, j) in cells {
-            let at = |k: usize, cells: usize, size: usize| (k as f64 + 0.5) / cells as f64 * size as f64 - 0.5;
+            let at =
+                |k: usize, cells: usize, size: usize| (k as f64 + 0.5) / cells as f64 * size as f64 - 0.5;
             let p = PixelPoint::new(at(i, GRID.0, self.size.0), at(j, GRID.1, self.size.1));
             // A cell beyond the horizon is 0 in all: it has no say.
             let place = map.plane_from_pixel(p);
@@ -261,7 +276,8 @@ pub(super) fn lens_deviations(fit: &super::LensFit, size: (usize, usize)) -> Vec
         let lens = lens(camera)?;
         let mut directions = Vec::new();
         for k in 0..GRID.0 * GRID.1 {
-            let at = |k: usize, cells: usize, size: usize| (k as f64 + 0.5) / cells as f64 * size as f64 - 0.5;
+            let at =
+                |k: usize, cells: usize, size: usize| (k as f64 + 0.5) / cells as f64 * size as f64 - 0.5;
             let p = PixelPoint::new(at(k % GRID.0, GRID.0, size.0), at(k / GRID.0, GRID.1, size.1));
             let ideal = lens.undistort(p)?;
             directions.push(focal * (ideal.u_px - camera[2]) / camera[0]);

@@ -32,9 +32,11 @@ impl Pose {
     pub fn step_from(&self, other: &Self) -> SVector<f64, POSE> {
         let mut step = SVector::<f64, POSE>::zeros();
         // By the quaternion: the angle of a matrix that is almost none comes from an arc cosine.
-        let turn = UnitQuaternion::from_rotation_matrix(&(self.rotation * other.rotation.inverse())).scaled_axis();
+        let turn =
+            UnitQuaternion::from_rotation_matrix(&(self.rotation * other.rotation.inverse())).scaled_axis();
         step.fixed_rows_mut::<3>(0).copy_from(&turn);
-        step.fixed_rows_mut::<3>(3).copy_from(&(self.shift_m - other.shift_m));
+        step.fixed_rows_mut::<3>(3)
+            .copy_from(&(self.shift_m - other.shift_m));
         step
     }
 
@@ -163,7 +165,10 @@ mod tests {
         .unwrap();
         let ideal = pose.pixel_from_board(&camera) * Vector3::new(board.x, board.y, 1.0);
         let expected = lens
-            .distort(crate::geometry::PixelPoint::new(ideal.x / ideal.z, ideal.y / ideal.z))
+            .distort(crate::geometry::PixelPoint::new(
+                ideal.x / ideal.z,
+                ideal.y / ideal.z,
+            ))
             .unwrap();
         assert!((seen.x - expected.u_px).hypot(seen.y - expected.v_px) < 1e-9);
     }
@@ -180,7 +185,10 @@ mod tests {
                 project(&c, &pose(), &board).unwrap().at
             };
             let slope = (at(h) - at(-h)) / (2.0 * h);
-            assert!((slope - exact.by_camera.column(i)).norm() < 1e-5 * (1.0 + slope.norm()), "{i}");
+            assert!(
+                (slope - exact.by_camera.column(i)).norm() < 1e-5 * (1.0 + slope.norm()),
+                "{i}"
+            );
         }
         for i in 0..POSE {
             let at = |h: f64| {
@@ -189,7 +197,10 @@ mod tests {
                 project(&camera(), &pose().stepped(&step), &board).unwrap().at
             };
             let slope = (at(1e-6) - at(-1e-6)) / 2e-6;
-            assert!((slope - exact.by_pose.column(i)).norm() < 1e-5 * (1.0 + slope.norm()), "{i}");
+            assert!(
+                (slope - exact.by_pose.column(i)).norm() < 1e-5 * (1.0 + slope.norm()),
+                "{i}"
+            );
         }
     }
 

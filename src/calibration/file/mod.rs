@@ -358,7 +358,12 @@ fn deviations(reader: &mut Reader, top: &Section<'_>, lens: bool, homography: bo
     let entries = match value {
         Value::Array(entries) if entries.len() <= MOST_DEVIATIONS => entries,
         other => {
-            reader.refuse("deviations".into(), text(other), accepted, "copy it, or remove it");
+            reader.refuse(
+                "deviations".into(),
+                text(other),
+                accepted,
+                "copy it, or remove it",
+            );
             return Vec::new();
         }
     };
@@ -374,13 +379,28 @@ fn deviations(reader: &mut Reader, top: &Section<'_>, lens: bool, homography: bo
         let hint = "the lens of which it is the uncertainty is gone: remove it";
         for (key, there) in [("lens", lens), ("world_from_pixel", homography)] {
             if let Some(value) = section.get(key).filter(|_| !there) {
-                let of = if key == "lens" { "lens" } else { "scale.world_from_pixel" };
+                let of = if key == "lens" {
+                    "lens"
+                } else {
+                    "scale.world_from_pixel"
+                };
                 reader.refuse(section.key(key), text(value), format!("only with {of}"), hint);
             }
         }
-        let numbers = reader.numbers::<9>(&section, "lens", FINITE, "nine numbers", "copy them, or remove the entry");
+        let numbers = reader.numbers::<9>(
+            &section,
+            "lens",
+            FINITE,
+            "nine numbers",
+            "copy them, or remove the entry",
+        );
         let matrix = section.get("world_from_pixel").is_some().then(|| {
-            reader.required_matrix(&section, "world_from_pixel", "three rows of three numbers", "copy them")
+            reader.required_matrix(
+                &section,
+                "world_from_pixel",
+                "three rows of three numbers",
+                "copy them",
+            )
         });
         deviations.push(Deviation {
             lens: numbers.unwrap_or_default(),

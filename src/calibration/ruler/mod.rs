@@ -153,7 +153,9 @@ pub enum RulerError {
         reach_px: f64,
     },
     /// An edge without a floor.
-    #[error("--edge says where x = 0 is, but not at what height: give --floor too, a point at the height of the floor")]
+    #[error(
+        "--edge says where x = 0 is, but not at what height: give --floor too, a point at the height of the floor"
+    )]
     EdgeWithoutFloor,
     /// A mark that the lens has no place for.
     #[error(
@@ -270,11 +272,13 @@ impl Marker<'_> {
     fn mark(&self, role: Role, given: PixelPoint, direction: [f64; 2]) -> Result<Mark, RulerError> {
         self.inside(role, given)?;
         let snapped = match self.request.snap_px {
-            Some(reach_px) => Some(snap(self.picture, given, direction, reach_px).ok_or(RulerError::NoEdge {
-                role,
-                at: given,
-                reach_px,
-            })?),
+            Some(reach_px) => Some(snap(self.picture, given, direction, reach_px).ok_or(
+                RulerError::NoEdge {
+                    role,
+                    at: given,
+                    reach_px,
+                },
+            )?),
             None => None,
         };
         Ok(Mark {
@@ -298,7 +302,11 @@ impl Marker<'_> {
         };
         let ideal = |role: Role, at: PixelPoint| {
             let beyond = RulerError::BeyondLens { role, at };
-            calibration.lens.as_ref().map_or(Some(at), |l| l.undistort(at)).ok_or(beyond)
+            calibration
+                .lens
+                .as_ref()
+                .map_or(Some(at), |l| l.undistort(at))
+                .ok_or(beyond)
         };
         let (a, b) = (ideal(Role::From, from)?, ideal(Role::To, to)?);
         let (du, dv) = (b.u_px - a.u_px, b.v_px - a.v_px);
@@ -309,9 +317,11 @@ impl Marker<'_> {
         };
         let given = self.request.up_px;
         let sign = (axis[0] * given[0] + axis[1] * given[1]).signum();
-        calibration.up_px = axis.map(|x| x * sign);
+        // Adding 0 turns −0 into 0.
+        calibration.up_px = axis.map(|x| x * sign + 0.0);
         let read = point_std_px.map_or(0.0, |s| std::f64::consts::SQRT_2 * s / length);
-        calibration.up_std_rad = Some(read.hypot(self.request.up_std_rad.unwrap_or(0.0))).filter(|s| *s > 0.0);
+        calibration.up_std_rad =
+            Some(read.hypot(self.request.up_std_rad.unwrap_or(0.0))).filter(|s| *s > 0.0);
         Ok(())
     }
 
@@ -397,14 +407,14 @@ mod tests {
         let data = (0..width * height)
             .map(|k| {
                 let (u, v) = (k % width, k / width);
-                if (101..500).contains(&u) && (300..340).contains(&v) { 180 } else { 60 }
+                if (101..500).contains(&u) && (300..340).contains(&v) {
+                    180
+                } else {
+                    60
+                }
             })
             .collect();
-        Luma {
-            width,
-            height,
-            data,
-        }
+        Luma { width, height, data }
     }
 
     fn request(from: (f64, f64), to: (f64, f64)) -> Request {
@@ -430,12 +440,18 @@ mod tests {
     #[test]
     fn a_ruler_gives_a_scale_with_the_doubt_of_its_ends() {
         let ruled = calibrate(&request((100.0, 320.0), (500.0, 320.0)), &frame()).unwrap();
-        let q = ruled.calibration.metres_per_unit(&ScaleEvidence::default()).unwrap();
+        let q = ruled
+            .calibration
+            .metres_per_unit(&ScaleEvidence::default())
+            .unwrap();
         assert!((q.value - 0.001).abs() < 1e-12);
         let relative = (2.0_f64.sqrt() / 400.0).hypot(0.0005 / 0.4);
         assert!((q.std_uncertainty.unwrap() / q.value - relative).abs() < 1e-9);
         assert_eq!(ruled.calibration.image_size_px, Some((640, 480)));
-        assert_eq!(ruled.calibration.up_std_rad, None, "nobody said how level the camera is");
+        assert_eq!(
+            ruled.calibration.up_std_rad, None,
+            "nobody said how level the camera is"
+        );
     }
 
     #[test]
@@ -454,10 +470,16 @@ mod tests {
         else {
             panic!("no ruler")
         };
-        assert!((from.u_px - 100.5).abs() < 0.05 && (to.u_px - 499.5).abs() < 0.05, "{from:?} {to:?}");
+        assert!(
+            (from.u_px - 100.5).abs() < 0.05 && (to.u_px - 499.5).abs() < 0.05,
+            "{from:?} {to:?}"
+        );
         assert!(point_std_px.unwrap() < 0.1);
         let origin = ruled.calibration.origin_px.unwrap();
-        assert!((origin.u_px - 100.5).abs() < 0.05 && (origin.v_px - 339.5).abs() < 0.05, "{origin:?}");
+        assert!(
+            (origin.u_px - 100.5).abs() < 0.05 && (origin.v_px - 339.5).abs() < 0.05,
+            "{origin:?}"
+        );
         assert_eq!(ruled.calibration.launch.edge_x_m, Some(0.0));
         assert_eq!(ruled.marks.len(), 4);
     }
@@ -485,7 +507,10 @@ mod tests {
         let plane = |p| map.plane_from_pixel(p).unwrap();
         assert!(plane(PixelPoint::new(400.0, 450.0)).up.abs() < 1e-6);
         assert!(plane(PixelPoint::new(60.0, 200.0)).right.abs() < 1e-6);
-        let (a, b) = (plane(PixelPoint::new(100.0, 320.0)), plane(PixelPoint::new(500.0, 340.0)));
+        let (a, b) = (
+            plane(PixelPoint::new(100.0, 320.0)),
+            plane(PixelPoint::new(500.0, 340.0)),
+        );
         assert!((a.up - b.up).abs() < 1e-6, "the ruler is level");
         assert!(calibration.up_px[1] < 0.0 && calibration.up_std_rad.unwrap() > 0.0);
     }
@@ -504,13 +529,22 @@ mod tests {
     fn marks_that_make_no_sense_are_told() {
         let told = |r: &Request| calibrate(r, &frame()).unwrap_err().to_string();
         let same = told(&request((100.0, 320.0), (100.0, 321.0)));
-        assert!(same.contains("same point") && same.contains("far apart"), "{same}");
+        assert!(
+            same.contains("same point") && same.contains("far apart"),
+            "{same}"
+        );
         let outside = told(&request((100.0, 320.0), (320.0, 500.0)));
-        assert!(outside.contains("--to") && outside.contains("640x480"), "{outside}");
+        assert!(
+            outside.contains("--to") && outside.contains("640x480"),
+            "{outside}"
+        );
         let mut r = request((20.0, 100.0), (500.0, 100.0));
         r.snap_px = Some(10.0);
         let nothing = told(&r);
-        assert!(nothing.contains("no edge within 10 px") && nothing.contains("--snap=20"), "{nothing}");
+        assert!(
+            nothing.contains("no edge within 10 px") && nothing.contains("--snap=20"),
+            "{nothing}"
+        );
         // Both ends snap to the bar's left end.
         let mut r = request((98.0, 320.0), (104.0, 320.0));
         r.snap_px = Some(10.0);

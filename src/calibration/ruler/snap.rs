@@ -197,7 +197,8 @@ impl Frame<'_> {
         // By itself: of a narrow line only width times contrast is known.
         let contrast_std = (rest2 / current.0[(CONTRAST, CONTRAST)]).sqrt();
         let near = (p[PLACE] - start).abs() < ALONG_PX;
-        (near && std.is_finite() && p[CONTRAST].abs() > LEAST_SIGMAS * contrast_std).then_some((p[PLACE], std))
+        (near && std.is_finite() && p[CONTRAST].abs() > LEAST_SIGMAS * contrast_std)
+            .then_some((p[PLACE], std))
     }
 
     /// (s, l, grey) of the pixels around a place along the direction.
@@ -269,7 +270,10 @@ fn system(pixels: &[(f64, f64, f64)], p: &Parameters, line: bool) -> (SMatrix<f6
         let distance = (off - p[SLANT] * l) / slant;
         let mut slope = Parameters::zeros();
         let (shape, by_distance, by_blur) = if line {
-            let (near, far) = (shade(distance + p[HALF], p[BLUR]), shade(distance - p[HALF], p[BLUR]));
+            let (near, far) = (
+                shade(distance + p[HALF], p[BLUR]),
+                shade(distance - p[HALF], p[BLUR]),
+            );
             slope[HALF] = p[CONTRAST] * (near.by_distance + far.by_distance);
             (
                 near.value - far.value,
@@ -300,7 +304,13 @@ mod tests {
     use proptest::prelude::*;
 
     /// A picture of a half plane (or a bar of width `width`) whose edge goes through `at` with the normal at `angle`.
-    fn picture(at: (f64, f64), angle: f64, width: Option<f64>, (dark, bright): (f64, f64), noise: f64) -> Luma {
+    fn picture(
+        at: (f64, f64),
+        angle: f64,
+        width: Option<f64>,
+        (dark, bright): (f64, f64),
+        noise: f64,
+    ) -> Luma {
         let (normal_u, normal_v) = (angle.cos(), angle.sin());
         let mut state = 12345_u32;
         let mut random = move || {
@@ -324,7 +334,9 @@ mod tests {
                     }
                     None => 0.5 + 0.5 * shade(d, 0.8).value,
                 };
-                (dark + (bright - dark) * share + noise * random()).round().clamp(0.0, 255.0) as u8
+                (dark + (bright - dark) * share + noise * random())
+                    .round()
+                    .clamp(0.0, 255.0) as u8
             })
             .collect();
         Luma {
@@ -338,7 +350,10 @@ mod tests {
     fn a_mark_near_an_edge_comes_to_lie_on_it() {
         let p = picture((40.3, 30.0), 0.0, None, (60.0, 180.0), 2.0);
         let s = snap(&p, PixelPoint::new(36.0, 25.0), [1.0, 0.0], 10.0).unwrap();
-        assert!((s.at.u_px - 40.3).abs() < 0.05 && (s.at.v_px - 25.0).abs() < 1e-9, "{s:?}");
+        assert!(
+            (s.at.u_px - 40.3).abs() < 0.05 && (s.at.v_px - 25.0).abs() < 1e-9,
+            "{s:?}"
+        );
         assert!(!s.line && (s.moved_px - 4.3).abs() < 0.05 && s.std_px < 0.1);
     }
 
@@ -361,7 +376,10 @@ mod tests {
         assert_eq!(snap(&far, PixelPoint::new(20.0, 30.0), [1.0, 0.0], 8.0), None);
         assert_eq!(snap(&far, PixelPoint::new(40.0, 30.0), [0.0, 0.0], 8.0), None);
         for outside in [(-500.0, 3.0), (1e9, -1e9), (f64::NAN, 3.0)] {
-            assert_eq!(snap(&far, PixelPoint::new(outside.0, outside.1), [1.0, 0.0], 8.0), None);
+            assert_eq!(
+                snap(&far, PixelPoint::new(outside.0, outside.1), [1.0, 0.0], 8.0),
+                None
+            );
         }
     }
 

@@ -1,6 +1,8 @@
 //! `track calibrate board IMAGE... --pattern 9x6 --square-m 0.025 [--plane IMAGE] [--out CALIB]`.
 
-use super::{Known, Status, Still, answer, answer_calibration, check_folder, direction, pixel, positive, say};
+use super::{
+    Known, Status, Still, answer, answer_calibration, check_folder, direction, pixel, positive, say,
+};
 use crate::calibration::board::{
     BoardLens, Corners, Looked, Marks, Pattern, Plane, Use, View, Views, plane_with_lens,
 };
@@ -92,7 +94,11 @@ pub(super) fn run(args: &BoardArgs) -> anyhow::Result<Status> {
         }
     }
     if let Some(out) = &args.out {
-        let marks = made.picture.as_ref().map(|still| marked(args, &made, still)).transpose()?;
+        let marks = made
+            .picture
+            .as_ref()
+            .map(|still| marked(args, &made, still))
+            .transpose()?;
         super::write_files(out, &made.calibration, marks)?;
     }
     if args.json {
@@ -155,17 +161,15 @@ fn tell_views(views: &[View]) {
 fn with_lens(args: &BoardArgs, pattern: &Pattern, lens: &Path) -> anyhow::Result<Made> {
     let known = Calibration::read(lens)?;
     let Some(path) = &args.plane else {
-        bail!("--lens takes the lens from a file, so that only the plane is left to find: give --plane IMAGE");
+        bail!(
+            "--lens takes the lens from a file, so that only the plane is left to find: give --plane IMAGE"
+        );
     };
     let picture = super::still(path, 0)?;
     let name = path.display().to_string();
     let lens_name = lens.display().to_string();
-    let (plane, calibration, view) = plane_with_lens(
-        (&name, &picture.raw),
-        pattern,
-        (&lens_name, &known),
-        &marks(args),
-    )?;
+    let (plane, calibration, view) =
+        plane_with_lens((&name, &picture.raw), pattern, (&lens_name, &known), &marks(args))?;
     let calibration = complete(args, calibration, Some(&plane));
     Ok(Made {
         views: vec![view],
@@ -195,8 +199,9 @@ const FRAMES: usize = 40;
 /// Looks for the board in every picture, several at a time; that of the plane has its own turn.
 fn look_at_all(args: &BoardArgs, pattern: &Pattern, views: &mut Views) -> anyhow::Result<()> {
     let sources = sources(&args.images, args.plane.as_deref())?;
-    let bar = ProgressBar::new(sources.len() as u64)
-        .with_style(ProgressStyle::with_template("looking for the board {wide_bar} {pos}/{len}")?);
+    let bar = ProgressBar::new(sources.len() as u64).with_style(ProgressStyle::with_template(
+        "looking for the board {wide_bar} {pos}/{len}",
+    )?);
     let next = AtomicUsize::new(0);
     let work = || {
         let mut done = Vec::new();
@@ -209,12 +214,17 @@ fn look_at_all(args: &BoardArgs, pattern: &Pattern, views: &mut Views) -> anyhow
     let threads = std::thread::available_parallelism().map_or(2, usize::from).min(8);
     let done = std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Vec<_>>()
+        workers
+            .into_iter()
+            .map(std::thread::ScopedJoinHandle::join)
+            .collect::<Vec<_>>()
     });
     bar.finish_and_clear();
     let mut all = Vec::new();
     for part in done {
-        all.extend(part.map_err(|_| anyhow::anyhow!("a thread that looked for the board died; this is a fault of track"))?);
+        all.extend(part.map_err(|_| {
+            anyhow::anyhow!("a thread that looked for the board died; this is a fault of track")
+        })?);
     }
     // In the order of the command line, whoever was ready first.
     all.sort_by_key(|(path, _)| sources.iter().position(|s| s == *path));
@@ -261,7 +271,12 @@ fn look_at(path: &Path, pattern: &Pattern) -> anyhow::Result<Vec<Named>> {
     // Not a picture by its name: a video, whose error says what else it may be.
     frames::open_sparse(path, FRAMES)?
         .iter()
-        .map(|frame| Ok((format!("{name} at {:.2} s", frame.time_s), Ok(pattern.look(&frame.luma)?))))
+        .map(|frame| {
+            Ok((
+                format!("{name} at {:.2} s", frame.time_s),
+                Ok(pattern.look(&frame.luma)?),
+            ))
+        })
         .collect()
 }
 
@@ -270,10 +285,18 @@ fn marked(args: &BoardArgs, made: &Made, still: &Still) -> anyhow::Result<Vec<u8
     let map = made.calibration.rectification()?;
     let (width, height) = (still.luma.width as f64, still.luma.height as f64);
     let mut shapes = grid(&map, width, height);
-    for (mark, ink) in [(args.floor, Ink::Green), (args.edge, Ink::Blue), (args.origin, Ink::Green)] {
+    for (mark, ink) in [
+        (args.floor, Ink::Green),
+        (args.edge, Ink::Blue),
+        (args.origin, Ink::Green),
+    ] {
         shapes.extend(mark.map(|at| Shape::Ring { at, ink }));
     }
-    if let Some(view) = made.views.iter().find(|v| Some(&v.name) == plane_name(args).as_ref()) {
+    if let Some(view) = made
+        .views
+        .iter()
+        .find(|v| Some(&v.name) == plane_name(args).as_ref())
+    {
         let corners = view.places();
         shapes.extend(corners.map(|at| Shape::Cross { at, ink: Ink::Red }));
     }
@@ -300,7 +323,9 @@ fn grid(map: &Rectification, width: f64, height: f64) -> Vec<Shape> {
         .collect();
     let span = |of: fn(&PlanePoint) -> f64| {
         let values = places.iter().map(of);
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+            (a.min(x), b.max(x))
+        })
     };
     let (x, z) = (span(|p| p.right), span(|p| p.up));
     let largest = (x.1 - x.0).max(z.1 - z.0);
@@ -328,7 +353,9 @@ fn grid(map: &Rectification, width: f64, height: f64) -> Vec<Shape> {
     };
     let ticks = |(low, high): (f64, f64)| {
         let first = (low / step).ceil() as i64;
-        (0..40).map(move |i| (first + i) as f64 * step).take_while(move |t| *t <= high)
+        (0..40)
+            .map(move |i| (first + i) as f64 * step)
+            .take_while(move |t| *t <= high)
     };
     ticks(x).for_each(|t| line((t, z.0), (t, z.1)));
     ticks(z).for_each(|t| line((x.0, t), (x.1, t)));

@@ -103,9 +103,9 @@ fn pixel(text: &str) -> Result<PixelPoint, String> {
 
 /// `DU,DV`, not zero.
 fn direction(text: &str) -> Result<[f64; 2], String> {
-    pair(text)
-        .filter(|[a, b]| a.hypot(*b) > 1e-9)
-        .ok_or_else(|| "expected a direction DU,DV in the picture, such as 0,-1 (up) or 1,0 (right)".to_owned())
+    pair(text).filter(|[a, b]| a.hypot(*b) > 1e-9).ok_or_else(|| {
+        "expected a direction DU,DV in the picture, such as 0,-1 (up) or 1,0 (right)".to_owned()
+    })
 }
 
 fn pair(text: &str) -> Option<[f64; 2]> {
@@ -194,13 +194,14 @@ fn check_folder(path: &Path) -> anyhow::Result<write::NewFolders> {
 
 /// Writes the calibration and a picture of its marks, both or none, and says so.
 fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) -> anyhow::Result<()> {
-    let text = write::json_text(&calibration.to_json()).context("the calibration could not be put together")?;
+    let text =
+        write::calib_text(&calibration.to_json()).context("the calibration could not be put together")?;
     let picture = beside(out, "marks.png");
     let mut files: Vec<(&Path, &[u8])> = Vec::new();
     if let Some(marks) = &marks {
         files.push((&picture, marks));
     }
-    files.push((out, &text));
+    files.push((out, text.as_bytes()));
     write::write_together(&files)?;
     for (path, _) in files {
         say(&format!("wrote {}", path.display()));
@@ -210,7 +211,7 @@ fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) ->
 
 /// The answer where no file is wanted: the calibration itself.
 fn answer_calibration(calibration: &Calibration) -> anyhow::Result<()> {
-    answer(&String::from_utf8_lossy(&write::json_text(&calibration.to_json())?))
+    answer(&write::calib_text(&calibration.to_json())?)
 }
 
 #[cfg(test)]

@@ -130,7 +130,10 @@ fn request(args: &RulerArgs) -> anyhow::Result<Request> {
         known.lens = with_lens.lens;
         known.lens_std = with_lens.lens_std;
         known.deviations = with_lens.deviations;
-        known.deviations.iter_mut().for_each(|d| d.world_from_pixel = None);
+        known
+            .deviations
+            .iter_mut()
+            .for_each(|d| d.world_from_pixel = None);
         lens_fits(args, path, with_lens.image_size_px)?;
     }
     Ok(Request {
@@ -178,7 +181,10 @@ fn table(ruled: &Ruled) -> String {
     };
     match &c.scale {
         Scale::Ball => row("scale", "the ball's radius against the one seen".into()),
-        Scale::Gravity => row("scale", "the fall, with the times of the file (or --frame-rate-hz)".into()),
+        Scale::Gravity => row(
+            "scale",
+            "the fall, with the times of the file (or --frame-rate-hz)".into(),
+        ),
         _ => {
             let q = c.metres_per_unit(&ScaleEvidence::default()).ok();
             let relative = q.and_then(|q| Some(100.0 * q.std_uncertainty? / q.value));
@@ -202,7 +208,10 @@ fn table(ruled: &Ruled) -> String {
             Some(_) => "",
             None => "; x = 0 is where the floor was marked, the launch edge is not known",
         };
-        row("origin", format!("[{:.2}, {:.2}] px{edge}", origin.u_px, origin.v_px));
+        row(
+            "origin",
+            format!("[{:.2}, {:.2}] px{edge}", origin.u_px, origin.v_px),
+        );
     }
     let [a, b] = c.up_px;
     let std = c
@@ -210,7 +219,10 @@ fn table(ruled: &Ruled) -> String {
         .map_or("?".into(), |s| format!("{:.2}", s.to_degrees()));
     row(
         "up",
-        format!("{:.2} ± {std}° clockwise from the picture's own", a.atan2(-b).to_degrees()),
+        format!(
+            "{:.2} ± {std}° clockwise from the picture's own",
+            a.atan2(-b).to_degrees() + 0.0
+        ),
     );
     text
 }

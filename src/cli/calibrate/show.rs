@@ -26,7 +26,10 @@ pub(super) struct ShowArgs {
 const FRAMES: usize = 7;
 
 pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
-    let out = args.out.clone().unwrap_or_else(|| beside(&args.calib, "show.html"));
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| beside(&args.calib, "show.html"));
     let _folders = check_folder(&out)?;
     let calib = content(&args.calib)?;
     let range = super::facts(&args.video)?.luma_range;
@@ -39,7 +42,10 @@ pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
         .collect();
     let size = shown.first().map(|f| (f.luma.width, f.luma.height));
     check_size(&calib, size, args)?;
-    let name = |path: &Path| path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let name = |path: &Path| {
+        path.file_name()
+            .map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+    };
     let page = calibrate_html(&name(&args.video), &name(&args.calib), &calib, &shown)
         .with_context(|| format!("{}: the page could not be made", args.video.display()))?;
     write::write_together(&[(&out, page.as_bytes())])?;
