@@ -190,9 +190,13 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
         ));
     }
     if j.scene.metres_per_unit.std_uncertainty.is_none() {
+        let key = match j.calibration.scale {
+            Scale::Homography(_) => "scale.relative_std",
+            _ => "scale.std_uncertainty",
+        };
         out.push(warning(
             "scale_uncertainty_unknown",
-            "the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"scale.std_uncertainty\".".to_owned(),
+            format!("the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"{key}\"."),
         ));
     }
     out

@@ -140,18 +140,20 @@ impl Canvas {
         Point::new(fixed(p.u_px), fixed(p.v_px))
     }
 
-    fn line(&mut self, from: Point, to: Point, ink: Ink, thick: i32) -> opencv::Result<()> {
+    fn line(&mut self, places: &[Point], ink: Ink, thick: i32) -> opencv::Result<()> {
         // Dark beneath, so that it shows on bright ground too.
         for (colour, thick) in [(Scalar::all(20.0), thick + 2), (ink.bgr(), thick)] {
-            imgproc::line(
-                &mut self.picture,
-                from,
-                to,
-                colour,
-                thick,
-                imgproc::LINE_AA,
-                SHIFT,
-            )?;
+            for pair in places.windows(2) {
+                imgproc::line(
+                    &mut self.picture,
+                    pair[0],
+                    pair[1],
+                    colour,
+                    thick,
+                    imgproc::LINE_AA,
+                    SHIFT,
+                )?;
+            }
         }
         Ok(())
     }
@@ -161,14 +163,11 @@ impl Canvas {
             Shape::Line { points, ink, fine } => {
                 let thick = if *fine { 1 } else { self.stroke };
                 let places: Vec<Point> = points.iter().map(|p| self.place(*p)).collect();
-                for pair in places.windows(2) {
-                    self.line(pair[0], pair[1], *ink, thick)?;
-                }
-                Ok(())
+                self.line(&places, *ink, thick)
             }
             Shape::Arrow { from, to, ink } => {
                 let (a, b) = (self.place(*from), self.place(*to));
-                self.line(a, b, *ink, self.stroke)?;
+                self.line(&[a, b], *ink, self.stroke)?;
                 let (dx, dy) = (f64::from(b.x - a.x), f64::from(b.y - a.y));
                 let length = dx.hypot(dy).max(1.0);
                 let head = f64::from((8 * self.stroke) << SHIFT);
@@ -178,16 +177,16 @@ impl Canvas {
                         b.x - (along * dx - across * dy) as i32,
                         b.y - (along * dy + across * dx) as i32,
                     );
-                    self.line(b, end, *ink, self.stroke)?;
+                    self.line(&[b, end], *ink, self.stroke)?;
                 }
                 Ok(())
             }
             Shape::Cross { at, ink } => {
                 let (p, arm) = (self.place(*at), (3 * self.stroke) << SHIFT);
                 let (a, b) = (Point::new(p.x - arm, p.y - arm), Point::new(p.x + arm, p.y + arm));
-                self.line(a, b, *ink, 1)?;
+                self.line(&[a, b], *ink, 1)?;
                 let (a, b) = (Point::new(p.x - arm, p.y + arm), Point::new(p.x + arm, p.y - arm));
-                self.line(a, b, *ink, 1)
+                self.line(&[a, b], *ink, 1)
             }
             Shape::Ring { at, ink } => {
                 let (p, radius) = (self.place(*at), (7 * self.stroke) << SHIFT);

@@ -16,7 +16,7 @@
 use crate::calibration::blurred_edge::shade;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector};
 use opencv::calib3d::find_homography_ext_def;
 use opencv::core::{MatTraitConst as _, Point2d, Vector};
 
@@ -134,26 +134,23 @@ impl<'a> Board<'a> {
             rest: [Polynomial::zeros(); 2],
         };
         let mut terms = DMatrix::zeros(9, 5);
-        let mut rests = [DVector::zeros(9), DVector::zeros(9)];
+        let mut rests = DMatrix::zeros(9, 2);
         for k in 0..9 {
             let (c, r) = (block(column, columns) + k % 3, block(row, rows) + k / 3);
             let p = places.get(r * columns + c)?;
             let (u, v) = (p.u_px - corner.u_px, p.v_px - corner.v_px);
             terms.row_mut(k).copy_from_slice(&[u, v, u * u, u * v, v * v]);
             let [x, y] = board.at(u, v);
-            rests[0][k] = c as f64 - column as f64 - x.0;
-            rests[1][k] = r as f64 - row as f64 - y.0;
+            rests[(k, 0)] = c as f64 - column as f64 - x.0;
+            rests[(k, 1)] = r as f64 - row as f64 - y.0;
         }
         // Columns of one size each, so that a square of 5 px and one of 500 are solved alike.
         let scale: Vec<f64> = terms.column_iter().map(|c| c.norm()).collect();
         for (mut column, s) in terms.column_iter_mut().zip(&scale) {
             column /= *s;
         }
-        let svd = terms.svd(true, true);
-        for (polynomial, rest) in board.rest.iter_mut().zip(&rests) {
-            let solution = svd.solve(rest, 1e-9).ok()?;
-            *polynomial = Polynomial::from_fn(|i, _| solution[i] / scale[i]);
-        }
+        let solution = terms.svd(true, true).solve(&rests, 1e-9).ok()?;
+        board.rest = [0, 1].map(|axis| Polynomial::from_fn(|i, _| solution[(i, axis)] / scale[i]));
         Some(board)
     }
 

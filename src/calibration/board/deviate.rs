@@ -5,7 +5,7 @@ use crate::calibration::Deviation;
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 /// Part of the whole effect (variance) that may be left out.
-const LEFT_OUT: f64 = 1e-5;
+const LEFT_OUT: f64 = 1e-3;
 /// Differences are taken over this part of a standard deviation.
 const STEP: f64 = 0.1;
 

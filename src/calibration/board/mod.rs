@@ -1,8 +1,8 @@
 //! A lens, and the plane of motion, from pictures of a chessboard.
 //!
-//! `finder` (where the board is) → `corner` (each corner to a hundredth of a pixel) → `lens_fit` (camera, poses,
+//! `finder` (where the board is) → `corner` (each corner, to a hundredth of a pixel) → `lens_fit` (camera, poses,
 //! covariance) → `coverage` (how sure the lens is where in the picture) → `plane_fit` (the plane of motion, its "up" and
-//! origin) → the calibration with its [`Deviation`](super::Deviation)s.
+//! origin; `known_lens` where the lens is given) → `deviate` (the calibration's [`Deviation`](super::Deviation)s).
 //!
 //! [`Views`] takes the pictures one by one; those that cannot serve are set aside with their reason.
 

@@ -11,7 +11,10 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
         View::Side => "side",
         View::Top => "top",
     };
-    let given = |std: &[Option<f64>]| std.iter().any(Option::is_some).then(|| json!(std));
+    let given = |std: &[Option<f64>]| {
+        let short: Vec<Option<f64>> = std.iter().map(|s| s.map(short)).collect();
+        short.iter().any(Option::is_some).then(|| json!(short))
+    };
     let lens = c.lens.as_ref().map(|l| {
         object([
             ("camera_matrix", Some(rows(l.camera_matrix()))),
@@ -59,8 +62,11 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
 fn deviations(c: &Calibration) -> Option<Value> {
     let entry = |d: &Deviation| {
         object([
-            ("lens", c.lens.is_some().then(|| json!(d.lens))),
-            ("world_from_pixel", d.world_from_pixel.as_ref().map(rows)),
+            ("lens", c.lens.is_some().then(|| json!(d.lens.map(short)))),
+            (
+                "world_from_pixel",
+                d.world_from_pixel.as_ref().map(|m| rows(&m.map(short))),
+            ),
         ])
     };
     (!c.deviations.is_empty()).then(|| c.deviations.iter().map(entry).collect())
@@ -93,6 +99,11 @@ fn scale(scale: &Scale) -> Value {
             ("origin_unknown", (!homography.origin_known).then(|| true.into())),
         ]),
     }
+}
+
+/// Five significant digits: an uncertainty of an uncertainty.
+fn short(x: f64) -> f64 {
+    format!("{x:.4e}").parse().unwrap_or(x)
 }
 
 fn point(p: PixelPoint) -> Value {

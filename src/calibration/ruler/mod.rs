@@ -317,7 +317,8 @@ impl Marker<'_> {
         };
         let given = self.request.up_px;
         let sign = (axis[0] * given[0] + axis[1] * given[1]).signum();
-        calibration.up_px = axis.map(|x| x * sign);
+        // Adding 0 turns −0 into 0.
+        calibration.up_px = axis.map(|x| x * sign + 0.0);
         let read = point_std_px.map_or(0.0, |s| std::f64::consts::SQRT_2 * s / length);
         calibration.up_std_rad =
             Some(read.hypot(self.request.up_std_rad.unwrap_or(0.0))).filter(|s| *s > 0.0);

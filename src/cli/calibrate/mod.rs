@@ -195,13 +195,13 @@ fn check_folder(path: &Path) -> anyhow::Result<write::NewFolders> {
 /// Writes the calibration and a picture of its marks, both or none, and says so.
 fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) -> anyhow::Result<()> {
     let text =
-        write::json_text(&calibration.to_json()).context("the calibration could not be put together")?;
+        write::calib_text(&calibration.to_json()).context("the calibration could not be put together")?;
     let picture = beside(out, "marks.png");
     let mut files: Vec<(&Path, &[u8])> = Vec::new();
     if let Some(marks) = &marks {
         files.push((&picture, marks));
     }
-    files.push((out, &text));
+    files.push((out, text.as_bytes()));
     write::write_together(&files)?;
     for (path, _) in files {
         say(&format!("wrote {}", path.display()));
@@ -211,9 +211,7 @@ fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) ->
 
 /// The answer where no file is wanted: the calibration itself.
 fn answer_calibration(calibration: &Calibration) -> anyhow::Result<()> {
-    answer(&String::from_utf8_lossy(&write::json_text(
-        &calibration.to_json(),
-    )?))
+    answer(&write::calib_text(&calibration.to_json())?)
 }
 
 #[cfg(test)]
@@ -238,6 +236,7 @@ mod tests {
             ("a/b.calib.json", "a/b.marks.png"),
             ("b.json", "b.marks.png"),
             ("b", "b.marks.png"),
+            (".calib.json", ".calib.marks.png"),
         ] {
             assert_eq!(beside(Path::new(calib), "marks.png"), Path::new(expected));
         }

@@ -221,7 +221,7 @@ fn table(ruled: &Ruled) -> String {
         "up",
         format!(
             "{:.2} ± {std}° clockwise from the picture's own",
-            a.atan2(-b).to_degrees()
+            a.atan2(-b).to_degrees() + 0.0
         ),
     );
     text
