@@ -170,8 +170,7 @@ fn beside(calib: &Path, ending: &str) -> PathBuf {
         .map_or_else(|| "calibration".into(), |n| n.to_string_lossy());
     let stem = [".calib.json", ".json"]
         .iter()
-        .find_map(|e| name.strip_suffix(e))
-        .filter(|stem| !stem.is_empty())
+        .find_map(|e| name.strip_suffix(e).filter(|stem| !stem.is_empty()))
         .unwrap_or(&name);
     calib.with_file_name(format!("{stem}.{ending}"))
 }
