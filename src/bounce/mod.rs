@@ -8,6 +8,7 @@
 //! Rω'   = Rω + (vx - v'x)/k               e_x = -(v'x - Rω') / (vx - Rω)          [eqs. 7, 17 of Domenech 2005]
 //! ```
 
+pub mod air;
 pub mod impacts;
 pub mod propagate;
 pub mod reading;

@@ -12,7 +12,9 @@ mod warn;
 
 pub use result::*;
 
-use crate::bounce::impacts::{AIR_DENSITY_KG_M3, ImpactKind, Scene};
+use crate::bounce::air::{AIR_DENSITY_KG_M3, sphere_drag};
+use crate::bounce::impacts::{ImpactKind, Scene};
+
 use crate::bounce::reading;
 use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence};
 use crate::detect::centre::{Accuracy, Centre};
@@ -103,12 +105,8 @@ const BALL_PART: f64 = 0.5;
 /// Balls smaller than this may be measured by their outline alone, px.
 const SMALL_BALL_PX: f64 = 6.0;
 
-/// Drag coefficient of a smooth sphere between Reynolds numbers of 1e3 and 2e5 (Clift, Grace and Weber 1978), where
-/// balls of 1 to 10 cm at 0.5 to 20 m/s are.
-const SPHERE_DRAG: f64 = 0.45;
-
 /// Relative doubt of that drag: felt, seams, slower or smaller balls, thinner air.
-const SPHERE_DRAG_DOUBT: f64 = 0.2;
+const SPHERE_DRAG_DOUBT: f64 = 0.15;
 
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
@@ -353,8 +351,9 @@ impl<'a> Work<'a> {
         let known = || {
             let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
             let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok()?.value;
-            let beta = AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m
-                / (2.0 * mass_kg);
+            let drag = sphere_drag(radius_m, flight.usual_speed() * scale);
+            let beta =
+                AIR_DENSITY_KG_M3 * drag * std::f64::consts::PI * radius_m * radius_m / (2.0 * mass_kg);
             // Metres a unit turn 1/m into 1/unit.
             Some(Forces::FallWithDrag(
                 beta * scale,
