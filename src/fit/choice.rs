@@ -10,6 +10,7 @@
 
 use super::criteria::{LEAST_PROBABILITY, Marks};
 use super::data::Data;
+use super::estimate::three_digits;
 use super::models::Solution;
 use super::result::{ModelFit, ModelName, Preferred};
 use super::series::{Note, Weights};
@@ -64,7 +65,7 @@ pub(super) fn choose(data: &Data, solutions: &[Solution], fits: &[ModelFit]) -> 
     }
     sentences.extend(excluded);
     if spread > 1.0 && candidates.len() > 1 {
-        sentences.push(format!("differences of χ² are divided by the scatter, {spread:.1}"));
+        sentences.push(format!("differences of χ² are divided by the scatter, {}", three_digits(spread)));
     }
     if notes.iter().any(|n| n.code == "no_model_fits") {
         sentences.push(match preferred {
@@ -189,9 +190,9 @@ fn notes(data: &Data, fits: &[ModelFit], spread: f64) -> Vec<Note> {
         .filter_map(|fit| {
             let p = fit.p_value?;
             Some(format!(
-                "{} has χ² = {:.1} for {} degrees of freedom (probability {})",
+                "{} has χ² = {} for {} degrees of freedom (probability {})",
                 fit.name.name(),
-                fit.chi2,
+                three_digits(fit.chi2),
                 fit.degrees_of_freedom,
                 probability(p)
             ))
@@ -204,10 +205,10 @@ fn notes(data: &Data, fits: &[ModelFit], spread: f64) -> Vec<Note> {
         code: "no_model_fits",
         message: format!(
             "no model with constant coefficients describes these rows: {}. Either the standard deviations are too small \
-             (by about {:.1} times), or the coefficients change from row to row, as they do with the elastic give of a \
+             (by about {} times), or the coefficients change from row to row, as they do with the elastic give of a \
              contact. Uncertainties are widened by the scatter; look at the residuals.",
             each.join("; "),
-            spread.sqrt()
+            three_digits(spread.sqrt())
         ),
     }]
 }
@@ -217,6 +218,6 @@ pub(super) fn probability(p: f64) -> String {
     if p < 1e-4 {
         "under 0.0001".to_owned()
     } else {
-        super::estimate::three_digits(p)
+        three_digits(p)
     }
 }

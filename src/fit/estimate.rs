@@ -420,7 +420,8 @@ impl<'a> Work<'a> {
         if self.gripping == 0 {
             return none("every row slides");
         }
-        if (0..PARAMETERS).any(|j| solution.free[j] && !solution.determined[j]) {
+        let known = |j: usize| solution.determined[j] && self.covariance[(j, j)].sqrt() <= KNOWN[j];
+        if (0..PARAMETERS).any(|j| solution.free[j] && !known(j)) {
             return none("it depends on parameters that are not determined");
         }
         let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
@@ -578,6 +579,10 @@ pub(super) fn three_digits(x: f64) -> String {
     if x == 0.0 || !x.is_finite() {
         return format!("{x}");
     }
-    let places = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
-    format!("{x:.places$}")
+    let places = 2.0 - x.abs().log10().floor();
+    if (-4.0..=8.0).contains(&places) {
+        format!("{x:.*}", places.max(0.0) as usize)
+    } else {
+        format!("{x:.2e}")
+    }
 }

@@ -106,7 +106,9 @@ fn fit_group(
     let (mut data, unweighable) = Data::new(series, indices);
     set_aside.extend(unweighable);
     let mut notes = Vec::new();
-    let mut solutions = models::all(&data);
+    // Many rows are fitted all together only once it is known which.
+    let preview = data.preview();
+    let mut solutions = models::all(preview.as_ref().unwrap_or(&data));
     let outliers = outliers::find(series, &data, &solutions);
     if !outliers.systematic.is_empty() {
         notes.push(stay(series, &data, &outliers.systematic));
@@ -122,6 +124,8 @@ fn fit_group(
             });
         }
         data = data.without(&out);
+        solutions = models::all(&data);
+    } else if preview.is_some() {
         solutions = models::all(&data);
     }
     set_aside.sort_by_key(|s| s.row);

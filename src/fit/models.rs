@@ -152,7 +152,7 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
-        .filter(|s| sliding.marks.criterion() - s.marks.criterion() > JUMPS && slides(data, s));
+        .filter(|s| s.marks.gain_over(&sliding.marks, data.weights) > JUMPS && slides(data, s));
     let larger = jump.unwrap_or_else(|| sliding.clone());
     Some(if shows(data, rolling, &larger) { larger } else { rolling.clone() })
 }
@@ -174,9 +174,7 @@ fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
 
 /// Whether the rows show that some slide.
 fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
-    let freedom = data.equations().saturating_sub(with.rank);
-    let testable = data.weights == Weights::Stated || freedom > 0;
-    testable && slides(data, with) && without.marks.criterion() - with.marks.criterion() > SHOWS
+    slides(data, with) && with.marks.gain_over(&without.marks, data.weights) > SHOWS
 }
 
 /// Whether some row slides.

@@ -19,6 +19,7 @@ use super::result::ModelName;
 use super::search::{Found, Task};
 use super::series::{ColumnSet, Series, Weights};
 use super::starts;
+use crate::quantity::median;
 
 /// Fewer rows have no bulk that one could stand out from.
 const LEAST_ROWS: usize = 5;
@@ -26,9 +27,9 @@ const LEAST_ROWS: usize = 5;
 /// Part of the rows of the trimmed fit.
 const CORE: f64 = 0.6;
 
-/// Of fewer rows than this, a fifth may be set aside, and only if the rest fits as its deviations say: a model with three
-/// parameters describes most of a handful of rows even where it is wrong.
-const HANDFUL: usize = 15;
+/// With fewer equations than this, a fifth of the rows may be set aside, and only if the rest fits as its deviations say: a
+/// model with three parameters describes most of a handful of rows even where it is wrong.
+const HANDFUL: usize = 20;
 
 /// Part of more rows that may be set aside.
 const MOST_OUT: f64 = 1.0 / 3.0;
@@ -61,7 +62,7 @@ struct Robust {
     shares: Vec<f64>,
 }
 
-/// Looks for rows that no model explains. `solutions` are the plain fits to all rows.
+/// Looks for rows that no model explains. `solutions` are the plain fits to all rows, or to the sample.
 pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outliers {
     if data.rows.len() < LEAST_ROWS || solutions.iter().any(|s| describes_all(data, s)) {
         return Outliers::default();
@@ -69,7 +70,7 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
     let mut fits: Vec<Vec<Robust>> = variants(data)
         .into_iter()
         .map(|(name, regimes, free)| {
-            robust(data, name, regimes, free, starts::candidates(data, &data.sample, &free))
+            robust(data, name, regimes, free, starts::candidates(data, &data.sample, &free), 6)
         })
         .collect();
     fits.push(robust_jumps(data));
@@ -131,17 +132,44 @@ fn agreed(described: Vec<(Robust, Vec<bool>)>) -> Option<(Robust, Vec<bool>)> {
     described.into_iter().find(|(_, out)| *out == common)
 }
 
-/// Whether a plain fit already describes every row within its stated deviations.
+/// Whether a plain fit already describes every row: as its deviations say, or, without those, with no more in the tails
+/// than its own bulk leads one to expect.
 fn describes_all(data: &Data, solution: &Solution) -> bool {
+    const ENOUGH_FOR_TAILS: usize = 50;
     let freedom = solution.marks.equations.saturating_sub(solution.rank);
-    let fits = criteria::chi2_tail(solution.found.chi2, freedom).is_none_or(|p| p >= criteria::LEAST_PROBABILITY);
-    let limit = chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
-    let task = solution.task(data);
-    let within = |row: &Observation| {
-        let near = task.nearest(row, &solution.found.theta);
-        near.is_some_and(|n| n.chi2 <= limit * TAIL_RATIOS[row.equations() - 1])
+    let tail = FALSE_ALARM / data.rows.len() as f64;
+    let mean = solution.found.chi2 / freedom.max(1) as f64;
+    let limit = match data.weights {
+        Weights::Stated => {
+            let probability = criteria::chi2_tail(solution.found.chi2, freedom);
+            if probability.is_some_and(|p| p < criteria::LEAST_PROBABILITY) {
+                return false;
+            }
+            chi2_quantile(tail, 1)
+        }
+        Weights::Unit if data.rows.len() < ENOUGH_FOR_TAILS => return false,
+        Weights::Unit => mean * f_quantile(tail, 1, freedom),
     };
-    data.weights == Weights::Stated && fits && data.rows.iter().all(within)
+    let Some(nearest) = solution.task(data).all_nearest(&solution.found.theta) else {
+        return false;
+    };
+    let mut shares: Vec<f64> = nearest
+        .iter()
+        .zip(&data.rows)
+        .map(|(near, row)| near.chi2 / TAIL_RATIOS[row.equations() - 1])
+        .collect();
+    if !shares.iter().all(|share| *share <= limit) {
+        return false;
+    }
+    if data.weights == Weights::Stated {
+        return true;
+    }
+    for ((share, near), row) in shares.iter_mut().zip(&nearest).zip(&data.rows) {
+        *share = near.chi2 / MEDIANS[row.equations() - 1];
+    }
+    let typical = median(&mut shares).unwrap_or(0.0);
+    // Chance moves this ratio by some per cent for 50 rows; outliers that matter move it by more.
+    mean <= 1.3 * typical
 }
 
 fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
@@ -188,6 +216,7 @@ fn robust(
     regimes: Regimes,
     free: [bool; PARAMETERS],
     starts: Vec<Theta>,
+    followed: usize,
 ) -> Vec<Robust> {
     let task = Task {
         rows: &data.rows,
@@ -195,7 +224,7 @@ fn robust(
         regimes,
         free,
     };
-    let starts = starts::best(&task, starts, CORE, 6);
+    let starts = starts::best(&task, starts, CORE, followed);
     starts
         .into_iter()
         .filter_map(|start| concentrate(data, &task, start))
@@ -221,7 +250,7 @@ fn robust_jumps(data: &Data) -> Vec<Robust> {
     let starts = starts::candidates(data, &data.sample, &free);
     gaps.iter()
         .step_by(step)
-        .flat_map(|&gap| robust(data, ModelName::MuE, Regimes::Jump(gap), free, starts.clone()))
+        .flat_map(|&gap| robust(data, ModelName::MuE, Regimes::Jump(gap), free, starts.clone(), 2))
         .filter(Robust::is_possible)
         .collect()
 }
@@ -323,41 +352,37 @@ fn spread_of(data: &Data, fit: &Robust) -> f64 {
 }
 
 fn few(data: &Data) -> bool {
-    data.rows.len() < HANDFUL
+    data.equations() < HANDFUL
 }
 
-fn most_out(rows: usize) -> usize {
-    if rows < HANDFUL { rows / 5 } else { (MOST_OUT * rows as f64) as usize }
+fn most_out(data: &Data) -> usize {
+    let rows = data.rows.len();
+    if few(data) { rows / 5 } else { (MOST_OUT * rows as f64) as usize }
 }
 
 /// The rows that lie beyond chance of the robust fit, which is improved on the way; `None` where the model does not
 /// describe the bulk of them.
 fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>> {
-    let all: Vec<usize> = (0..data.rows.len()).collect();
     let mut out = vec![false; data.rows.len()];
     let mut spread = spread;
     for _ in 0..6 {
-        let task = fit.task(data, None);
         let limit = reach(data, &out, spread, fit);
-        let now: Vec<bool> = shares(&task, &fit.theta)
-            .iter()
-            .zip(&data.rows)
-            .map(|(share, row)| !(*share <= limit * TAIL_RATIOS[row.equations() - 1]))
-            .collect();
+        let now = beyond(data, fit, limit);
         let count = now.iter().filter(|o| **o).count();
-        if count > most_out(now.len()) {
+        if count > most_out(data) {
             return None;
         }
         let same = now == out;
         out = now;
-        let kept: Vec<usize> = all.iter().copied().filter(|&i| !out[i]).collect();
+        // Of many rows, a sample tells what the bulk does.
+        let kept: Vec<usize> = data.sample.iter().copied().filter(|&i| !out[i]).collect();
         let found = fit.task(data, Some(&kept)).search(fit.theta)?;
         fit.theta = found.theta;
         spread = spread_of_kept(data, &kept, &found, fit);
         if data.weights == Weights::Stated && few(data) && spread > 1.0 {
             return None;
         }
-        if same {
+        if same || data.sample.len() < data.rows.len() {
             break;
         }
     }
@@ -368,6 +393,15 @@ fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>>
         take_back(data, fit, &mut out, spread);
     }
     Some(out)
+}
+
+/// The rows whose χ² is beyond `limit`, for one equation.
+fn beyond(data: &Data, fit: &Robust, limit: f64) -> Vec<bool> {
+    let within = |near: &Nearest, row: &Observation| near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1];
+    match fit.task(data, None).all_nearest(&fit.theta) {
+        Some(nearest) => nearest.iter().zip(&data.rows).map(|(near, row)| !within(near, row)).collect(),
+        None => vec![true; data.rows.len()],
+    }
 }
 
 /// The scatter of the rows that a fit was made on.

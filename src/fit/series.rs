@@ -368,7 +368,7 @@ struct Deviations {
     set: ColumnSet,
     /// Columns of the fit in which some row has a deviation, be it zero.
     given: Vec<Column>,
-    /// Whether some deviation is above zero.
+    /// Whether some deviation is not zero.
     any: bool,
     /// Whether deviations are given, and every one is zero.
     all_zero: bool,
@@ -384,7 +384,7 @@ impl Deviations {
             .collect();
         let any = given
             .iter()
-            .any(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s > 0.0)));
+            .any(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s != 0.0)));
         Self {
             set,
             all_zero: !given.is_empty() && !any,
@@ -466,7 +466,7 @@ impl Deviations {
     fn check_reading(&self, column: Column, reading: Reading, required: bool) -> Result<(), String> {
         let name = column.name();
         if !reading.value.is_finite() {
-            return Err(format!("{name} is {}, not a number", reading.value));
+            return Err(format!("{name} is not a finite number"));
         }
         // Far beyond any laboratory; products of such numbers overflow.
         if !(reading.value.abs() <= 1e9) {
