@@ -51,9 +51,9 @@ pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
         }
     }
     if args.json {
-        answer(&String::from_utf8_lossy(&write::json_text(&series_json::fit_json(
-            &fitted,
-        ))?))?;
+        answer(&String::from_utf8_lossy(&write::json_text(
+            &series_json::fit_json(&fitted),
+        )?))?;
     } else {
         answer(&series_table::fit_table(&fitted))?;
     }

@@ -26,7 +26,11 @@ const FAR_BETTER: f64 = 10.0;
 const GENERAL: f64 = 4.0;
 
 /// The choice among `fits`, whose solutions are `solutions`.
-pub(super) fn choose(data: &Data, solutions: &[Solution], fits: &[ModelFit]) -> (Preferred, String, Vec<Note>) {
+pub(super) fn choose(
+    data: &Data,
+    solutions: &[Solution],
+    fits: &[ModelFit],
+) -> (Preferred, String, Vec<Note>) {
     let spread = spread(data, fits);
     let notes = notes(data, fits, spread);
     let mut candidates: Vec<(ModelName, f64)> = Vec::new();
@@ -65,7 +69,10 @@ pub(super) fn choose(data: &Data, solutions: &[Solution], fits: &[ModelFit]) -> 
     }
     sentences.extend(excluded);
     if spread > 1.0 && candidates.len() > 1 {
-        sentences.push(format!("differences of χ² are divided by the scatter, {}", three_digits(spread)));
+        sentences.push(format!(
+            "differences of χ² are divided by the scatter, {}",
+            three_digits(spread)
+        ));
     }
     if notes.iter().any(|n| n.code == "no_model_fits") {
         sentences.push(match preferred {
@@ -80,17 +87,26 @@ pub(super) fn choose(data: &Data, solutions: &[Solution], fits: &[ModelFit]) -> 
 
 /// Whether a model that does not fit is still in another class than its rivals.
 fn far_better(name: ModelName, fits: &[ModelFit]) -> bool {
-    let chi2 = |of: ModelName| fits.iter().find(|f| f.name == of).map_or(f64::INFINITY, |f| f.chi2);
+    let chi2 = |of: ModelName| {
+        fits.iter()
+            .find(|f| f.name == of)
+            .map_or(f64::INFINITY, |f| f.chi2)
+    };
     let rivals = ModelName::ALL.into_iter().filter(|&rival| {
         // Grip-slide fits as well as its special cases do: it is no rival of theirs.
         rival != name && rival != ModelName::GripSlide
     });
-    rivals.into_iter().all(|rival| chi2(rival) > FAR_BETTER * chi2(name))
+    rivals
+        .into_iter()
+        .all(|rival| chi2(rival) > FAR_BETTER * chi2(name))
 }
 
 fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<String>) {
     let Some(&(best, least)) = candidates.first() else {
-        return (Preferred::Undetermined, vec!["the models cannot be compared".to_owned()]);
+        return (
+            Preferred::Undetermined,
+            vec!["the models cannot be compared".to_owned()],
+        );
     };
     let aicc = |name| candidates.iter().find(|c| c.0 == name).map(|c| c.1);
     let list = |preferred: ModelName, base: f64| {
@@ -135,19 +151,27 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
         ));
         return (Preferred::Undetermined, sentences);
     }
-    let other = if simple == ModelName::MuE { ModelName::EE } else { ModelName::MuE };
+    let other = if simple == ModelName::MuE {
+        ModelName::EE
+    } else {
+        ModelName::MuE
+    };
     let gap = aicc(other).map(|a| a - simple_aicc);
     // Where all rows leave rolling, μ-e is e-e with e_x = 0 and saves a parameter: that is no evidence.
     let same = rolling && gap.is_some_and(|gap| simple == ModelName::MuE || gap < DECISIVE);
     if same {
-        let mut sentences =
-            vec!["no row slides, and none needs an e_x other than 0, with which e_e says what mu_e says".to_owned()];
+        let mut sentences = vec![
+            "no row slides, and none needs an e_x other than 0, with which e_e says what mu_e says"
+                .to_owned(),
+        ];
         sentences.extend(list(simple, simple_aicc));
         return (Preferred::Undetermined, sentences);
     }
     match gap {
         Some(gap) if gap < DECISIVE => {
-            let mut sentences = vec![format!("the difference is under {DECISIVE}, which decides nothing")];
+            let mut sentences = vec![format!(
+                "the difference is under {DECISIVE}, which decides nothing"
+            )];
             sentences.splice(0..0, list(simple, simple_aicc));
             (Preferred::Undetermined, sentences)
         }

@@ -150,7 +150,9 @@ impl Reader<'_> {
         Some(match self.set {
             ColumnSet::Velocities => get(n, Column::IncidentVx)? / -get(n, Column::IncidentVz)?,
             ColumnSet::Angles => get(n, Column::IncidentAngle)?.to_radians().tan(),
-            ColumnSet::Distances => get(n, Column::LaunchSpeed)?.powi(2) / (self.gravity() * get(n, Column::X0)?),
+            ColumnSet::Distances => {
+                get(n, Column::LaunchSpeed)?.powi(2) / (self.gravity() * get(n, Column::X0)?)
+            }
         })
     }
 
@@ -281,7 +283,10 @@ mod tests {
         ] {
             let c = Coordinates::new(&row, set, Weights::Stated, e, None).unwrap();
             assert!((c.incident_rad.value.to_degrees() - 30.0).abs() < 1e-9, "{set:?}");
-            assert!((c.spin_after_ratio.unwrap().value - 5.0 / 7.0).abs() < 1e-9, "{set:?}");
+            assert!(
+                (c.spin_after_ratio.unwrap().value - 5.0 / 7.0).abs() < 1e-9,
+                "{set:?}"
+            );
             if let Some(mark) = c.rebound_tangent {
                 assert!((mark.value - predicted.rebound_tangent).abs() < 1e-9);
             }

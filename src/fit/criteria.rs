@@ -59,7 +59,9 @@ impl Marks {
     /// else AICc.
     pub fn criterion(&self, weights: Weights) -> Option<f64> {
         match weights {
-            Weights::Stated => self.log_likelihood.map(|l| -2.0 * l + 2.0 * self.parameters as f64),
+            Weights::Stated => self
+                .log_likelihood
+                .map(|l| -2.0 * l + 2.0 * self.parameters as f64),
             Weights::Unit => self.aicc,
         }
     }
@@ -111,7 +113,8 @@ pub(super) fn f_quantile(tail: f64, above: usize, below: usize) -> f64 {
     if below == 0 {
         return f64::INFINITY;
     }
-    FisherSnedecor::new(above.max(1) as f64, below as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - tail))
+    FisherSnedecor::new(above.max(1) as f64, below as f64)
+        .map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - tail))
 }
 
 /// Standard uncertainties to either side that hold 95 %.
@@ -119,8 +122,9 @@ pub(super) fn coverage_factor(weights: Weights, freedom: usize) -> f64 {
     const TAIL: f64 = 0.975;
     match weights {
         Weights::Stated => Normal::standard().inverse_cdf(TAIL),
-        Weights::Unit => StudentsT::new(0.0, 1.0, freedom.max(1) as f64)
-            .map_or(f64::INFINITY, |d| d.inverse_cdf(TAIL)),
+        Weights::Unit => {
+            StudentsT::new(0.0, 1.0, freedom.max(1) as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(TAIL))
+        }
     }
 }
 

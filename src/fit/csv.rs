@@ -211,7 +211,8 @@ impl Header {
                 return Err(FitError::Column {
                     name: file.to_owned(),
                     column: name.clone(),
-                    problem: "the column that it belongs to is not there; add it, or remove this one".to_owned(),
+                    problem: "the column that it belongs to is not there; add it, or remove this one"
+                        .to_owned(),
                 });
             }
         }
@@ -221,8 +222,10 @@ impl Header {
     /// The first set that is there with a number in every column of some row: a batch of top views has the columns of
     /// velocities, but no number in those of z.
     fn set(&self, rows: &[Row]) -> ColumnSet {
-        let full =
-            |set: &ColumnSet| rows.iter().any(|row| set.required().iter().all(|&c| row.value(c).is_some()));
+        let full = |set: &ColumnSet| {
+            rows.iter()
+                .any(|row| set.required().iter().all(|&c| row.value(c).is_some()))
+        };
         ColumnSet::ALL.into_iter().find(full).unwrap_or(self.set)
     }
 
@@ -255,7 +258,8 @@ impl Header {
         let mut values = [None; Column::COUNT];
         let mut correlations = Vec::new();
         for ((name, meaning), cell) in cells() {
-            let number = || number_in(cell, decimal_comma).map_err(|found| aside(format!("{name} is {found}")));
+            let number =
+                || number_in(cell, decimal_comma).map_err(|found| aside(format!("{name} is {found}")));
             match *meaning {
                 Meaning::Value(c) => values[c as usize] = number()?,
                 Meaning::Std(c) => std[c as usize] = number()?,
@@ -336,7 +340,9 @@ fn missing(names: &[String], file: &str, has: &impl Fn(&Column) -> bool) -> FitE
     let typos: Vec<String> = names
         .iter()
         .filter(|name| Meaning::of(&name.to_ascii_lowercase()) == Meaning::Other)
-        .filter_map(|name| nearest(&name.to_ascii_lowercase()).map(|near| format!("is {name} meant to be {near}?")))
+        .filter_map(|name| {
+            nearest(&name.to_ascii_lowercase()).map(|near| format!("is {name} meant to be {near}?"))
+        })
         .collect();
     let missing = if typos.is_empty() {
         missing
@@ -375,7 +381,11 @@ fn number_in(cell: &[u8], decimal_comma: bool) -> Result<Option<f64>, String> {
     let Ok(text) = std::str::from_utf8(cell) else {
         return Err(told());
     };
-    if matches!(text, "" | "?" | "-") || ["null", "nan", "na", "n/a", "none"].iter().any(|w| text.eq_ignore_ascii_case(w)) {
+    if matches!(text, "" | "?" | "-")
+        || ["null", "nan", "na", "n/a", "none"]
+            .iter()
+            .any(|w| text.eq_ignore_ascii_case(w))
+    {
         return Ok(None);
     }
     let parsed = if decimal_comma && text.contains(',') {
@@ -436,11 +446,16 @@ mod tests {
             "\"x0_m\",\"x_m\",\"launch_speed_m_s\"\n\"0.2\",0.25,1e0\n",
         ] {
             let other = series(text);
-            assert_eq!(other.rows[0].value(Column::X0), dots.rows[0].value(Column::X0), "{text}");
+            assert_eq!(
+                other.rows[0].value(Column::X0),
+                dots.rows[0].value(Column::X0),
+                "{text}"
+            );
             assert_eq!(other.rows[0].value(Column::X), Some(0.25));
         }
         assert_eq!(
-            series("incident_angle_deg,rebound_angle_deg\n\u{2212}30,\u{2212}28\n").rows[0].value(Column::IncidentAngle),
+            series("incident_angle_deg,rebound_angle_deg\n\u{2212}30,\u{2212}28\n").rows[0]
+                .value(Column::IncidentAngle),
             Some(-30.0)
         );
     }
@@ -449,10 +464,19 @@ mod tests {
     fn a_missing_column_is_named_and_so_is_the_slip_of_the_pen() {
         let text = error("incident_vx_m_s,incident_vz_m_s,rebound_vx_m_s,rebound_vz_ms\n1,-1,1,1\n");
         assert!(text.contains("it lacks rebound_vz_m_s"), "{text}");
-        assert!(text.contains("is rebound_vz_ms meant to be rebound_vz_m_s?"), "{text}");
-        assert!(text.contains("s.csv") && text.contains("launch_speed_m_s"), "{text}");
+        assert!(
+            text.contains("is rebound_vz_ms meant to be rebound_vz_m_s?"),
+            "{text}"
+        );
+        assert!(
+            text.contains("s.csv") && text.contains("launch_speed_m_s"),
+            "{text}"
+        );
         let text = error("time,speed\n1,2\n");
-        assert!(text.contains("none of the columns") && text.contains("time, speed"), "{text}");
+        assert!(
+            text.contains("none of the columns") && text.contains("time, speed"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -465,14 +489,27 @@ mod tests {
             (b"\0\0\0\x18ftyp", "not text"),
             (b"x0_m,x_m,launch_speed_m_s\n", "no rows"),
             (b"x0_m,x_m,x_m,launch_speed_m_s\n1,1,1,1\n", "twice"),
-            (b"x0_m,x_m,launch_speed_m_s,spin_ratio_std\n1,1,1,1\n", "belongs to"),
+            (
+                b"x0_m,x_m,launch_speed_m_s,spin_ratio_std\n1,1,1,1\n",
+                "belongs to",
+            ),
         ] {
             let text = parse(bytes, "s.csv").unwrap_err().to_string();
             assert!(text.contains(word) && text.contains("s.csv"), "{word}: {text}");
         }
-        assert!(read(Path::new("/no/such/file.csv")).unwrap_err().to_string().contains("/no/such/file.csv"));
+        assert!(
+            read(Path::new("/no/such/file.csv"))
+                .unwrap_err()
+                .to_string()
+                .contains("/no/such/file.csv")
+        );
         let folder = tempfile::tempdir().unwrap();
-        assert!(read(folder.path()).unwrap_err().to_string().contains("track batch"));
+        assert!(
+            read(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("track batch")
+        );
     }
 
     #[test]

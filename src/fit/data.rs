@@ -32,7 +32,8 @@ impl Data {
         let mut rows = Vec::with_capacity(indices.len());
         let mut set_aside = Vec::new();
         for &index in indices {
-            let made = Observation::new(series, index, spin_out).and_then(|row| weighable(&row).map(|()| row));
+            let made =
+                Observation::new(series, index, spin_out).and_then(|row| weighable(&row).map(|()| row));
             match made {
                 Ok(row) => rows.push(row),
                 Err(reason) => set_aside.push(SetAside {
@@ -119,7 +120,11 @@ fn sample(rows: &[Observation]) -> Vec<usize> {
         return (0..rows.len()).collect();
     }
     let zero = [0.0; super::law::PARAMETERS];
-    let mut order: Vec<(f64, usize)> = rows.iter().enumerate().map(|(i, r)| (demand(r, &zero), i)).collect();
+    let mut order: Vec<(f64, usize)> = rows
+        .iter()
+        .enumerate()
+        .map(|(i, r)| (demand(r, &zero), i))
+        .collect();
     order.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
     let mut chosen: Vec<usize> = (0..SAMPLE)
         .map(|i| order[i * (rows.len() - 1) / (SAMPLE - 1)].1)
@@ -135,7 +140,10 @@ fn rounding(rows: &[Observation], weights: Weights) -> f64 {
     match weights {
         Weights::Stated => 0.0,
         Weights::Unit => {
-            let size = rows.iter().flat_map(|r| r.z[..4].iter()).fold(0.0_f64, |m, z| m.max(z.abs()));
+            let size = rows
+                .iter()
+                .flat_map(|r| r.z[..4].iter())
+                .fold(0.0_f64, |m, z| m.max(z.abs()));
             (DIGITS * size).powi(2)
         }
     }

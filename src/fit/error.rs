@@ -34,7 +34,10 @@ pub enum FitError {
         hint: &'static str,
     },
     /// The columns do not hold one of the three sets.
-    #[error("{name}: {missing} (found: {found}); a series needs one of these sets of columns: {}", super::series::SETS)]
+    #[error(
+        "{name}: {missing} (found: {found}); a series needs one of these sets of columns: {}",
+        super::series::SETS
+    )]
     Columns {
         /// The file.
         name: String,

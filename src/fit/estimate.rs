@@ -113,11 +113,12 @@ impl<'a> Work<'a> {
         let sliding = nearest.iter().filter(|n| n.state.slides()).count();
         let freedom = solution.marks.equations.saturating_sub(parameters(solution));
         let scatter = criteria::scatter(data, solution.found.chi2, freedom);
-        let covariance = solution
-            .found
-            .triangle
-            .covariance(&solution.determined, &solution.free, solution.rank)
-            * scatter.unwrap_or(0.0).powi(2);
+        let covariance =
+            solution
+                .found
+                .triangle
+                .covariance(&solution.determined, &solution.free, solution.rank)
+                * scatter.unwrap_or(0.0).powi(2);
         let factor = criteria::coverage_factor(data.weights, freedom);
         let valleys = valleys(data, solution, scatter.unwrap_or(0.0), factor);
         let mut ratios: Vec<f64> = data
@@ -144,7 +145,10 @@ impl<'a> Work<'a> {
     }
 
     fn freedom(&self) -> usize {
-        self.solution.marks.equations.saturating_sub(parameters(self.solution))
+        self.solution
+            .marks
+            .equations
+            .saturating_sub(parameters(self.solution))
     }
 
     /// Standard uncertainty of a function of the parameters, to first order.
@@ -177,7 +181,10 @@ impl<'a> Work<'a> {
             ends.0 = ends.0.map(|low| low.min(there - reach));
             ends.1 = ends.1.map(|high| high.max(there + reach));
         }
-        let longer = ends.0.zip(ends.1).map(|(low, high)| (value - low).max(high - value));
+        let longer = ends
+            .0
+            .zip(ends.1)
+            .map(|(low, high)| (value - low).max(high - value));
         quantity.std_uncertainty = longer.map(|longer| longer / self.factor);
         Fitted::Determined(Estimate {
             quantity,
@@ -225,7 +232,11 @@ impl<'a> Work<'a> {
     fn only_together(&self, set: ColumnSet) -> String {
         let s = self.slip_share;
         let combination = |theta: &Theta| {
-            let ratio = if self.data.shared_spin { theta[RATIO] } else { self.spin_ratio };
+            let ratio = if self.data.shared_spin {
+                theta[RATIO]
+            } else {
+                self.spin_ratio
+            };
             let kept = (1.0 - s) - s * theta[E_X] + s * (1.0 + theta[E_X]) * ratio;
             if set == ColumnSet::Angles {
                 kept / theta[E]
@@ -270,21 +281,24 @@ impl<'a> Work<'a> {
         }
         let share = (1.0 + self.theta[E_X]) / (1.0 + self.theta[E]);
         let rows = self.data.rows.iter();
-        let most = rows.map(|row| demand(row, &self.theta) * share).fold(0.0, f64::max);
+        let most = rows
+            .map(|row| demand(row, &self.theta) * share)
+            .fold(0.0, f64::max);
         format!(": at least {}", three_digits(most))
     }
 
     fn tangential_restitution(&self) -> Fitted {
         if self.solution.name == ModelName::MuE {
             return Fitted::NotDetermined(
-                "the mu_e model has none: a ball that does not slide leaves rolling, which is e_x = 0".to_owned(),
+                "the mu_e model has none: a ball that does not slide leaves rolling, which is e_x = 0"
+                    .to_owned(),
             );
-        }
-        if self.solution.free[MU] && self.gripping == 0 {
-            return Fitted::NotDetermined("every row slides".to_owned());
         }
         if !self.solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
+        }
+        if self.solution.free[MU] && (self.gripping == 0 || !self.solution.free[E_X]) {
+            return Fitted::NotDetermined("no row is seen to grip".to_owned());
         }
         self.searched(E_X, || {
             if self.data.shared_spin {
@@ -292,7 +306,10 @@ impl<'a> Work<'a> {
             } else if self.solution.determined[E] {
                 "no row slips before the bounce".to_owned()
             } else {
-                self.data.rows.first().map_or_else(String::new, |row| self.only_together(row.set))
+                self.data
+                    .rows
+                    .first()
+                    .map_or_else(String::new, |row| self.only_together(row.set))
             }
         })
     }
@@ -378,7 +395,9 @@ impl<'a> Work<'a> {
         let over = 1.0 + self.theta[E];
         if self.gripping == 0 {
             let rows = self.data.rows.iter();
-            let least = rows.map(|row| demand(row, &self.theta) / over).fold(f64::INFINITY, f64::min);
+            let least = rows
+                .map(|row| demand(row, &self.theta) / over)
+                .fold(f64::INFINITY, f64::min);
             return Fitted::NotDetermined(format!(
                 "every row slides: static friction is at most {}",
                 three_digits(least)
@@ -399,14 +418,22 @@ impl<'a> Work<'a> {
 
     /// tan of the angle beyond which a ball slides is `limit` over this.
     fn angle_rad(&self, limit: f64, theta: &Theta) -> f64 {
-        let ratio = if self.data.shared_spin { theta[RATIO] } else { self.spin_ratio };
+        let ratio = if self.data.shared_spin {
+            theta[RATIO]
+        } else {
+            self.spin_ratio
+        };
         limit.atan2(self.slip_share * (1.0 + theta[E_X]) * (1.0 - ratio).abs())
     }
 
     fn transition(&self, limits: Option<Limits>) -> Transition {
         let of = |angle_rad: Fitted, without_jump_rad| Transition {
             angle_rad,
-            spin_ratio: if self.data.shared_spin { self.theta[RATIO] } else { self.spin_ratio },
+            spin_ratio: if self.data.shared_spin {
+                self.theta[RATIO]
+            } else {
+                self.spin_ratio
+            },
             without_jump_rad,
         };
         let none = |reason: &str| of(Fitted::NotDetermined(reason.to_owned()), None);
@@ -440,7 +467,10 @@ impl<'a> Work<'a> {
             end.map(|end| at + sign * (end - at).abs().hypot(self.factor * held))
         };
         let angle = self.bounded(at, wider(ends.0, -1.0), wider(ends.1, 1.0));
-        let without = solution.jump().is_none().then(|| Quantity::new(value, self.std(continuous)));
+        let without = solution
+            .jump()
+            .is_none()
+            .then(|| Quantity::new(value, self.std(continuous)));
         of(angle, without.flatten())
     }
 
@@ -541,8 +571,8 @@ fn valleys(data: &Data, solution: &Solution, scatter: f64, factor: f64) -> Vec<V
         .iter()
         .filter_map(|found| {
             let room = factor * factor - (found.chi2 - lowest) / (scatter * scatter);
-            let (determined, rank) = (room > 0.0)
-                .then(|| task.unit_triangle(&found.theta).determined(&solution.free))?;
+            let (determined, rank) =
+                (room > 0.0).then(|| task.unit_triangle(&found.theta).determined(&solution.free))?;
             let same = determined == solution.determined;
             Some(Valley {
                 theta: found.theta,

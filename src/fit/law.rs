@@ -299,15 +299,13 @@ impl Law<'_> {
         // L⁻¹ times the derivatives, all columns at once.
         let mut jacobian = [[0.0; PARAMETERS]; MOST];
         for i in 0..equations.count {
-            jacobian[i] = equations.by_parameter[i];
-            for j in 0..i {
-                for p in 0..PARAMETERS {
-                    jacobian[i][p] -= lower[i][j] * jacobian[j][p];
+            let mut line = equations.by_parameter[i];
+            for (above, share) in jacobian[..i].iter().zip(&lower[i]) {
+                for (entry, known) in line.iter_mut().zip(above) {
+                    *entry -= share * known;
                 }
             }
-            for entry in &mut jacobian[i] {
-                *entry /= lower[i][i];
-            }
+            jacobian[i] = line.map(|entry| entry / lower[i][i]);
         }
         let margin = if state.on_edge() {
             0.0
@@ -569,7 +567,10 @@ mod tests {
             made.push(vec![
                 plain.clone().with(Column::SpinIn, 0.1, Some(0.05)),
                 plain.clone().with(Column::SpinRatio, 0.3, Some(0.02)),
-                plain.clone().with(Column::SpinIn, 2.5, None).with(Column::SpinOut, 0.8, Some(0.03)),
+                plain
+                    .clone()
+                    .with(Column::SpinIn, 2.5, None)
+                    .with(Column::SpinOut, 0.8, Some(0.03)),
                 plain.clone().with(Column::SpinOut, 0.9, Some(0.03)),
                 plain
                     .clone()
@@ -580,10 +581,16 @@ mod tests {
             ]);
         }
         for (theta, phi) in [(20.0, 17.0), (50.0, 52.0), (-35.0, -30.0)] {
-            made.push(vec![angles(theta, phi).with(Column::SpinRatio, 0.1, Some(0.05)), angles(theta, phi)]);
+            made.push(vec![
+                angles(theta, phi).with(Column::SpinRatio, 0.1, Some(0.05)),
+                angles(theta, phi),
+            ]);
         }
         for (x0, x) in [(0.06, 0.08), (0.3, 0.3)] {
-            made.push(vec![distances(x0, x).with(Column::SpinRatio, -0.4, None), distances(x0, x)]);
+            made.push(vec![
+                distances(x0, x).with(Column::SpinRatio, -0.4, None),
+                distances(x0, x),
+            ]);
         }
         let observed = |rows: Vec<Row>| {
             let series = Series::new("made", rows, Vec::new()).unwrap();
@@ -592,7 +599,10 @@ mod tests {
             assert!(aside.is_empty() && series.set_aside.is_empty());
             data.rows
         };
-        made.into_iter().flatten().flat_map(|row| observed(vec![row])).collect()
+        made.into_iter()
+            .flatten()
+            .flat_map(|row| observed(vec![row]))
+            .collect()
     }
 
     fn regimes() -> [Regimes; 5] {
@@ -611,8 +621,9 @@ mod tests {
             for regimes in regimes() {
                 let near = nearest(&row, regimes, &THETA).unwrap();
                 for p in 0..PARAMETERS {
-                    let gradient: f64 =
-                        (0..near.equations).map(|i| 2.0 * near.residuals[i] * near.jacobian[i][p]).sum();
+                    let gradient: f64 = (0..near.equations)
+                        .map(|i| 2.0 * near.residuals[i] * near.jacobian[i][p])
+                        .sum();
                     let step = 1e-5;
                     let at = |sign: f64| {
                         let mut theta = THETA;
@@ -678,7 +689,10 @@ mod tests {
                         friction,
                     };
                     let same = grip_slide::impact(&incoming, &both, row.inertia_factor).0;
-                    assert!((same.velocity_m_s - v).norm() < 1e-12, "the side of the limit is the model's");
+                    assert!(
+                        (same.velocity_m_s - v).norm() < 1e-12,
+                        "the side of the limit is the model's"
+                    );
                 }
             }
         }
@@ -687,13 +701,20 @@ mod tests {
     #[test]
     fn chi2_is_continuous_where_a_row_changes_sides() {
         let row = &rows()[4];
-        let chi2 = |mu: f64| nearest(row, Regimes::Continuous, &[0.8, 0.0, mu, 0.0]).unwrap().chi2;
+        let chi2 = |mu: f64| {
+            nearest(row, Regimes::Continuous, &[0.8, 0.0, mu, 0.0])
+                .unwrap()
+                .chi2
+        };
         let mut states = std::collections::HashSet::new();
         let mut before = chi2(0.02);
         for i in 1..4000 {
             let mu = 0.02 + 1e-4 * f64::from(i);
             let now = chi2(mu);
-            assert!((now - before).abs() < 0.02 * (1.0 + before), "mu {mu}: {before} {now}");
+            assert!(
+                (now - before).abs() < 0.02 * (1.0 + before),
+                "mu {mu}: {before} {now}"
+            );
             before = now;
             let near = nearest(row, Regimes::Continuous, &[0.8, 0.0, mu, 0.0]).unwrap();
             states.insert(format!("{:?}", near.state));

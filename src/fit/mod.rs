@@ -52,8 +52,8 @@ mod triangle;
 pub use criteria::LEAST_PROBABILITY;
 pub use error::FitError;
 pub use result::{
-    CourtPace, Curve, Estimate, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, RowFit, RowRegime,
-    SeriesFit, Transition,
+    CourtPace, Curve, Estimate, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, RowFit,
+    RowRegime, SeriesFit, Transition,
 };
 pub use series::{Column, ColumnSet, Note, Reading, Row, Series, SetAside, Weights};
 
@@ -76,7 +76,10 @@ pub fn fit(series: &Series, options: &Options) -> SeriesFit {
     }
     let mut set_aside: HashMap<&str, Vec<SetAside>> = HashMap::new();
     for aside in &series.set_aside {
-        set_aside.entry(aside.group.as_str()).or_default().push(aside.clone());
+        set_aside
+            .entry(aside.group.as_str())
+            .or_default()
+            .push(aside.clone());
     }
     SeriesFit {
         name: series.name.clone(),
@@ -165,7 +168,10 @@ fn fit_group(
 
 /// The note about rows that stick out side by side.
 fn stay(series: &Series, data: &Data, systematic: &[usize]) -> Note {
-    let mut numbers: Vec<usize> = systematic.iter().map(|&i| series.rows[data.rows[i].row].number).collect();
+    let mut numbers: Vec<usize> = systematic
+        .iter()
+        .map(|&i| series.rows[data.rows[i].row].number)
+        .collect();
     numbers.sort_unstable();
     let listed: Vec<String> = numbers.iter().take(20).map(usize::to_string).collect();
     Note {

@@ -4,10 +4,10 @@
 //! |---|---|
 //! | μ-e | all rows leave rolling (e); some slide, μ_o = μ (e, μ); the outcome jumps (e, μ, μ_o) |
 //! | e-e | (e, e_x) |
-//! | grip-slide | all rows grip (e, e_x); some slide (e, e_x, μ) |
+//! | grip-slide | all rows grip (e, e_x); all slide (e, μ); some do either (e, e_x, μ) |
 //!
-//! A larger variant has to earn its parameter. Sliding has to show ([`SHOWS`]): otherwise the row nearest to the limit would
-//! give a friction made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
+//! A larger variant has to earn its parameter. That some rows slide, or grip, has to show ([`SHOWS`]): otherwise the row
+//! nearest to the limit would give a coefficient made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
 //! already) tell neither friction nor e_x.
 
 use super::criteria::{Marks, chi2_quantile};
@@ -19,7 +19,7 @@ use super::series::Weights;
 use super::starts;
 use super::transition::Profile;
 
-/// By how much AICc has to fall for sliding to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
+/// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
 const SHOWS: f64 = 8.8;
 
@@ -29,6 +29,9 @@ const JUMPS: f64 = 6.0;
 
 /// Probability that rows without slip seem to have some.
 const NO_SLIP: f64 = 0.001;
+
+/// Standard deviations by which e_x from 0 to 1 has to move the rebounds, all rows together, for slip to tell anything.
+const TELLING: f64 = 2.0;
 
 /// Starts that are followed to their end.
 const FOLLOWED: usize = 8;
@@ -115,7 +118,10 @@ pub(super) fn all(data: &Data) -> Vec<Solution> {
     }
     let e_e = solve(data, ModelName::EE, Regimes::Grip, free(data, true, false), &[]);
     let grip_slide = grip_slide(data, e_e.as_ref());
-    [mu_e(data, rolling), e_e, grip_slide].into_iter().flatten().collect()
+    [mu_e(data, rolling), e_e, grip_slide]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// Whether the balls are seen to slip before the bounce.
@@ -127,6 +133,17 @@ fn slips(data: &Data, rolling: &Solution) -> bool {
             (rolling.found.chi2 / freedom.max(1) as f64).max(data.rounding)
         }
     };
+    // Slip that is known well, but too small to move the rebound, tells nothing either.
+    let told = Task {
+        free: free(data, true, false),
+        ..rolling.task(data)
+    };
+    let moves = told
+        .linear(&rolling.found.theta)
+        .map_or(0.0, |l| l.triangle.lengths()[E_X]);
+    if !(moves > TELLING * spread.sqrt()) {
+        return false;
+    }
     let (mut chi2, mut rows) = (0.0, 0);
     for row in &data.rows {
         let (slip, variance) = row.slip(rolling.found.theta[RATIO]);
@@ -148,27 +165,40 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         return sliding.or(rolling);
     };
     let jump = Profile::new(data, free, sliding.found.theta)
-        .best(sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]), 0.5 * JUMPS)
+        .best(
+            sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]),
+            0.5 * JUMPS,
+        )
         .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
         .filter(|s| s.marks.gain_over(&sliding.marks, data.weights) > JUMPS && slides(data, s));
     let larger = jump.unwrap_or_else(|| sliding.clone());
-    Some(if shows(data, rolling, &larger) { larger } else { rolling.clone() })
+    Some(if shows(data, rolling, &larger) {
+        larger
+    } else {
+        rolling.clone()
+    })
 }
 
 fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
     let name = ModelName::GripSlide;
     let from: Vec<Theta> = e_e.iter().map(|s| s.found.theta).collect();
-    let sliding = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
-    let gripping = e_e.map(|s| Solution { name, ..s.clone() });
-    let (Some(gripping), Some(sliding)) = (&gripping, &sliding) else {
-        return sliding.or(gripping);
+    let both = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
+    let throughout = solve(data, name, Regimes::Slide, free(data, false, true), &[]);
+    // The simpler of the two: e-e first, which has no limit to be beyond.
+    let simple = e_e
+        .map(|s| Solution { name, ..s.clone() })
+        .into_iter()
+        .chain(throughout)
+        .min_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2));
+    let (Some(simple), Some(both)) = (&simple, &both) else {
+        return both.or(simple);
     };
-    Some(if shows(data, gripping, sliding) {
-        sliding.clone()
+    Some(if shows(data, simple, both) {
+        both.clone()
     } else {
-        gripping.clone()
+        simple.clone()
     })
 }
 
@@ -181,7 +211,8 @@ fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
 fn slides(data: &Data, solution: &Solution) -> bool {
     let task = solution.task(data);
     let theta = &solution.found.theta;
-    task.rows().any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
+    task.rows()
+        .any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
 }
 
 fn solve(
@@ -244,7 +275,11 @@ fn through_the_order(data: &Data, solution: &mut Solution) {
             ..task.clone()
         };
         let valley = parted.search(theta).and_then(|parted| task.search(parted.theta));
-        let is_new = |found: &Found| valleys.iter().all(|v| (v.chi2 - found.chi2).abs() > 1e-6 * (1e-3 + found.chi2));
+        let is_new = |found: &Found| {
+            valleys
+                .iter()
+                .all(|v| (v.chi2 - found.chi2).abs() > 1e-6 * (1e-3 + found.chi2))
+        };
         if let Some(found) = valley.filter(is_new) {
             valleys.push(found);
         }

@@ -134,7 +134,10 @@ impl Observation {
         } else if after.is_some() {
             self.spin = Spin::FromAfter;
         }
-        if self.z[SPIN] == 0.0 && self.variance[SPIN] == 0.0 && matches!(self.spin, Spin::Surface | Spin::Ratio) {
+        if self.z[SPIN] == 0.0
+            && self.variance[SPIN] == 0.0
+            && matches!(self.spin, Spin::Surface | Spin::Ratio)
+        {
             self.spin = Spin::Zero;
         }
         if after.is_some() {
@@ -169,8 +172,9 @@ impl Observation {
         if !any {
             return Ok(());
         }
-        self.log_correlation = log_correlation(&full)
-            .ok_or_else(|| "its correlations contradict each other: no errors have them all at once".to_owned())?;
+        self.log_correlation = log_correlation(&full).ok_or_else(|| {
+            "its correlations contradict each other: no errors have them all at once".to_owned()
+        })?;
         self.covariance = Some(Box::new(full));
         Ok(())
     }
@@ -304,7 +308,11 @@ fn factor(column: Column) -> f64 {
 /// gravity, spin before) is taken as exact.
 fn unit_std(column: Column) -> f64 {
     match column {
-        Column::LaunchSpeed | Column::Gravity | Column::SpinIn | Column::SpinRatio | Column::InertiaFactor => 0.0,
+        Column::LaunchSpeed
+        | Column::Gravity
+        | Column::SpinIn
+        | Column::SpinRatio
+        | Column::InertiaFactor => 0.0,
         _ => 1.0,
     }
 }
@@ -335,10 +343,11 @@ fn log_correlation(full: &[Slots; SLOTS]) -> Option<f64> {
             continue;
         }
         sum += pivot.ln();
-        for i in p + 1..SLOTS {
-            let share = m[i][p] / pivot;
-            for j in p + 1..SLOTS {
-                m[i][j] -= share * m[p][j];
+        let line = m[p];
+        for below in &mut m[p + 1..] {
+            let share = below[p] / pivot;
+            for (entry, above) in below.iter_mut().zip(&line).skip(p + 1) {
+                *entry -= share * above;
             }
         }
     }

@@ -37,8 +37,12 @@ const MOST_OUT: f64 = 1.0 / 3.0;
 /// Probability that a good series loses a row.
 const FALSE_ALARM: f64 = 0.001;
 
-/// Probability below which rows side by side are no chance.
+/// Probability below which a few rows side by side are no chance.
 const SIDE_BY_SIDE: f64 = 0.05;
+
+/// Of this many rows and more: standard deviations beyond what chance puts side by side.
+const MANY: usize = 6;
+const SIDE_BY_SIDE_SIGMAS: f64 = 4.0;
 
 /// Rows up to which each one that sticks out is tried in the fit.
 const TRIED: usize = 200;
@@ -70,7 +74,14 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
     let mut fits: Vec<Vec<Robust>> = variants(data)
         .into_iter()
         .map(|(name, regimes, free)| {
-            robust(data, name, regimes, free, starts::candidates(data, &data.sample, &free), 6)
+            robust(
+                data,
+                name,
+                regimes,
+                free,
+                starts::candidates(data, &data.sample, &free),
+                6,
+            )
         })
         .collect();
     fits.push(robust_jumps(data));
@@ -127,9 +138,15 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
 /// there is no such model: each then describes the bulk at the cost of rows that another one explains, and the rows are not
 /// to blame.
 fn agreed(described: Vec<(Robust, Vec<bool>)>) -> Option<(Robust, Vec<bool>)> {
+    // Of very many rows, some lie so near to the limit that models differ on them.
+    const NEAR_THE_LIMIT: usize = 300;
     let rows = described.first()?.1.len();
-    let common: Vec<bool> = (0..rows).map(|i| described.iter().all(|(_, out)| out[i])).collect();
-    described.into_iter().find(|(_, out)| *out == common)
+    let common: Vec<bool> = (0..rows)
+        .map(|i| described.iter().all(|(_, out)| out[i]))
+        .collect();
+    let count = |out: &[bool]| out.iter().filter(|o| **o).count();
+    let (fit, out) = described.into_iter().min_by_key(|(_, out)| count(out))?;
+    (count(&out) - count(&common) <= rows / NEAR_THE_LIMIT).then_some((fit, common))
 }
 
 /// Whether a plain fit already describes every row: as its deviations say, or, without those, with no more in the tails
@@ -177,7 +194,11 @@ fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
     vec![
         (ModelName::MuE, Regimes::Continuous, [true, false, true, ratio]),
         (ModelName::EE, Regimes::Grip, [true, true, false, ratio]),
-        (ModelName::GripSlide, Regimes::Continuous, [true, true, true, ratio]),
+        (
+            ModelName::GripSlide,
+            Regimes::Continuous,
+            [true, true, true, ratio],
+        ),
     ]
 }
 
@@ -242,7 +263,11 @@ fn robust(
 fn robust_jumps(data: &Data) -> Vec<Robust> {
     const GAPS: usize = 20;
     let free = [true, false, true, data.shared_spin];
-    let mut demands: Vec<f64> = data.sample.iter().map(|&i| demand(&data.rows[i], &[0.0; PARAMETERS])).collect();
+    let mut demands: Vec<f64> = data
+        .sample
+        .iter()
+        .map(|&i| demand(&data.rows[i], &[0.0; PARAMETERS]))
+        .collect();
     demands.retain(|d| d.is_finite());
     demands.sort_by(f64::total_cmp);
     let gaps: Vec<f64> = demands.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
@@ -262,8 +287,12 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
     let Regimes::Jump(mut limit) = fit.regimes else {
         return;
     };
-    let mut demands: Vec<(f64, usize)> =
-        data.rows.iter().enumerate().map(|(i, row)| (demand(row, &fit.theta), i)).collect();
+    let mut demands: Vec<(f64, usize)> = data
+        .rows
+        .iter()
+        .enumerate()
+        .map(|(i, row)| (demand(row, &fit.theta), i))
+        .collect();
     demands.retain(|d| d.0.is_finite());
     demands.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut around = 0..demands.len();
@@ -276,7 +305,10 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
                 regimes: Regimes::Jump(limit),
                 ..fit.task(data, Some(&rows))
             };
-            shares(&task, &fit.theta).iter().map(|share| share.min(cap)).sum::<f64>()
+            shares(&task, &fit.theta)
+                .iter()
+                .map(|share| share.min(cap))
+                .sum::<f64>()
         };
         let best = inside
             .windows(2)
@@ -314,7 +346,10 @@ fn concentrate(data: &Data, task: &Task<'_>, start: Theta) -> Option<(Theta, Vec
         let shares = shares(task, &theta);
         let mut order: Vec<usize> = (0..shares.len()).collect();
         order.sort_by(|&a, &b| shares[a].total_cmp(&shares[b]));
-        let mut core: Vec<usize> = order[..core_size(order.len())].iter().map(|&i| data.sample[i]).collect();
+        let mut core: Vec<usize> = order[..core_size(order.len())]
+            .iter()
+            .map(|&i| data.sample[i])
+            .collect();
         core.sort_unstable();
         if core == before {
             break;
@@ -357,7 +392,11 @@ fn few(data: &Data) -> bool {
 
 fn most_out(data: &Data) -> usize {
     let rows = data.rows.len();
-    if few(data) { rows / 5 } else { (MOST_OUT * rows as f64) as usize }
+    if few(data) {
+        rows / 5
+    } else {
+        (MOST_OUT * rows as f64) as usize
+    }
 }
 
 /// The rows that lie beyond chance of the robust fit, which is improved on the way; `None` where the model does not
@@ -382,7 +421,7 @@ fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>>
         if data.weights == Weights::Stated && few(data) && spread > 1.0 {
             return None;
         }
-        if same || data.sample.len() < data.rows.len() {
+        if same {
             break;
         }
     }
@@ -399,7 +438,11 @@ fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>>
 fn beyond(data: &Data, fit: &Robust, limit: f64) -> Vec<bool> {
     let within = |near: &Nearest, row: &Observation| near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1];
     match fit.task(data, None).all_nearest(&fit.theta) {
-        Some(nearest) => nearest.iter().zip(&data.rows).map(|(near, row)| !within(near, row)).collect(),
+        Some(nearest) => nearest
+            .iter()
+            .zip(&data.rows)
+            .map(|(near, row)| !within(near, row))
+            .collect(),
         None => vec![true; data.rows.len()],
     }
 }
@@ -479,7 +522,9 @@ fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &[usize]) ->
     if found.len() < 2 {
         return false;
     }
-    let mut order: Vec<(f64, usize)> = (0..data.rows.len()).map(|i| (demand(&data.rows[i], theta), i)).collect();
+    let mut order: Vec<(f64, usize)> = (0..data.rows.len())
+        .map(|i| (demand(&data.rows[i], theta), i))
+        .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let sides: Vec<(usize, Option<(usize, bool)>)> = order
         .iter()
@@ -489,7 +534,9 @@ fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &[usize]) ->
         .collect();
     let neighbours = |places: &[usize], sides: &[Option<(usize, bool)>]| {
         let pairs = places.windows(2).zip(sides.windows(2));
-        pairs.filter(|(p, s)| p[1] == p[0] + 1 && s[0].is_some() && s[0] == s[1]).count()
+        pairs
+            .filter(|(p, s)| p[1] == p[0] + 1 && s[0].is_some() && s[0] == s[1])
+            .count()
     };
     let places: Vec<usize> = sides.iter().map(|s| s.0).collect();
     let mut tags: Vec<Option<(usize, bool)>> = sides.iter().map(|s| s.1).collect();
@@ -498,15 +545,23 @@ fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &[usize]) ->
         return false;
     }
     // The same rows dealt out at random, many times: of many rows fewer times tell as much.
-    let times = (200_000 / found.len()).clamp(20, 2000);
+    let times = (200_000 / found.len()).clamp(50, 2000);
     let mut deal = Deal(0x9e37_79b9_7f4a_7c15);
-    let mut as_many = 0;
-    for _ in 0..times {
-        let places = deal.places(found.len(), data.rows.len());
-        deal.shuffle(&mut tags);
-        as_many += usize::from(neighbours(&places, &tags) >= seen);
+    let dealt: Vec<f64> = (0..times)
+        .map(|_| {
+            let places = deal.places(found.len(), data.rows.len());
+            deal.shuffle(&mut tags);
+            neighbours(&places, &tags) as f64
+        })
+        .collect();
+    let (n, seen) = (times as f64, seen as f64);
+    if found.len() < MANY {
+        let as_many = dealt.iter().filter(|d| **d >= seen).count();
+        return (as_many as f64) < SIDE_BY_SIDE * n;
     }
-    (as_many as f64) < SIDE_BY_SIDE * times as f64
+    let mean = dealt.iter().sum::<f64>() / n;
+    let variance = dealt.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n;
+    seen > mean + SIDE_BY_SIDE_SIGMAS * variance.sqrt().max(0.5)
 }
 
 /// Random places and orders, the same every time (Marsaglia's xorshift).
@@ -548,8 +603,12 @@ fn reason(series: &Series, data: &Data, fit: &Robust, index: usize, spread: f64)
     };
     let far = (near.chi2 / spread).sqrt();
     let others = match data.weights {
-        Weights::Stated => format!("it lies {far:.1} standard deviations from every model that describes the other rows"),
-        Weights::Unit => format!("it lies {far:.1} times the scatter of the other rows from every model that describes them"),
+        Weights::Stated => {
+            format!("it lies {far:.1} standard deviations from every model that describes the other rows")
+        }
+        Weights::Unit => format!(
+            "it lies {far:.1} times the scatter of the other rows from every model that describes them"
+        ),
     };
     let (equation, _) = side(&near);
     match expected(series, row, &near, &fit.theta, equation) {

@@ -22,7 +22,11 @@ pub(super) fn rate(data: &Data, group: &GroupFit, temperature_c: f64) -> (CourtP
     };
     if let Some((theta, covariance, determined, factor)) = estimate::all_sliding(data) {
         let known = |j: usize| {
-            let std = if determined { covariance[(j, j)].sqrt() } else { f64::NAN };
+            let std = if determined {
+                covariance[(j, j)].sqrt()
+            } else {
+                f64::NAN
+            };
             Quantity::new(theta[j], std)
         };
         (pace.restitution, pace.friction) = (known(E), known(MU));

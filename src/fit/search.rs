@@ -9,7 +9,8 @@ use super::law::{self, Nearest, PARAMETERS, Regimes, Theta};
 use super::observation::Observation;
 use super::triangle::Triangle;
 use argmin::core::{
-    CostFunction, Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus,
+    CostFunction, Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason,
+    TerminationStatus,
 };
 use argmin::solver::neldermead::NelderMead;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -72,7 +73,10 @@ impl<'a> Iterator for Rows<'a> {
     fn next(&mut self) -> Option<&'a Observation> {
         let at = self.at;
         self.at += 1;
-        (at < self.end).then(|| self.chosen.map_or(&self.rows[at], |chosen| &self.rows[chosen[at]]))
+        (at < self.end).then(|| {
+            self.chosen
+                .map_or(&self.rows[at], |chosen| &self.rows[chosen[at]])
+        })
     }
 }
 
@@ -103,7 +107,9 @@ impl<'a> Task<'a> {
                 let near = self.nearest(row, theta)?;
                 linear.chi2 += near.chi2;
                 for i in 0..near.equations {
-                    linear.triangle.push(self.masked(near.jacobian[i]), near.residuals[i]);
+                    linear
+                        .triangle
+                        .push(self.masked(near.jacobian[i]), near.residuals[i]);
                 }
             }
             Some(linear)
@@ -121,7 +127,8 @@ impl<'a> Task<'a> {
     /// χ² alone, infinite where it is not finite.
     pub fn chi2(&self, theta: &Theta) -> f64 {
         let parts = self.in_parts(|rows| {
-            rows.map(|row| self.nearest(row, theta).map_or(f64::INFINITY, |near| near.chi2)).sum::<f64>()
+            rows.map(|row| self.nearest(row, theta).map_or(f64::INFINITY, |near| near.chi2))
+                .sum::<f64>()
         });
         let sum: f64 = parts.into_iter().sum();
         if sum.is_finite() { sum } else { f64::INFINITY }
@@ -129,7 +136,10 @@ impl<'a> Task<'a> {
 
     /// The nearest motion of every row.
     pub fn all_nearest(&self, theta: &Theta) -> Option<Vec<Nearest>> {
-        let parts = self.in_parts(|rows| rows.map(|row| self.nearest(row, theta)).collect::<Option<Vec<_>>>());
+        let parts = self.in_parts(|rows| {
+            rows.map(|row| self.nearest(row, theta))
+                .collect::<Option<Vec<_>>>()
+        });
         let parts: Option<Vec<Vec<Nearest>>> = parts.into_iter().collect();
         Some(parts?.concat())
     }
@@ -148,7 +158,9 @@ impl<'a> Task<'a> {
             return vec![work(rows(0, count))];
         }
         let parts = count.div_ceil(PART);
-        let threads = std::thread::available_parallelism().map_or(1, usize::from).min(parts);
+        let threads = std::thread::available_parallelism()
+            .map_or(1, usize::from)
+            .min(parts);
         let next = AtomicUsize::new(0);
         let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {
             let worker = || {
@@ -331,7 +343,11 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
         "Levenberg-Marquardt"
     }
 
-    fn init(&mut self, problem: &mut Problem<Task<'_>>, mut state: Step) -> Result<(Step, Option<KV>), Error> {
+    fn init(
+        &mut self,
+        problem: &mut Problem<Task<'_>>,
+        mut state: Step,
+    ) -> Result<(Step, Option<KV>), Error> {
         self.theta = state
             .take_param()
             .and_then(|start| start.try_into().ok())
@@ -343,7 +359,11 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
         Ok((self.report(state), None))
     }
 
-    fn next_iter(&mut self, problem: &mut Problem<Task<'_>>, state: Step) -> Result<(Step, Option<KV>), Error> {
+    fn next_iter(
+        &mut self,
+        problem: &mut Problem<Task<'_>>,
+        state: Step,
+    ) -> Result<(Step, Option<KV>), Error> {
         let Some(here) = self.here else {
             self.ended = true;
             return Ok((self.report(state), None));
@@ -352,7 +372,9 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
         let damping = lengths.map(|length| self.damping.sqrt() * length);
         let step = here.triangle.step(&damping);
         // The best that any step can do.
-        let best = here.triangle.effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
+        let best = here
+            .triangle
+            .effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
         let size = (here.chi2 / self.rows as f64).sqrt();
         let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * self.theta[j].abs().max(1.0));
         if best <= SETTLED * size || (still && self.damping < 1.0) {

@@ -296,8 +296,10 @@ impl Series {
                 name: name.to_owned(),
             });
         }
-        let full =
-            |set: &ColumnSet| rows.iter().any(|row| set.required().iter().all(|&c| row.value(c).is_some()));
+        let full = |set: &ColumnSet| {
+            rows.iter()
+                .any(|row| set.required().iter().all(|&c| row.value(c).is_some()))
+        };
         let set = ColumnSet::ALL.into_iter().find(full);
         match set {
             Some(set) => Ok(Self::of_set(name, set, rows, set_aside)),

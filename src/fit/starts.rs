@@ -23,10 +23,22 @@ pub(super) fn candidates(data: &Data, chosen: &[usize], free: &[bool; PARAMETERS
     let rows: Vec<&Observation> = thinned(chosen).iter().map(|&i| &data.rows[i]).collect();
     let mut starts = Vec::new();
     for e in restitutions(&rows) {
-        let ratios = if free[RATIO] { spin_ratios(&rows, e) } else { vec![0.0] };
+        let ratios = if free[RATIO] {
+            spin_ratios(&rows, e)
+        } else {
+            vec![0.0]
+        };
         for ratio in ratios {
-            let frictions = if free[MU] { frictions(&rows, e, ratio) } else { vec![0.0] };
-            let e_xs = if free[E_X] { e_xs(&rows, e, ratio) } else { vec![0.0] };
+            let frictions = if free[MU] {
+                frictions(&rows, e, ratio)
+            } else {
+                vec![0.0]
+            };
+            let e_xs = if free[E_X] {
+                e_xs(&rows, e, ratio)
+            } else {
+                vec![0.0]
+            };
             for &mu in &frictions {
                 for &e_x in &e_xs {
                     let mut theta = [0.0; PARAMETERS];
@@ -58,9 +70,16 @@ pub(super) fn best(task: &Task<'_>, starts: Vec<Theta>, kept: f64, count: usize)
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     // The best of each way to part the rows, as each may be a valley of its own; then the best of what is left.
     let mut ways = HashSet::new();
-    let (firsts, rest): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(_, sliding, _)| ways.insert(*sliding));
+    let (firsts, rest): (Vec<_>, Vec<_>) = scored
+        .into_iter()
+        .partition(|(_, sliding, _)| ways.insert(*sliding));
     let other = rest.into_iter().take(count / 3);
-    firsts.into_iter().take(count).chain(other).map(|(.., theta)| theta).collect()
+    firsts
+        .into_iter()
+        .take(count)
+        .chain(other)
+        .map(|(.., theta)| theta)
+        .collect()
 }
 
 /// The sum of the smallest shares of χ², of `kept` of the rows, and how many of them slide.
@@ -99,7 +118,11 @@ fn restitutions(rows: &[&Observation]) -> Vec<f64> {
         let kept = k.a - row.slip_share * (k.a - k.w);
         // rebound_vx goes with e for angles, with 1/e for distances.
         let at_one = row.rebound_vx(1.0);
-        if row.set == ColumnSet::Angles { kept / at_one } else { at_one / kept }
+        if row.set == ColumnSet::Angles {
+            kept / at_one
+        } else {
+            at_one / kept
+        }
     });
     let mut found = quantiles(rolling.filter(possible), &QUANTILES);
     let mut order: Vec<&&Observation> = rows.iter().collect();
@@ -123,7 +146,11 @@ fn sliding_pair(first: &Observation, second: &Observation) -> Option<f64> {
     };
     let ((a, after_a), (b, after_b)) = (read(first), read(second));
     let slope = (a - b) / (after_a - after_b);
-    let e = if first.set == ColumnSet::Angles { slope } else { 1.0 / slope };
+    let e = if first.set == ColumnSet::Angles {
+        slope
+    } else {
+        1.0 / slope
+    };
     e.is_finite().then_some(e)
 }
 

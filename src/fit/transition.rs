@@ -99,7 +99,11 @@ impl<'a> Profile<'a> {
         let (Some(&first), Some(&last)) = (demands.first(), demands.last()) else {
             return Vec::new();
         };
-        let mut gaps: Vec<f64> = demands.windows(2).filter(|w| w[1] > w[0]).map(|w| 0.5 * (w[0] + w[1])).collect();
+        let mut gaps: Vec<f64> = demands
+            .windows(2)
+            .filter(|w| w[1] > w[0])
+            .map(|w| 0.5 * (w[0] + w[1]))
+            .collect();
         let step = gaps.len().div_ceil(GAPS).max(1);
         gaps = gaps.into_iter().step_by(step).collect();
         let (low, high) = between.unwrap_or((0.5 * first, 2.0 * last));

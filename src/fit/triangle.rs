@@ -43,10 +43,8 @@ impl Triangle {
             let (cos, sin) = (a / length, b / length);
             self.r[j][j] = length;
             row[j] = 0.0;
-            for k in j + 1..PARAMETERS {
-                let (upper, lower) = (self.r[j][k], row[k]);
-                self.r[j][k] = cos * upper + sin * lower;
-                row[k] = cos * lower - sin * upper;
+            for (above, below) in self.r[j].iter_mut().zip(&mut row).skip(j + 1) {
+                (*above, *below) = (cos * *above + sin * *below, cos * *below - sin * *above);
             }
             let (upper, lower) = (self.right[j], residual);
             self.right[j] = cos * upper + sin * lower;
@@ -111,7 +109,11 @@ impl Triangle {
         }
         let svd = scaled.svd(false, true);
         let longest = svd.singular_values.max();
-        let rank = svd.singular_values.iter().filter(|s| **s > RANK * longest).count();
+        let rank = svd
+            .singular_values
+            .iter()
+            .filter(|s| **s > RANK * longest)
+            .count();
         let Some(directions) = svd.v_t else {
             return (determined, 0);
         };
@@ -204,7 +206,10 @@ mod tests {
         triangle.push([1e12, 1e12, 0.0, 0.0], -3e12);
         triangle.push([1.0, -1.0, 0.0, 0.0], -1.0);
         let step = triangle.step(&[0.0; 4]);
-        assert!((step[0] - 2.0).abs() < 1e-11 && (step[1] - 1.0).abs() < 1e-11, "{step:?}");
+        assert!(
+            (step[0] - 2.0).abs() < 1e-11 && (step[1] - 1.0).abs() < 1e-11,
+            "{step:?}"
+        );
         let free = [true, true, false, false];
         let unit = of(&[[1.0, 1.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]]);
         let (determined, rank) = unit.determined(&free);

@@ -95,7 +95,10 @@ impl Chart {
             root.present()?;
         }
         let size = format!(r#"width="{}" height="{}""#, WIDTH * FINE, height * FINE);
-        let name = format!(r#"class="plot" role="img" aria-label="{}""#, super::page::escape(&self.name));
+        let name = format!(
+            r#"class="plot" role="img" aria-label="{}""#,
+            super::page::escape(&self.name)
+        );
         Ok(svg.replacen(&size, &name, 1))
     }
 
@@ -110,9 +113,13 @@ impl Chart {
         for dot in &self.dots {
             draw_dot(&mut panel, dot, &self.x, &self.y)?;
         }
-        let style = ("sans-serif", 15 * FINE).into_font().style(FontStyle::Italic).color(&INK);
+        let style = ("sans-serif", 15 * FINE)
+            .into_font()
+            .style(FontStyle::Italic)
+            .color(&INK);
         for (x, y, text) in &self.words {
-            panel.draw_series([EmptyElement::at((*x, *y)) + Text::new(text.clone(), (0, 0), style.clone())])?;
+            panel
+                .draw_series([EmptyElement::at((*x, *y)) + Text::new(text.clone(), (0, 0), style.clone())])?;
         }
         Ok(())
     }
@@ -196,10 +203,20 @@ fn draw_curve(panel: &mut Panel<'_, '_>, stroke: Stroke, points: &[(f64, f64)]) 
             panel.draw_series(LineSeries::new(points, GREY.stroke_width(50)))?;
         }
         Stroke::Dashed => {
-            panel.draw_series(DashedLineSeries::new(points, 9 * FINE, 6 * FINE, INK.stroke_width(13)))?;
+            panel.draw_series(DashedLineSeries::new(
+                points,
+                9 * FINE,
+                6 * FINE,
+                INK.stroke_width(13),
+            ))?;
         }
         Stroke::Fine => {
-            panel.draw_series(DashedLineSeries::new(points, 2 * FINE, 4 * FINE, IMPACT.stroke_width(11)))?;
+            panel.draw_series(DashedLineSeries::new(
+                points,
+                2 * FINE,
+                4 * FINE,
+                IMPACT.stroke_width(11),
+            ))?;
         }
     }
     Ok(())
@@ -212,11 +229,17 @@ fn draw_dot(panel: &mut Panel<'_, '_>, dot: &Dot, x: &Range<f64>, y: &Range<f64>
     }
     let ink = if dot.marker == Marker::Cross { UNUSED } else { INK };
     if let Some(std) = dot.x_std {
-        let ends = [((dot.x - std).max(x.start), dot.y), ((dot.x + std).min(x.end), dot.y)];
+        let ends = [
+            ((dot.x - std).max(x.start), dot.y),
+            ((dot.x + std).min(x.end), dot.y),
+        ];
         panel.draw_series([PathElement::new(ends, ink.stroke_width(8))])?;
     }
     if let Some(std) = dot.y_std {
-        let ends = [(dot.x, (dot.y - std).max(y.start)), (dot.x, (dot.y + std).min(y.end))];
+        let ends = [
+            (dot.x, (dot.y - std).max(y.start)),
+            (dot.x, (dot.y + std).min(y.end)),
+        ];
         panel.draw_series([PathElement::new(ends, ink.stroke_width(8))])?;
     }
     const SIZE: i32 = 36;
@@ -229,7 +252,9 @@ fn draw_dot(panel: &mut Panel<'_, '_>, dot: &Dot, x: &Range<f64>, y: &Range<f64>
     };
     let here = || EmptyElement::at(at);
     match dot.marker {
-        Marker::Disc => panel.draw_series([Circle::new(at, SIZE, INK.filled())]).map(drop)?,
+        Marker::Disc => panel
+            .draw_series([Circle::new(at, SIZE, INK.filled())])
+            .map(drop)?,
         Marker::Ring => {
             panel.draw_series([Circle::new(at, SIZE, WHITE.filled())])?;
             panel.draw_series([Circle::new(at, SIZE, INK.stroke_width(12))])?;

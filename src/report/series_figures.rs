@@ -119,9 +119,11 @@ impl<'a> Drawing<'a> {
             })
             .collect();
         let aside: std::collections::HashSet<usize> = group.rows_set_aside.iter().map(|s| s.row).collect();
-        let out = series.rows.iter().enumerate().filter(|(_, row)| {
-            row.group == group.name && aside.contains(&row.number)
-        });
+        let out = series
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|(_, row)| row.group == group.name && aside.contains(&row.number));
         rows.extend(out.take(MOST_ROWS).filter_map(|(index, _)| {
             let (coordinates, inertia_factor) = coordinates(index)?;
             Some(Drawn {
@@ -131,7 +133,13 @@ impl<'a> Drawing<'a> {
             })
         }));
         let middle = |of: &dyn Fn(&Drawn) -> Option<f64>| {
-            median(&mut rows.iter().filter_map(of).filter(|v| v.is_finite()).collect::<Vec<_>>())
+            median(
+                &mut rows
+                    .iter()
+                    .filter_map(of)
+                    .filter(|v| v.is_finite())
+                    .collect::<Vec<_>>(),
+            )
         };
         Self {
             spin_ratio: middle(&|d| d.coordinates.spin_ratio.map(|m| m.value)).unwrap_or(0.0),
@@ -164,7 +172,11 @@ impl<'a> Drawing<'a> {
             .group
             .models
             .iter()
-            .flat_map(|fit| self.curve(figure, fit, &x).into_iter().map(|line| (fit.name, line)))
+            .flat_map(|fit| {
+                self.curve(figure, fit, &x)
+                    .into_iter()
+                    .map(|line| (fit.name, line))
+            })
             .collect();
         let y = if figure == Figure::Regimes {
             regime_axis(used().map(|d| d.y))
@@ -173,10 +185,16 @@ impl<'a> Drawing<'a> {
         };
         let residuals = match figure {
             Figure::Regimes => Vec::new(),
-            _ => self.rows.iter().filter_map(|row| self.residual(figure, row, shown)).collect(),
+            _ => self
+                .rows
+                .iter()
+                .filter_map(|row| self.residual(figure, row, shown))
+                .collect(),
         };
-        let mut curves: Vec<(Stroke, Vec<(f64, f64)>)> =
-            curves.into_iter().map(|(name, line)| (stroke(name), line)).collect();
+        let mut curves: Vec<(Stroke, Vec<(f64, f64)>)> = curves
+            .into_iter()
+            .map(|(name, line)| (stroke(name), line))
+            .collect();
         // The broad one lies below.
         curves.sort_by_key(|(stroke, _)| *stroke != Stroke::Broad);
         Some(Chart {
@@ -219,9 +237,17 @@ impl<'a> Drawing<'a> {
         let points: Vec<Option<(f64, f64)>> = places.into_iter().map(at).collect();
         let cut = kink.unwrap_or(f64::INFINITY);
         let side = |upper: bool| {
-            points.iter().flatten().copied().filter(|p| (p.0 > cut) == upper).collect::<Vec<_>>()
+            points
+                .iter()
+                .flatten()
+                .copied()
+                .filter(|p| (p.0 > cut) == upper)
+                .collect::<Vec<_>>()
         };
-        [side(false), side(true)].into_iter().filter(|piece| piece.len() > 1).collect()
+        [side(false), side(true)]
+            .into_iter()
+            .filter(|piece| piece.len() > 1)
+            .collect()
     }
 
     /// Abscissa at which sliding begins.

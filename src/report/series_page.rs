@@ -11,7 +11,9 @@ use super::series_table::{self, missing, model_rows, preferred};
 use super::words::{NO_VALUE, counted, format_quantity, trimmed};
 use super::{chart::Marker, chart::Stroke};
 use crate::fit::coordinates::Coordinates;
-use crate::fit::{Estimate, Fitted, GroupFit, ModelFit, Note, Parameter, Preferred, RowRegime, Series, SeriesFit};
+use crate::fit::{
+    Estimate, Fitted, GroupFit, ModelFit, Note, Parameter, Preferred, RowRegime, Series, SeriesFit,
+};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
@@ -42,7 +44,11 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         };
         notes(&mut page, &group.notes, &prefix);
     }
-    let drawings: Vec<Drawing<'_>> = fit.groups.iter().map(|group| Drawing::new(series, group)).collect();
+    let drawings: Vec<Drawing<'_>> = fit
+        .groups
+        .iter()
+        .map(|group| Drawing::new(series, group))
+        .collect();
     if fit.groups.len() > 1 {
         overview(&mut page, fit, &drawings)?;
     }
@@ -63,7 +69,9 @@ fn short_name(name: &str) -> &str {
     let mut parts = name.rsplit('/');
     let last = parts.next().unwrap_or(name);
     match parts.next() {
-        Some(folder) if last == crate::fit::csv::BATCH_SERIES => &name[name.len() - folder.len() - last.len() - 1..],
+        Some(folder) if last == crate::fit::csv::BATCH_SERIES => {
+            &name[name.len() - folder.len() - last.len() - 1..]
+        }
         _ => last,
     }
 }
@@ -103,16 +111,16 @@ fn notes(page: &mut String, notes: &[Note], prefix: &str) {
 }
 
 fn overview(page: &mut String, fit: &SeriesFit, drawings: &[Drawing<'_>]) -> Result<(), PageError> {
-    page.push_str("<section>\n<h2>All groups</h2>\n<div class=\"scroll\"><table class=\"bounces\">\n<thead><tr>");
+    page.push_str(
+        "<section>\n<h2>All groups</h2>\n<div class=\"scroll\"><table class=\"bounces\">\n<thead><tr>",
+    );
     for head in ["", "group", "rows", "preferred", "e", "μ", "e_x", "θ_L"] {
         let _ = write!(page, "<th scope=\"col\">{}</th>", symbol_or_text(head));
     }
     page.push_str("</tr></thead>\n<tbody>\n");
     for (i, group) in fit.groups.iter().enumerate() {
         let shown = group.shown();
-        let cell = |p: Parameter| {
-            format_quantity(shown.and_then(|fit| fit.parameter(p).quantity()), "")
-        };
+        let cell = |p: Parameter| format_quantity(shown.and_then(|fit| fit.parameter(p).quantity()), "");
         let angle = shown.and_then(|fit| fit.transition.angle_rad.quantity());
         let _ = writeln!(
             page,
@@ -246,13 +254,25 @@ fn models_table(page: &mut String, group: &GroupFit) {
         "<div class=\"scroll\"><table class=\"bounces\">\n<thead><tr><th scope=\"row\" colspan=\"2\">model</th>",
     );
     for fit in &group.models {
-        let mark = if group.preferred == Preferred::Model(fit.name) { "✓ " } else { "" };
+        let mark = if group.preferred == Preferred::Model(fit.name) {
+            "✓ "
+        } else {
+            ""
+        };
         let _ = write!(page, "<th scope=\"col\">{mark}{}</th>", fit.name.name());
     }
     page.push_str("</tr></thead>\n<tbody>\n");
     for (name, symbol, cell) in model_rows(group) {
-        let symbol = if symbol == "AICc" { escape(symbol) } else { symbol_html(symbol) };
-        let _ = write!(page, "<tr><th scope=\"row\">{}</th><td class=\"symbol\">{symbol}</td>", escape(name.trim()));
+        let symbol = if symbol == "AICc" {
+            escape(symbol)
+        } else {
+            symbol_html(symbol)
+        };
+        let _ = write!(
+            page,
+            "<tr><th scope=\"row\">{}</th><td class=\"symbol\">{symbol}</td>",
+            escape(name.trim())
+        );
         for fit in &group.models {
             let _ = write!(page, "<td class=\"symbol\">{}</td>", escape(&cell(fit)));
         }
@@ -261,14 +281,21 @@ fn models_table(page: &mut String, group: &GroupFit) {
     page.push_str("</tbody></table></div>\n");
     for fit in &group.models {
         if let Some(why) = &fit.impossible {
-            let _ = writeln!(page, "<p class=\"soft\">{} cannot be: {}.</p>", fit.name.name(), escape(why));
+            let _ = writeln!(
+                page,
+                "<p class=\"soft\">{} cannot be: {}.</p>",
+                fit.name.name(),
+                escape(why)
+            );
         }
     }
 }
 
 fn figures(page: &mut String, drawing: &Drawing<'_>) -> Result<(), PlotError> {
     for figure in Figure::ALL {
-        let Some(chart) = drawing.figure(figure) else { continue };
+        let Some(chart) = drawing.figure(figure) else {
+            continue;
+        };
         let _ = writeln!(
             page,
             "<figure class=\"scroll\">\n<h3>{}</h3>\n{}<figcaption>{}</figcaption></figure>",
@@ -308,7 +335,9 @@ fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -
     if figure == Figure::Regimes {
         text.push_str("<br>Lines: where sliding begins, by the models that slide. A ball that rolls already (1) never slides.");
     } else {
-        text.push_str("<br>Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model.");
+        text.push_str(
+            "<br>Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model.",
+        );
         if drawing.spins_differ() {
             text.push_str(" The rows differ in spin before the bounce: curves are for their median, residuals for each its own.");
         }
@@ -323,9 +352,13 @@ fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -
 fn marker_key(marker: Marker) -> String {
     let shape = match marker {
         Marker::Disc => "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#222\"/>",
-        Marker::Ring => "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.6\"/>",
+        Marker::Ring => {
+            "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.6\"/>"
+        }
         Marker::Triangle => "<path d=\"M8 3 13 13H3Z\" fill=\"#222\"/>",
-        Marker::OpenTriangle => "<path d=\"M8 3 13 13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>",
+        Marker::OpenTriangle => {
+            "<path d=\"M8 3 13 13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>"
+        }
         Marker::Block => "<path d=\"M3 3H13V13H3Z\" fill=\"#222\"/>",
         Marker::Square => "<path d=\"M3 3H13V13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>",
         Marker::Cross => "<path d=\"M3 3 13 13M13 3 3 13\" stroke=\"#777\" stroke-width=\"1.8\"/>",
@@ -353,9 +386,12 @@ fn rows_table(page: &mut String, series: &Series, fit: &SeriesFit, group: &Group
             "<h3>{} set aside</h3>\n<table class=\"facts\">",
             counted(group.rows_set_aside.len() as u64, "row")
         );
-        let names: HashMap<usize, &crate::fit::Row> = series.rows.iter().map(|row| (row.number, row)).collect();
+        let names: HashMap<usize, &crate::fit::Row> =
+            series.rows.iter().map(|row| (row.number, row)).collect();
         for aside in group.rows_set_aside.iter().take(MOST_ROWS) {
-            let label = names.get(&aside.row).map_or_else(String::new, |row| recording(row));
+            let label = names
+                .get(&aside.row)
+                .map_or_else(String::new, |row| recording(row));
             let _ = writeln!(
                 page,
                 "<tr><th scope=\"row\">row {}</th><td>{label} {}</td></tr>",
@@ -367,7 +403,9 @@ fn rows_table(page: &mut String, series: &Series, fit: &SeriesFit, group: &Group
         more(page, group.rows_set_aside.len());
     }
     let Some(shown) = group.shown() else { return };
-    page.push_str("<h3>Rows in the fit</h3>\n<div class=\"scroll\"><table class=\"bounces rows\">\n<thead><tr>");
+    page.push_str(
+        "<h3>Rows in the fit</h3>\n<div class=\"scroll\"><table class=\"bounces rows\">\n<thead><tr>",
+    );
     let labelled = group
         .row_indices
         .iter()
@@ -387,8 +425,10 @@ fn rows_table(page: &mut String, series: &Series, fit: &SeriesFit, group: &Group
         if labelled {
             let _ = write!(page, "<td class=\"symbol\">{}</td>", recording(row));
         }
-        let angle = Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None)
-            .map_or_else(|| NO_VALUE.to_owned(), |c| format!("{:.2}°", c.incident_rad.value.to_degrees()));
+        let angle = Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None).map_or_else(
+            || NO_VALUE.to_owned(),
+            |c| format!("{:.2}°", c.incident_rad.value.to_degrees()),
+        );
         let (regime, distance) = shown.rows.get(place).map_or((NO_VALUE, String::new()), |r| {
             let regime = match r.regime {
                 RowRegime::Sliding => "slides",
@@ -409,7 +449,9 @@ fn rows_table(page: &mut String, series: &Series, fit: &SeriesFit, group: &Group
 fn distance(fit: &SeriesFit, shown: &ModelFit, chi2: f64) -> String {
     match fit.weights {
         crate::fit::Weights::Stated => format!("{:.2} σ", chi2.sqrt()),
-        crate::fit::Weights::Unit if shown.scatter > 0.0 => format!("{:.2} × scatter", chi2.sqrt() / shown.scatter),
+        crate::fit::Weights::Unit if shown.scatter > 0.0 => {
+            format!("{:.2} × scatter", chi2.sqrt() / shown.scatter)
+        }
         crate::fit::Weights::Unit => NO_VALUE.to_owned(),
     }
 }
@@ -425,7 +467,11 @@ fn more(page: &mut String, count: usize) {
 
 /// The recording's name, linked to its page where that lies beside or below this one.
 fn recording(row: &crate::fit::Row) -> String {
-    let name = row.recording.as_deref().or(row.page.as_deref()).unwrap_or_default();
+    let name = row
+        .recording
+        .as_deref()
+        .or(row.page.as_deref())
+        .unwrap_or_default();
     match row.page.as_deref().filter(|page| is_relative(page)) {
         Some(page) => format!("<a href=\"{}\">{}</a>", escape(&encoded(page)), escape(name)),
         None => escape(name),
@@ -459,9 +505,17 @@ fn to_copy(page: &mut String, fit: &SeriesFit) {
     );
     for group in &fit.groups {
         for model in &group.models {
-            let preferred = if group.preferred == Preferred::Model(model.name) { "yes" } else { "no" };
+            let preferred = if group.preferred == Preferred::Model(model.name) {
+                "yes"
+            } else {
+                "no"
+            };
             let mut line = |name: &str, fitted: &Fitted, factor: f64| {
-                let Some(Estimate { quantity, interval_95 }) = fitted.estimate() else {
+                let Some(Estimate {
+                    quantity,
+                    interval_95,
+                }) = fitted.estimate()
+                else {
                     return;
                 };
                 let cell = |x: Option<f64>| x.map_or_else(String::new, |x| plain(factor * x));
@@ -480,7 +534,11 @@ fn to_copy(page: &mut String, fit: &SeriesFit) {
             for parameter in Parameter::ALL {
                 line(parameter.name(), model.parameter(parameter), 1.0);
             }
-            line("transition_angle_deg", &model.transition.angle_rad, 1_f64.to_degrees());
+            line(
+                "transition_angle_deg",
+                &model.transition.angle_rad,
+                1_f64.to_degrees(),
+            );
         }
     }
     page.push_str("</tbody></table></div>\n</section>\n");

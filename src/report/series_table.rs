@@ -3,7 +3,9 @@
 use super::series_json::pace_name;
 use super::table::line;
 use super::words::{self, NO_VALUE, counted, format_quantity};
-use crate::fit::{CourtPace, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, SeriesFit, Weights};
+use crate::fit::{
+    CourtPace, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, SeriesFit, Weights,
+};
 use std::fmt::Write as _;
 
 /// Columns of the names at the left.
@@ -26,7 +28,11 @@ pub fn fit_table(fit: &SeriesFit) -> String {
     line(
         &mut text,
         "",
-        &format!("{} in {groups}, by {}, {weights}", counted(rows as u64, "row"), fit.set.name()),
+        &format!(
+            "{} in {groups}, by {}, {weights}",
+            counted(rows as u64, "row"),
+            fit.set.name()
+        ),
     );
     for group in &fit.groups {
         group_lines(&mut text, group);
@@ -55,7 +61,11 @@ fn group_lines(text: &mut String, group: &GroupFit) {
     }
     let more = group.rows_set_aside.len().saturating_sub(MOST_ROWS);
     if more > 0 {
-        line(text, "set aside", &format!("and {} more; --json lists them", counted(more as u64, "row")));
+        line(
+            text,
+            "set aside",
+            &format!("and {} more; --json lists them", counted(more as u64, "row")),
+        );
     }
     if let Some(pace) = &group.court_pace {
         line(text, "court pace", &court_pace(pace));
@@ -85,7 +95,12 @@ pub(super) fn court_pace(pace: &CourtPace) -> String {
         (Fitted::Determined(estimate), Some(class)) => {
             let class = match pace.class_interval_95 {
                 Some((low, high)) if low != high => {
-                    format!("{} (95 %: {} to {})", pace_name(class), pace_name(low), pace_name(high))
+                    format!(
+                        "{} (95 %: {} to {})",
+                        pace_name(class),
+                        pace_name(low),
+                        pace_name(high)
+                    )
                 }
                 _ => pace_name(class).to_owned(),
             };
@@ -120,7 +135,11 @@ pub(super) fn model_rows(group: &GroupFit) -> Vec<ModelRow> {
         parameter("tang. restitution", "e_x", Parameter::TangentialRestitution),
     ];
     if group.models.iter().any(|m| m.shared_spin_ratio.is_some()) {
-        rows.push(parameter("spin before, fitted", "Rω_o/v_ox", Parameter::SpinRatio));
+        rows.push(parameter(
+            "spin before, fitted",
+            "Rω_o/v_ox",
+            Parameter::SpinRatio,
+        ));
     }
     rows.push((
         "sliding begins at",
@@ -130,7 +149,11 @@ pub(super) fn model_rows(group: &GroupFit) -> Vec<ModelRow> {
             format_quantity(words::degrees(angle), "°")
         }),
     ));
-    if group.models.iter().any(|m| m.transition.without_jump_rad.is_some()) {
+    if group
+        .models
+        .iter()
+        .any(|m| m.transition.without_jump_rad.is_some())
+    {
         rows.push((
             "  if μ_o = μ",
             "θ_L",
@@ -158,8 +181,10 @@ pub(super) fn model_rows(group: &GroupFit) -> Vec<ModelRow> {
         "Akaike's criterion",
         "AICc",
         Box::new(|fit| {
-            fit.aicc
-                .map_or_else(|| NO_VALUE.to_owned(), |aicc| words::trimmed(aicc, 1).replace('-', "−"))
+            fit.aicc.map_or_else(
+                || NO_VALUE.to_owned(),
+                |aicc| words::trimmed(aicc, 1).replace('-', "−"),
+            )
         }),
     ));
     rows
@@ -174,7 +199,14 @@ fn model_columns(text: &mut String, group: &GroupFit) {
         .collect();
     let widths: Vec<usize> = cells
         .iter()
-        .map(|column| column.iter().map(|c| c.chars().count()).max().unwrap_or(0).max(10))
+        .map(|column| {
+            column
+                .iter()
+                .map(|c| c.chars().count())
+                .max()
+                .unwrap_or(0)
+                .max(10)
+        })
         .collect();
     let mut heading = String::new();
     for (fit, width) in group.models.iter().zip(&widths) {
@@ -238,7 +270,7 @@ pub(super) fn significant(x: f64) -> String {
         return "0".to_owned();
     }
     let decimals = 2.0 - x.abs().log10().floor();
-    if decimals > 7.0 || decimals < -5.0 {
+    if !(-5.0..=7.0).contains(&decimals) {
         format!("{x:.2e}")
     } else {
         format!("{x:.*}", decimals.max(0.0) as usize)
@@ -247,5 +279,9 @@ pub(super) fn significant(x: f64) -> String {
 
 /// A probability.
 pub(super) fn probability(p: f64) -> String {
-    if p < 1e-4 { "< 0.0001".to_owned() } else { significant(p) }
+    if p < 1e-4 {
+        "< 0.0001".to_owned()
+    } else {
+        significant(p)
+    }
 }

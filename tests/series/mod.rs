@@ -164,11 +164,26 @@ pub fn distances(number: usize, b: &Bounce, d: Deviations, stated: bool, noise: 
 pub type Maker = fn(usize, &Bounce, Deviations, bool, &mut Noise) -> Row;
 
 /// A series of launches at 1 m/s over `angles_deg`.
-pub fn series(truth: &Truth, angles_deg: &[f64], spin_ratio: f64, make: Maker, d: Deviations, noise: &mut Noise) -> Series {
+pub fn series(
+    truth: &Truth,
+    angles_deg: &[f64],
+    spin_ratio: f64,
+    make: Maker,
+    d: Deviations,
+    noise: &mut Noise,
+) -> Series {
     let rows: Vec<Row> = angles_deg
         .iter()
         .enumerate()
-        .map(|(i, &angle)| make(i + 1, &bounce(truth, 1.0, angle, spin_ratio), d, d.velocity > 0.0, noise))
+        .map(|(i, &angle)| {
+            make(
+                i + 1,
+                &bounce(truth, 1.0, angle, spin_ratio),
+                d,
+                d.velocity > 0.0,
+                noise,
+            )
+        })
         .collect();
     Series::new("made", rows, Vec::new()).unwrap()
 }
