@@ -605,7 +605,7 @@ fn run(scenario: &Scenario) {
             .map(|(i, &angle)| {
                 let b = bounce(truth, 1.0, angle, *spin);
                 let mut row = (scenario.make)(i + 1, &b, deviations, stated, &mut noise);
-                if !stated && scenario.make as usize == velocities as usize {
+                if !stated {
                     for column in [
                         Column::IncidentVx,
                         Column::IncidentVz,

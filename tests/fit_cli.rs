@@ -157,7 +157,7 @@ fn fit_json_and_the_page_appear_in_the_folder() {
     for expected in ["tan", "Distances", "Group Ss", "Parameters, to copy", "S1"] {
         assert!(page.contains(expected), "{expected}");
     }
-    assert!(!page.contains("<script") && !page.contains("http"));
+    assert!(!page.contains("<script") && !page.contains("href=\"http"));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 2);
 }
 

@@ -1,14 +1,16 @@
 //! From a model at its best to the numbers that are reported: parameters with uncertainties and intervals, or why there are
 //! none.
 
+mod sliding;
+
 use super::criteria;
 use super::data::{Data, demand};
-use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Regimes, Theta};
+use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Theta};
 use super::models::Solution;
 use super::observation::Observation;
-use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowRegime, Transition};
+use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowRegime};
 use super::series::{ColumnSet, Weights};
-use super::transition::{Limits, Profile};
+use super::transition::Limits;
 use crate::models::{e_e, grip_slide, mu_e, slip_share};
 use crate::quantity::{Quantity, median};
 use nalgebra::SMatrix;
@@ -19,9 +21,6 @@ const KNOWN: Theta = [0.3, 0.6, 0.3, 1.0];
 
 /// Why a ball that rolls already tells nothing.
 const NO_SLIP: &str = "no row is seen to slip before the bounce";
-
-/// Static friction is given where its bounds are closer than this ratio; the paper's own best is 0.15 ± 0.02.
-const CLOSE: f64 = 1.5;
 
 /// Standard uncertainties by which a coefficient has to lie beyond what a bounce can have, to be impossible.
 const IMPOSSIBLE: f64 = 3.0;
@@ -329,151 +328,6 @@ impl<'a> Work<'a> {
         })
     }
 
-    /// μ (1 + e), where the model holds it.
-    fn friction_share(theta: &Theta) -> f64 {
-        theta[MU] * (1.0 + theta[E])
-    }
-
-    /// Λ of the μ-e model: where it may lie, whether or not static friction equals friction.
-    fn limits(&self) -> Option<Limits> {
-        let solution = self.solution;
-        let both = self.sliding > 0 && self.gripping > 0;
-        if solution.name != ModelName::MuE || !solution.free[MU] || !both {
-            return None;
-        }
-        let level = (self.factor * self.scatter?).powi(2);
-        let mut profile = Profile::new(self.data, solution.free, self.theta);
-        match solution.regimes {
-            Regimes::Jump(limit) => Some(profile.limits(limit, level)),
-            _ => {
-                let share = Self::friction_share(&self.theta);
-                let (low, high) = self.estimate(Self::friction_share).estimate()?.interval_95;
-                let limits = profile.limits(share, level);
-                Some(Limits {
-                    low,
-                    high: limits.high.zip(high).map(|(a, b)| a.max(b)),
-                })
-            }
-        }
-    }
-
-    /// Λ as it is reported: that of friction where nothing contradicts it, else the middle of where it may lie.
-    fn limit(&self, limits: Option<Limits>) -> f64 {
-        match (self.solution.jump(), limits) {
-            (
-                Some(_),
-                Some(Limits {
-                    low: Some(low),
-                    high: Some(high),
-                }),
-            ) => 0.5 * (low + high),
-            (Some(limit), _) => limit,
-            (None, _) => Self::friction_share(&self.theta),
-        }
-    }
-
-    fn static_friction(&self, limits: Option<Limits>) -> Fitted {
-        let solution = self.solution;
-        if solution.name != ModelName::MuE {
-            return Fitted::NotDetermined(format!(
-                "the {} model has no static friction of its own",
-                solution.name.name()
-            ));
-        }
-        if !solution.slips {
-            return Fitted::NotDetermined(NO_SLIP.to_owned());
-        }
-        if !solution.free[MU] {
-            return Fitted::NotDetermined(format!(
-                "no row is seen to slide, so static friction is only known to be enough{}",
-                self.least_friction()
-            ));
-        }
-        if !(solution.determined[E] && solution.determined[MU]) {
-            return Fitted::NotDetermined("friction is not determined".to_owned());
-        }
-        let over = 1.0 + self.theta[E];
-        if self.gripping == 0 {
-            let rows = self.data.rows.iter();
-            let least = rows
-                .map(|row| demand(row, &self.theta) / over)
-                .fold(f64::INFINITY, f64::min);
-            return Fitted::NotDetermined(format!(
-                "every row slides: static friction is at most {}",
-                three_digits(least)
-            ));
-        }
-        let Some(limits) = limits else {
-            return Fitted::NotDetermined("the rows leave no scatter to tell its bounds from".to_owned());
-        };
-        let (low, high) = (limits.low.map(|l| l / over), limits.high.map(|h| h / over));
-        match (low, high) {
-            (Some(l), Some(h)) if h <= CLOSE * l => self.bounded(self.limit(Some(limits)) / over, low, high),
-            (l, h) => Fitted::NotDetermined(format!(
-                "no row near the transition: static friction lies {}",
-                between(l, h)
-            )),
-        }
-    }
-
-    /// tan of the angle beyond which a ball slides is `limit` over this.
-    fn angle_rad(&self, limit: f64, theta: &Theta) -> f64 {
-        let ratio = if self.data.shared_spin {
-            theta[RATIO]
-        } else {
-            self.spin_ratio
-        };
-        limit.atan2(self.slip_share * (1.0 + theta[E_X]) * (1.0 - ratio).abs())
-    }
-
-    fn transition(&self, limits: Option<Limits>) -> Transition {
-        let of = |angle_rad: Fitted, without_jump_rad| Transition {
-            angle_rad,
-            spin_ratio: if self.data.shared_spin {
-                self.theta[RATIO]
-            } else {
-                self.spin_ratio
-            },
-            without_jump_rad,
-        };
-        let none = |reason: &str| of(Fitted::NotDetermined(reason.to_owned()), None);
-        let solution = self.solution;
-        if solution.name == ModelName::EE {
-            return none("the e_e model never slides");
-        }
-        if self.sliding == 0 || !solution.free[MU] {
-            return none("no row is seen to slide");
-        }
-        if self.gripping == 0 {
-            return none("every row slides");
-        }
-        let known = |j: usize| solution.determined[j] && self.covariance[(j, j)].sqrt() <= KNOWN[j];
-        if (0..PARAMETERS).any(|j| solution.free[j] && !known(j)) {
-            return none("it depends on parameters that are not determined");
-        }
-        let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
-        let value = continuous(&self.theta);
-        if solution.name == ModelName::GripSlide {
-            return of(self.estimate(continuous), None);
-        }
-        let ends = limits.map_or((None, None), |l| {
-            let angle = |limit: Option<f64>| limit.map(|l| self.angle_rad(l, &self.theta));
-            (angle(l.low), angle(l.high))
-        });
-        let at = self.angle_rad(self.limit(limits), &self.theta);
-        // What the other parameters add where they are not well known (a fitted spin).
-        let held = self.std(|theta| self.angle_rad(self.limit(limits), theta));
-        let wider = |end: Option<f64>, sign: f64| {
-            end.map(|end| at + sign * (end - at).abs().hypot(self.factor * held))
-        };
-        let angle = self.bounded(at, wider(ends.0, -1.0), wider(ends.1, 1.0));
-        let without = solution
-            .jump()
-            .is_none()
-            .then(|| Quantity::new(value, self.std(continuous)));
-        of(angle, without.flatten())
-    }
-
     /// A coefficient beyond what a bounce can have.
     fn impossible(&self) -> Option<String> {
         let beyond = |j: usize, least: f64, most: f64, name: &str, why: &str| {
@@ -593,15 +447,6 @@ fn parameters(solution: &Solution) -> usize {
 fn spin_ratio(row: &Observation, theta: &Theta) -> f64 {
     let k = row.kinematics(&row.z, theta[RATIO]);
     k.w / k.a
-}
-
-fn between(low: Option<f64>, high: Option<f64>) -> String {
-    match (low, high) {
-        (Some(low), Some(high)) => format!("between {} and {}", three_digits(low), three_digits(high)),
-        (Some(low), None) => format!("above {}", three_digits(low)),
-        (None, Some(high)) => format!("below {}", three_digits(high)),
-        (None, None) => "anywhere".to_owned(),
-    }
 }
 
 /// For reasons: three significant digits.

@@ -36,6 +36,7 @@ pub mod result;
 pub mod series;
 
 mod choice;
+mod columns;
 mod criteria;
 mod data;
 mod estimate;
@@ -44,7 +45,9 @@ mod models;
 mod observation;
 mod outliers;
 mod pace;
+mod robust;
 mod search;
+mod side_by_side;
 mod starts;
 mod transition;
 mod triangle;
