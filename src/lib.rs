@@ -9,8 +9,8 @@
 //! |---|---|---|
 //! | [`quantity`] | a number with its standard uncertainty | [`quantity::Quantity`] |
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
-//! | [`calibration`] | `calib.json`; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
+//! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
 //! | [`flight`] | the freely falling path among all that moves; arcs and the impacts between them | arcs |
 //! | [`bounce`] | an impact's angles, restitution, spin; x0 and x | [`bounce::Bounce`] |

@@ -6,18 +6,25 @@
 //! uncertainty of that scale, [`Calibration::up_std_rad`] and [`Calibration::origin_std_px`].
 //!
 //! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `up_std_deg`,
-//! `origin_std_px`, `gravity_std_m_s2`, `ball.radius_std_m`, and in `scale` `length_std_m` and `point_std_px` (ruler),
-//! `relative_std` (homography).
+//! `origin_std_px`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens` `camera_std_px` and
+//! `distortion_std`, and in `scale` `length_std_m` and `point_std_px` (ruler), `relative_std` and `origin_unknown`
+//! (homography).
 //!
-//! Rules beside a homography, which has its own origin and axes: `origin_px`, `origin_std_px` and an `up_px` other
-//! than the default are errors, because they would either do nothing or contradict it.
+//! Rules beside a homography, which has its own origin and axes: `origin_px` and an `up_px` other than the default are
+//! errors, because they would either do nothing or contradict it.
 
+mod blurred_edge;
+pub mod board;
+pub mod check;
+mod deviation;
 mod error;
 mod file;
 mod lens;
 mod plane;
+pub mod ruler;
 mod scale;
 
+pub use deviation::Deviation;
 pub use error::{CalibrationError, Problem};
 pub use lens::Lens;
 pub use plane::{PlaneUnit, Rectification};
@@ -102,6 +109,11 @@ pub struct Calibration {
     pub up_std_rad: Option<f64>,
     /// Lens distortion.
     pub lens: Option<Lens>,
+    /// Standard uncertainties of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, for people: what a result takes from the lens's
+    /// doubt is in `deviations`. `None` where a number was not fitted.
+    pub lens_std: [Option<f64>; 9],
+    /// How lens and homography may be off together; empty where nobody determined it.
+    pub deviations: Vec<Deviation>,
     /// True capture rate, Hz, where the file's time stamps are not to be believed.
     pub frame_rate_hz: Option<f64>,
     /// Acceleration of free fall, m/s².
@@ -118,7 +130,7 @@ impl Calibration {
     /// A side view with `scale` and every default of the file.
     #[must_use]
     pub fn new(scale: Scale) -> Self {
-        let edge_x_m = matches!(scale, Scale::Homography(_)).then_some(0.0);
+        let edge_x_m = scale.has_origin().then_some(0.0);
         Self {
             view: View::Side,
             image_size_px: None,
@@ -128,6 +140,8 @@ impl Calibration {
             up_px: [0.0, -1.0],
             up_std_rad: None,
             lens: None,
+            lens_std: [None; 9],
+            deviations: Vec::new(),
             frame_rate_hz: None,
             gravity_m_s2: 9.81,
             gravity_std_m_s2: None,
@@ -180,7 +194,7 @@ impl Calibration {
     /// impacts and x = 0 is the first tracked centre.
     #[must_use]
     pub const fn has_origin(&self) -> bool {
-        self.origin_px.is_some() || matches!(self.scale, Scale::Homography(_))
+        self.origin_px.is_some() || self.scale.has_origin()
     }
 
     /// That the recording's pictures (after the rotation tag) have the size the calibration is for, if it names one.

@@ -1,5 +1,6 @@
 //! The command line: a file a command; the only place that prints or draws progress.
 
+mod calibrate;
 mod fit;
 mod measure;
 mod simulate;
@@ -30,6 +31,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
+    Calibrate(Box<calibrate::CalibrateArgs>),
     /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
     Fit(fit::FitArgs),
     /// Renders a recording with known truth from a scene file.
@@ -94,6 +97,7 @@ pub fn run() -> ExitCode {
             });
             simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
         }
+        (Some(Command::Calibrate(args)), _) => calibrate::run(&args),
         (None, Some(args)) => measure::run(&args),
         (None, None) => Err(anyhow::anyhow!("no recording given; see track --help")),
     };

@@ -151,6 +151,22 @@ impl ArcFit {
         })
     }
 
+    /// How the parameters follow, to first order, when each of the fit's `points` moves by its shift along r and h (plane
+    /// units). `None` where these points do not determine them.
+    #[must_use]
+    pub fn response(&self, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
+        // What was held has no variance.
+        let held = [GRAVITY, DRAG].map(|i| self.covariance[(i, i)] == 0.0);
+        let (matrix, mut right) = system(points, &self.times, &self.parameters, self.forces, held);
+        right.fill(0.0);
+        for (i, (p, (dr, dh))) in points.iter().zip(shifts).enumerate() {
+            let w = p.sample.weight.sqrt();
+            right[2 * i] = w * dr;
+            right[2 * i + 1] = w * dh;
+        }
+        solve(&matrix, &right).map(|(change, _)| change)
+    }
+
     /// Number of arcs.
     #[must_use]
     pub fn arcs(&self) -> usize {
@@ -194,13 +210,17 @@ fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
         return 1.0;
     }
     // Chance alone gives 1/√pairs; the fit itself takes a little correlation away.
-    let rho = (product / square).clamp(0.0, 0.8);
+    let rho = (product / square).clamp(0.0, MOST_PERSISTENT);
     if rho < 1.0 / f64::sqrt(pairs) {
         1.0
     } else {
         (1.0 + rho) / (1.0 - rho)
     }
 }
+
+/// A path that is no parabola (perspective, a drifting camera) leaves residuals that hang together over a whole arc; at
+/// this correlation some 60 points count for one.
+const MOST_PERSISTENT: f64 = 0.97;
 
 /// Mean time of each arc's points; `None` when one has fewer than two.
 fn mean_times(points: &[FitPoint], arcs: usize) -> Option<Vec<f64>> {
