@@ -2,8 +2,8 @@
 //!
 //! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: grip-slide holds both
 //! other models as special cases (e_x = 0; friction never reached), so that it always fits as well and can never be beaten
-//! by much. Up to [`DECISIVE`] better it does not count, and the choice is between the other two; from [`GENERAL`] on it is
-//! preferred (chance makes that of 1 series in 70); between, nothing is.
+//! by much. Up to [`NO_MORE`] better it does not count (where it is not needed, chance puts it beyond that in 1 series of 40),
+//! and the choice is between the other two; from [`GENERAL`] on it is preferred (1 series of 120); between, nothing is.
 //!
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
@@ -22,8 +22,11 @@ const DECISIVE: f64 = 2.0;
 /// luck with what all of them lack.
 const FAR_BETTER: f64 = 10.0;
 
-/// What grip-slide has to be better by than its own special cases.
-const GENERAL: f64 = 4.0;
+/// Up to this much better than the best of its own special cases, grip-slide is not needed.
+const NO_MORE: f64 = 3.0;
+
+/// What grip-slide has to be better by than its own special cases to be preferred.
+const GENERAL: f64 = 5.0;
 
 /// The choice among `fits`, whose solutions are `solutions`.
 pub(super) fn choose(
@@ -144,10 +147,10 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
             list(ModelName::GripSlide, general.unwrap_or(least)),
         );
     }
-    if lead >= DECISIVE {
+    if lead >= NO_MORE {
         let mut sentences = list(simple, simple_aicc);
         sentences.push(format!(
-            "a model that holds the other as a special case is ahead by {DECISIVE} to {GENERAL} by chance now and then"
+            "a model that holds the other as a special case is ahead by {NO_MORE} to {GENERAL} by chance now and then"
         ));
         return (Preferred::Undetermined, sentences);
     }

@@ -49,7 +49,7 @@ struct Work<'a> {
 /// The numbers of a model. `rows_order` are indices into the data in the order of the file.
 pub(super) fn model_fit(data: &Data, solution: &Solution, rows_order: &[usize]) -> ModelFit {
     let work = Work::new(data, solution);
-    let freedom = work.freedom();
+    let freedom = solution.freedom();
     let limits = work.limits();
     ModelFit {
         name: solution.name,
@@ -110,8 +110,8 @@ impl<'a> Work<'a> {
         // The search ended where every row has one.
         let nearest = task.all_nearest(&theta).unwrap_or_default();
         let sliding = nearest.iter().filter(|n| n.state.slides()).count();
-        let freedom = solution.marks.equations.saturating_sub(parameters(solution));
-        let scatter = criteria::scatter(data, solution.found.chi2, freedom);
+        let freedom = solution.freedom();
+        let scatter = solution.scatter(data);
         let covariance =
             solution
                 .found
@@ -141,13 +141,6 @@ impl<'a> Work<'a> {
             gripping: nearest.len() - sliding,
             nearest,
         }
-    }
-
-    fn freedom(&self) -> usize {
-        self.solution
-            .marks
-            .equations
-            .saturating_sub(parameters(self.solution))
     }
 
     /// Standard uncertainty of a function of the parameters, to first order.
@@ -437,11 +430,6 @@ fn valleys(data: &Data, solution: &Solution, scatter: f64, factor: f64) -> Vec<V
             })
         })
         .collect()
-}
-
-/// Parameters of a solution, its limit among them.
-fn parameters(solution: &Solution) -> usize {
-    solution.rank + usize::from(solution.jump().is_some())
 }
 
 fn spin_ratio(row: &Observation, theta: &Theta) -> f64 {

@@ -143,16 +143,7 @@ impl Regimes {
 
 /// The nearest motion to a row under a model; `None` where there is no such thing (numbers that overflow).
 pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Option<Nearest> {
-    let (friction, limit) = regimes.shares(theta);
-    let here = row.kinematics(&row.z, theta[RATIO]);
-    let sign = if here.a - here.w < 0.0 { -1.0 } else { 1.0 };
-    let law = Law {
-        row,
-        theta,
-        friction,
-        limit,
-        sign,
-    };
+    let (law, here) = Law::new(row, regimes, theta);
     match regimes {
         Regimes::Grip => return law.solve(State::Grip),
         Regimes::Slide => return law.solve(State::Slide),
@@ -200,6 +191,53 @@ pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Opt
     best.or(Some(found))
 }
 
+/// −2 ln of a row's likelihood, in units of χ², with its true incidence averaged over both sides of the transition in place
+/// of the better one.
+///
+/// A jump gives a row near it two ends to be near to, and so always fits better than none: by a little for each row, which
+/// grows with their number whatever the truth is. Averaged, the two ends share one row's likelihood. Along each side the
+/// average is e^(−χ²/2) times the part of a Gaussian that lies on that side. `spread` is what χ² is to be divided by.
+pub(super) fn averaged(row: &Observation, regimes: Regimes, theta: &Theta, spread: f64) -> Option<f64> {
+    let (law, here) = Law::new(row, regimes, theta);
+    let (margin, variance) = law.margin(&here);
+    let one_sided = matches!(regimes, Regimes::Grip | Regimes::Slide);
+    if one_sided || !(variance > 0.0 && spread > 0.0) {
+        return nearest(row, regimes, theta).map(|n| n.chi2);
+    }
+    let first = if margin <= 0.0 { State::Grip } else { State::Slide };
+    let second = if margin <= 0.0 { State::Slide } else { State::Grip };
+    let here = law.log_share(first, spread)?;
+    // The other side costs at least what the measured incidence is away from the edge.
+    if -0.5 * margin * margin / (variance * spread) < here - NOTHING {
+        return Some(-2.0 * spread * here);
+    }
+    let there = law.log_share(second, spread)?;
+    let (least, most) = (here.min(there), here.max(there));
+    let sum = most + (least - most).exp().ln_1p();
+    sum.is_finite().then_some(-2.0 * spread * sum)
+}
+
+/// How far beyond the limit Λ a row was measured, s (1 + e_x) |a − w| − Λ b, and the deviation of that.
+pub(super) fn margin(row: &Observation, limit: f64, theta: &Theta) -> (f64, f64) {
+    let (law, here) = Law::new(row, Regimes::Jump(limit), theta);
+    let (margin, variance) = law.margin(&here);
+    (margin, variance.sqrt())
+}
+
+/// Difference of logarithms beyond which the lesser adds nothing.
+const NOTHING: f64 = 36.0;
+
+/// ln Φ(x).
+fn log_normal_cdf(x: f64) -> f64 {
+    if x > -10.0 {
+        (0.5 * statrs::function::erf::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)).ln()
+    } else {
+        // The first terms of its expansion far out, good to 1e-6 there.
+        let square = x * x;
+        -0.5 * square - (-x * std::f64::consts::TAU.sqrt()).ln() - 1.0 / square
+    }
+}
+
 fn edge_of(state: State) -> State {
     if state.slides() {
         State::SlideEdge
@@ -229,10 +267,44 @@ struct Law<'a> {
     sign: f64,
 }
 
+/// The nearest point, with what was worked out on the way.
+struct Closest<'a> {
+    z: &'a Slots,
+    residuals: &'a [f64; MOST],
+    /// L of J Σ Jᵀ.
+    lower: &'a [[f64; MOST]; MOST],
+    /// Σ Jᵀ.
+    spread: &'a [Slots; MOST],
+    /// At the point.
+    equations: &'a Equations,
+    kinematics: &'a Kinematics,
+}
+
+impl Closest<'_> {
+    fn chi2(&self) -> f64 {
+        self.residuals[..self.equations.count].iter().map(|r| r * r).sum()
+    }
+}
+
 /// Most steps to the nearest point; the worst seen (30 % outliers on angles) takes 25.
 const STEPS: usize = 60;
 
-impl Law<'_> {
+impl<'a> Law<'a> {
+    /// With the motion as it was measured.
+    fn new(row: &'a Observation, regimes: Regimes, theta: &'a Theta) -> (Self, Kinematics) {
+        let (friction, limit) = regimes.shares(theta);
+        let here = row.kinematics(&row.z, theta[RATIO]);
+        let sign = if here.a - here.w < 0.0 { -1.0 } else { 1.0 };
+        let law = Self {
+            row,
+            theta,
+            friction,
+            limit,
+            sign,
+        };
+        (law, here)
+    }
+
     /// How far beyond the limit the motion is, and the variance of that.
     fn margin(&self, k: &Kinematics) -> (f64, f64) {
         let mut equations = Equations::empty();
@@ -242,6 +314,12 @@ impl Law<'_> {
     }
 
     fn solve(&self, state: State) -> Option<Nearest> {
+        self.closest(state, |at| self.finish(state, at))
+    }
+
+    /// Goes to the nearest point of `state`, and makes of it what `finish` does.
+    #[inline]
+    fn closest<T>(&self, state: State, finish: impl FnOnce(&Closest<'_>) -> Option<T>) -> Option<T> {
         let row = self.row;
         let mut z = row.z;
         let linear = row.is_linear();
@@ -277,7 +355,14 @@ impl Law<'_> {
             last_move = moved;
             if done {
                 let k = self.equations(&next, state, &mut equations);
-                return self.finish(state, next, residuals, &lower, &equations, &k);
+                return finish(&Closest {
+                    z: &next,
+                    residuals: &residuals,
+                    lower: &lower,
+                    spread: &spread,
+                    equations: &equations,
+                    kinematics: &k,
+                });
             }
             z = next;
             if z.iter().any(|x| !x.is_finite()) {
@@ -287,16 +372,9 @@ impl Law<'_> {
         None
     }
 
-    fn finish(
-        &self,
-        state: State,
-        z: Slots,
-        residuals: [f64; MOST],
-        lower: &[[f64; MOST]; MOST],
-        equations: &Equations,
-        k: &Kinematics,
-    ) -> Option<Nearest> {
+    fn finish(&self, state: State, at: &Closest<'_>) -> Option<Nearest> {
         // L⁻¹ times the derivatives, all columns at once.
+        let Closest { equations, lower, .. } = *at;
         let mut jacobian = [[0.0; PARAMETERS]; MOST];
         for i in 0..equations.count {
             let mut line = equations.by_parameter[i];
@@ -310,17 +388,50 @@ impl Law<'_> {
         let margin = if state.on_edge() {
             0.0
         } else {
-            self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
+            self.margin_at(state, at.kinematics)
         };
-        let chi2: f64 = residuals[..equations.count].iter().map(|r| r * r).sum();
+        let chi2 = at.chi2();
         chi2.is_finite().then_some(Nearest {
             state,
             chi2,
-            z,
+            z: *at.z,
             equations: equations.count,
-            residuals,
+            residuals: *at.residuals,
             jacobian,
             margin,
+        })
+    }
+
+    /// s (1 + e_x) |a − w| − Λ b of a motion in `state`.
+    fn margin_at(&self, state: State, k: &Kinematics) -> f64 {
+        self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
+    }
+
+    /// ln of the share of the row's likelihood that lies on the side of `state`, χ² being in units of `spread`.
+    fn log_share(&self, state: State, spread: f64) -> Option<f64> {
+        self.closest(state, |at| {
+            let k = at.kinematics;
+            let (grip, limit) = (self.grip_share() * self.sign_at(state, k), self.limit.value);
+            let slope: Slots = std::array::from_fn(|i| grip * (k.da[i] - k.dw[i]) - limit * k.db[i]);
+            // What is left of the margin's variance once the equations hold.
+            let mut bound = [0.0; MOST];
+            for (entry, spread) in bound.iter_mut().zip(at.spread).take(at.equations.count) {
+                *entry = dot(&slope, spread);
+            }
+            let bound = forward(at.lower, bound, at.equations.count);
+            let whole = dot(&slope, &self.row.covariance_times(&slope));
+            let left = whole - bound.iter().map(|b| b * b).sum::<f64>();
+            let side = if state.slides() { 1.0 } else { -1.0 };
+            let inside = side * self.margin_at(state, k);
+            let share = if left > 1e-12 * whole {
+                log_normal_cdf(inside / (spread * left).sqrt())
+            } else if inside >= 0.0 {
+                0.0
+            } else {
+                f64::NEG_INFINITY
+            };
+            let log = share - 0.5 * at.chi2() / spread;
+            (!log.is_nan()).then_some(log)
         })
     }
 

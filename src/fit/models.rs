@@ -10,7 +10,7 @@
 //! nearest to the limit would give a coefficient made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
 //! already) tell neither friction nor e_x.
 
-use super::criteria::{Marks, chi2_quantile};
+use super::criteria::{self, Marks, chi2_quantile};
 use super::data::{Data, demand};
 use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
 use super::result::ModelName;
@@ -18,6 +18,7 @@ use super::search::{Found, Task};
 use super::series::Weights;
 use super::starts;
 use super::transition::Profile;
+use crate::quantity::median;
 
 /// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
@@ -26,6 +27,10 @@ const SHOWS: f64 = 8.8;
 /// By how much AICc has to fall for a jump to be believed; χ² falls by 8 then. The interval of static friction allows for
 /// one in any case.
 const JUMPS: f64 = 6.0;
+
+/// Part of a row's deviation that a jump has to exceed to be one: less is as well a transition that is a little rounded, or
+/// deviations a little wrong, which very many rows show.
+const SEEN: f64 = 0.5;
 
 /// Probability that rows without slip seem to have some.
 const NO_SLIP: f64 = 0.001;
@@ -74,6 +79,17 @@ impl Solution {
             slips: true,
             found,
         }
+    }
+
+    /// Degrees of freedom that it leaves the rows.
+    pub fn freedom(&self) -> usize {
+        let parameters = self.rank + usize::from(self.jump().is_some());
+        self.marks.equations.saturating_sub(parameters)
+    }
+
+    /// What standard uncertainties are multiplied by; `None` where the rows leave no scatter to tell it from.
+    pub fn scatter(&self, data: &Data) -> Option<f64> {
+        criteria::scatter(data, self.found.chi2, self.freedom())
     }
 
     /// Λ where the model jumps.
@@ -164,7 +180,14 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     let (Some(rolling), Some(sliding)) = (&rolling, &sliding) else {
         return sliding.or(rolling);
     };
-    let jump = Profile::new(data, free, sliding.found.theta)
+    let spread = sliding.scatter(data).unwrap_or(0.0).powi(2);
+    let averaged = |solution: &Solution| {
+        let chi2 = solution.task(data).averaged(&solution.found.theta, spread);
+        let limit = usize::from(solution.jump().is_some());
+        Marks::new(data, chi2, solution.rank + limit, 1.0)
+    };
+    let without = averaged(sliding);
+    let jump = Profile::new(data, free, sliding.found.theta, spread)
         .best(
             sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]),
             0.5 * JUMPS,
@@ -172,7 +195,8 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
-        .filter(|s| s.marks.gain_over(&sliding.marks, data.weights) > JUMPS && slides(data, s));
+        .filter(|s| averaged(s).gain_over(&without, data.weights) > JUMPS)
+        .filter(|s| jump_in_deviations(data, s).is_some_and(|jump| jump > SEEN * spread.sqrt()));
     let larger = jump.unwrap_or_else(|| sliding.clone());
     Some(if shows(data, rolling, &larger) {
         larger
@@ -181,17 +205,45 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     })
 }
 
+/// By how many deviations of a row the outcome jumps, from the rows that slide next to the limit; `None` where none slides.
+fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
+    const NEXT: usize = 5;
+    let theta = &solution.found.theta;
+    let jump = solution.jump()? / (1.0 + theta[E]) - theta[MU];
+    let task = solution.task(data);
+    let mut rows: Vec<(f64, f64)> = task
+        .rows()
+        .filter_map(|row| Some((demand(row, theta), task.nearest(row, theta)?)))
+        .filter(|(_, near)| near.state.slides())
+        .map(|(demand, near)| {
+            let by_friction = near.jacobian[..near.equations]
+                .iter()
+                .map(|line| line[MU].powi(2));
+            (demand, by_friction.sum::<f64>().sqrt())
+        })
+        .collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut next: Vec<f64> = rows.iter().take(NEXT).map(|row| row.1 * jump).collect();
+    median(&mut next)
+}
+
 fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
     let name = ModelName::GripSlide;
     let from: Vec<Theta> = e_e.iter().map(|s| s.found.theta).collect();
     let both = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
     let throughout = solve(data, name, Regimes::Slide, free(data, false, true), &[]);
-    // The simpler of the two: e-e first, which has no limit to be beyond.
+    // Of two as good, e-e, which has no limit to be beyond.
     let simple = e_e
         .map(|s| Solution { name, ..s.clone() })
         .into_iter()
         .chain(throughout)
-        .min_by(|a, b| a.found.chi2.total_cmp(&b.found.chi2));
+        .reduce(|e_e, slide| {
+            if slide.marks.gain_over(&e_e.marks, data.weights) > 0.0 {
+                slide
+            } else {
+                e_e
+            }
+        });
     let (Some(simple), Some(both)) = (&simple, &both) else {
         return both.or(simple);
     };

@@ -224,10 +224,10 @@ struct Deviations {
     set: ColumnSet,
     /// Columns of the fit in which some row has a deviation, be it zero.
     given: Vec<Column>,
-    /// Whether some deviation is not zero.
-    any: bool,
-    /// Whether deviations are given, and every one is zero.
-    all_zero: bool,
+    /// Those in which some deviation is not zero.
+    positive: Vec<Column>,
+    /// Relations between the numbers in which none has a deviation.
+    exact: Vec<&'static [Column]>,
 }
 
 impl Deviations {
@@ -238,57 +238,78 @@ impl Deviations {
             .copied()
             .filter(|&c| rows.iter().any(|row| std(row, c).is_some()))
             .collect();
-        let any = given
+        let positive: Vec<Column> = given
             .iter()
-            .any(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s != 0.0)));
+            .copied()
+            .filter(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s != 0.0)))
+            .collect();
+        let exact = relations(set)
+            .iter()
+            .copied()
+            .filter(|relation| !relation.iter().any(|c| positive.contains(c)))
+            .collect();
         Self {
             set,
-            all_zero: !given.is_empty() && !any,
             given,
-            any,
+            positive,
+            exact,
         }
     }
 
     fn weights(&self) -> Weights {
-        if self.any { Weights::Stated } else { Weights::Unit }
+        if self.exact.is_empty() {
+            Weights::Stated
+        } else {
+            Weights::Unit
+        }
     }
 
     fn notes(&self) -> Vec<Note> {
-        let mut notes = Vec::new();
-        if self.all_zero {
-            notes.push(Note {
-                code: "deviations_all_zero",
-                message: "every standard deviation in the file is 0, which no measurement has; all rows count the same \
-                          and their scatter tells how sure the result is. Give the deviations, or leave the columns out."
-                    .to_owned(),
-            });
-        } else if !self.any {
-            notes.push(Note {
-                code: "no_deviations",
-                message: "no column of standard deviations (such as rebound_vx_m_s_std): all rows count the same, and \
-                          the scale of the uncertainties is taken from the scatter of the rows. So the fit itself \
-                          cannot be tested."
-                    .to_owned(),
-            });
-        }
-        let exact: Vec<&str> = self
-            .set
-            .required()
-            .iter()
-            .filter(|c| self.any && !self.given.contains(c))
-            .map(|c| c.name())
-            .collect();
-        if !exact.is_empty() {
-            notes.push(Note {
-                code: "taken_as_exact",
-                message: format!(
-                    "no standard deviations for {}, which is taken as exact while other columns have theirs; add {}_std.",
-                    exact.join(", "),
-                    exact[0]
+        const ALL_THE_SAME: &str = "all rows count the same, and their scatter tells how sure the result is";
+        let names = |columns: &[Column]| columns.iter().map(|c| c.name()).collect::<Vec<_>>();
+        let note = |code, message| vec![Note { code, message }];
+        if self.given.is_empty() {
+            return note(
+                "no_deviations",
+                format!(
+                    "no column of standard deviations (such as {}_std): {ALL_THE_SAME}. So the fit itself cannot be tested.",
+                    self.set.required()[self.set.required().len() - 1].name()
                 ),
-            });
+            );
         }
-        notes
+        if self.positive.is_empty() {
+            return note(
+                "deviations_all_zero",
+                format!(
+                    "every standard deviation in the file is 0, which no measurement has; {ALL_THE_SAME}. Give the \
+                     deviations, or leave the columns out."
+                ),
+            );
+        }
+        if let Some(relation) = self.exact.first() {
+            let without = names(relation).join(" and ");
+            return note(
+                "deviations_not_used",
+                format!(
+                    "standard deviations for {}, but none for {without}, which would have to agree exactly then; they \
+                     are not used: {ALL_THE_SAME}. Give all of them.",
+                    names(&self.positive).join(", ")
+                ),
+            );
+        }
+        let required = self.set.required().iter().copied();
+        let exact: Vec<Column> = required.filter(|c| !self.given.contains(c)).collect();
+        match exact.first() {
+            None => Vec::new(),
+            Some(first) => note(
+                "taken_as_exact",
+                format!(
+                    "no standard deviations for {}, which is taken as exact while other columns have theirs; add {}_std.",
+                    names(&exact).join(", "),
+                    first.name()
+                ),
+            ),
+        }
     }
 
     /// Whether the row's numbers can be used; why not.
@@ -331,11 +352,23 @@ impl Deviations {
         match reading.std {
             Some(std) if std < 0.0 => Err(format!("{name}_std is negative ({std})")),
             Some(std) if !(std <= 1e9) => Err(format!("{name}_std is {std}, not a deviation")),
-            None if required && self.any && self.given.contains(&column) => {
+            None if required && self.weights() == Weights::Stated && self.given.contains(&column) => {
                 Err(format!("{name}_std is empty, while other rows have one"))
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// The numbers that a rebound ties together, one set for each equation: some of each need deviations.
+fn relations(set: ColumnSet) -> &'static [&'static [Column]] {
+    match set {
+        ColumnSet::Velocities => &[
+            &[Column::IncidentVx, Column::ReboundVx],
+            &[Column::IncidentVz, Column::ReboundVz],
+        ],
+        ColumnSet::Angles => &[&[Column::IncidentAngle, Column::ReboundAngle]],
+        ColumnSet::Distances => &[&[Column::X0, Column::X]],
     }
 }
 

@@ -24,8 +24,9 @@ impl Work<'_> {
         if solution.name != ModelName::MuE || !solution.free[MU] || !both {
             return None;
         }
-        let level = (self.factor * self.scatter?).powi(2);
-        let mut profile = Profile::new(self.data, solution.free, self.theta);
+        let scatter = self.scatter?;
+        let level = (self.factor * scatter).powi(2);
+        let mut profile = Profile::new(self.data, solution.free, self.theta, scatter * scatter);
         match solution.regimes {
             Regimes::Jump(limit) => Some(profile.limits(limit, level)),
             _ => {
