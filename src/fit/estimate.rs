@@ -1,6 +1,7 @@
 //! From a model at its best to the numbers that are reported: parameters with uncertainties and intervals, or why there are
 //! none.
 
+mod profile;
 mod sliding;
 
 use super::criteria;
@@ -14,6 +15,7 @@ use super::transition::Limits;
 use crate::models::{e_e, grip_slide, mu_e, slip_share};
 use crate::quantity::{Quantity, median};
 use nalgebra::SMatrix;
+use profile::Region;
 
 /// A coefficient that is known to no better than this is not known: the deviation of anything at all in the range of e, e_x,
 /// μ, and spin ratios.
@@ -34,6 +36,8 @@ struct Work<'a> {
     covariance: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// Other ways to part the rows that are not out of question.
     valleys: Vec<Valley>,
+    /// Where χ² stays within reach, where that is not as the covariance has it.
+    region: Region,
     /// `None`: the rows leave no scatter to tell uncertainties from.
     scatter: Option<f64>,
     /// Standard uncertainties to a side that hold 95 %.
@@ -127,12 +131,13 @@ impl<'a> Work<'a> {
             .filter(|r| r.is_finite())
             .collect();
         let mut shares: Vec<f64> = data.rows.iter().map(|row| row.slip_share).collect();
-        Self {
+        let mut work = Self {
             data,
             solution,
             theta,
             covariance,
             valleys,
+            region: Region::default(),
             scatter,
             factor,
             spin_ratio: median(&mut ratios).unwrap_or(0.0),
@@ -140,7 +145,9 @@ impl<'a> Work<'a> {
             sliding,
             gripping: nearest.len() - sliding,
             nearest,
-        }
+        };
+        work.region = Region::around(&work);
+        work
     }
 
     /// Standard uncertainty of a function of the parameters, to first order.
@@ -148,8 +155,9 @@ impl<'a> Work<'a> {
         std_of(&function, &self.theta, &self.covariance)
     }
 
-    /// A function of the parameters, with what it may be in every valley.
-    fn estimate(&self, function: impl Fn(&Theta) -> f64) -> Fitted {
+    /// A function of the parameters, with what it may be in every valley and at every end of their region; `open` tells
+    /// whether it has no end downwards and upwards.
+    fn estimate(&self, function: impl Fn(&Theta) -> f64, open: (bool, bool)) -> Fitted {
         let value = function(&self.theta);
         let std = self.std(&function);
         let Some(mut quantity) = Quantity::new(value, std) else {
@@ -173,6 +181,13 @@ impl<'a> Work<'a> {
             ends.0 = ends.0.map(|low| low.min(there - reach));
             ends.1 = ends.1.map(|high| high.max(there + reach));
         }
+        for theta in &self.region.ends {
+            let there = function(theta);
+            ends.0 = ends.0.map(|low| low.min(there));
+            ends.1 = ends.1.map(|high| high.max(there));
+        }
+        ends.0 = ends.0.filter(|_| !open.0);
+        ends.1 = ends.1.filter(|_| !open.1);
         let longer = ends
             .0
             .zip(ends.1)
@@ -204,13 +219,32 @@ impl<'a> Work<'a> {
         if !self.solution.determined[j] {
             return Fitted::NotDetermined(why_not());
         }
+        let vague = |how: &str| {
+            let reason =
+                format!("the rows give it only to {how}, which is no more than is known of any bounce");
+            Fitted::NotDetermined(reason)
+        };
         let std = self.covariance[(j, j)].sqrt();
         if std > KNOWN[j] {
-            return Fitted::NotDetermined(format!(
-                "the rows give it only to ± {std:.2}, which is no more than is known of any bounce"
-            ));
+            return vague(&format!("± {std:.2}"));
         }
-        self.estimate(|theta| theta[j])
+        let estimate = self.estimate(|theta| theta[j], self.region.open[j]);
+        match self.region.open[j] {
+            (false, false) => estimate,
+            (low, high) => {
+                let ends = estimate.estimate().map_or((None, None), |e| e.interval_95);
+                match (low, ends.0, high, ends.1) {
+                    (true, _, false, Some(end)) => vague(&format!("below {}", three_digits(end))),
+                    (false, Some(end), true, _) => vague(&format!("above {}", three_digits(end))),
+                    _ => vague("anything"),
+                }
+            }
+        }
+    }
+
+    /// Whether a function of all parameters has no end, as some of them have none.
+    fn all_open(&self) -> (bool, bool) {
+        (self.region.is_open(), self.region.is_open())
     }
 
     fn restitution(&self) -> Fitted {

@@ -198,6 +198,13 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         .filter(|s| averaged(s).gain_over(&without, data.weights) > JUMPS)
         .filter(|s| jump_in_deviations(data, s).is_some_and(|jump| jump > SEEN * spread.sqrt()));
     let larger = jump.unwrap_or_else(|| sliding.clone());
+    // A spin that is fitted makes any single row one that grips; that has to show, too.
+    let throughout = data
+        .shared_spin
+        .then(|| solve(data, name, Regimes::Slide, free, &[sliding.found.theta]))
+        .flatten()
+        .filter(|slide| !(larger.marks.gain_over(&slide.marks, data.weights) > SHOWS));
+    let larger = throughout.unwrap_or(larger);
     Some(if shows(data, rolling, &larger) {
         larger
     } else {
@@ -286,13 +293,35 @@ fn solve(
     } else {
         found
     };
+    let found = with_the_slip(data, regimes, free, found);
     let mut solution = Solution::new(data, name, regimes, free, found);
     through_the_order(data, &mut solution);
     Some(solution)
 }
 
+/// Sliding forwards under a friction that pushes is sliding backwards under one that holds: where the spin is fitted, the
+/// slip's direction is that of friction.
+fn with_the_slip(data: &Data, regimes: Regimes, free: [bool; PARAMETERS], found: Found) -> Found {
+    const AS_GOOD: f64 = 1e-6;
+    if !(free[RATIO] && free[MU] && found.theta[MU] < 0.0) {
+        return found;
+    }
+    let mut mirrored = found.theta;
+    mirrored[MU] = -found.theta[MU];
+    mirrored[RATIO] = 2.0 - found.theta[RATIO];
+    let task = Task {
+        rows: &data.rows,
+        chosen: None,
+        regimes,
+        free,
+    };
+    task.search(mirrored)
+        .filter(|other| other.chi2 <= found.chi2 + AS_GOOD * (1.0 + found.chi2))
+        .unwrap_or(found)
+}
+
 /// More rows than this: one of them on another side moves nothing.
-const FEW: usize = 150;
+pub(super) const FEW: usize = 150;
 
 /// Rows beside the transition that are tried on its other side.
 const BESIDE: usize = 3;

@@ -31,7 +31,10 @@ impl Work<'_> {
             Regimes::Jump(limit) => Some(profile.limits(limit, level)),
             _ => {
                 let share = Self::friction_share(&self.theta);
-                let (low, high) = self.estimate(Self::friction_share).estimate()?.interval_95;
+                let (low, high) = self
+                    .estimate(Self::friction_share, self.all_open())
+                    .estimate()?
+                    .interval_95;
                 let limits = profile.limits(share, level);
                 Some(Limits {
                     low,
@@ -138,7 +141,7 @@ impl Work<'_> {
         let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
         let value = continuous(&self.theta);
         if solution.name == ModelName::GripSlide {
-            return of(self.estimate(continuous), None);
+            return of(self.estimate(continuous, self.all_open()), None);
         }
         let ends = limits.map_or((None, None), |l| {
             let angle = |limit: Option<f64>| limit.map(|l| self.angle_rad(l, &self.theta));
