@@ -20,8 +20,14 @@
 //! either side of it, or (where both would step across) on the edge, which is one equation more. So χ² is continuous
 //! in the parameters although the model jumps.
 
+mod algebra;
+mod averaged;
+
+pub(super) use averaged::averaged;
+
 use super::observation::{Kinematics, Observation, SLOTS, SPIN_OUT, Slots};
 use super::series::ColumnSet;
+use algebra::{backward, cholesky, dot, forward, relative_move};
 
 /// Parameters: restitution, tangential restitution, friction, shared spin ratio.
 pub(super) const PARAMETERS: usize = 4;
@@ -191,51 +197,11 @@ pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Opt
     best.or(Some(found))
 }
 
-/// −2 ln of a row's likelihood, in units of χ², with its true incidence averaged over both sides of the transition in place
-/// of the better one.
-///
-/// A jump gives a row near it two ends to be near to, and so always fits better than none: by a little for each row, which
-/// grows with their number whatever the truth is. Averaged, the two ends share one row's likelihood. Along each side the
-/// average is e^(−χ²/2) times the part of a Gaussian that lies on that side. `spread` is what χ² is to be divided by.
-pub(super) fn averaged(row: &Observation, regimes: Regimes, theta: &Theta, spread: f64) -> Option<f64> {
-    let (law, here) = Law::new(row, regimes, theta);
-    let (margin, variance) = law.margin(&here);
-    let one_sided = matches!(regimes, Regimes::Grip | Regimes::Slide);
-    if one_sided || !(variance > 0.0 && spread > 0.0) {
-        return nearest(row, regimes, theta).map(|n| n.chi2);
-    }
-    let first = if margin <= 0.0 { State::Grip } else { State::Slide };
-    let second = if margin <= 0.0 { State::Slide } else { State::Grip };
-    let here = law.log_share(first, spread)?;
-    // The other side costs at least what the measured incidence is away from the edge.
-    if -0.5 * margin * margin / (variance * spread) < here - NOTHING {
-        return Some(-2.0 * spread * here);
-    }
-    let there = law.log_share(second, spread)?;
-    let (least, most) = (here.min(there), here.max(there));
-    let sum = most + (least - most).exp().ln_1p();
-    sum.is_finite().then_some(-2.0 * spread * sum)
-}
-
 /// How far beyond the limit Λ a row was measured, s (1 + e_x) |a − w| − Λ b, and the deviation of that.
 pub(super) fn margin(row: &Observation, limit: f64, theta: &Theta) -> (f64, f64) {
     let (law, here) = Law::new(row, Regimes::Jump(limit), theta);
     let (margin, variance) = law.margin(&here);
     (margin, variance.sqrt())
-}
-
-/// Difference of logarithms beyond which the lesser adds nothing.
-const NOTHING: f64 = 36.0;
-
-/// ln Φ(x).
-fn log_normal_cdf(x: f64) -> f64 {
-    if x > -10.0 {
-        (0.5 * statrs::function::erf::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)).ln()
-    } else {
-        // The first terms of its expansion far out, good to 1e-6 there.
-        let square = x * x;
-        -0.5 * square - (-x * std::f64::consts::TAU.sqrt()).ln() - 1.0 / square
-    }
 }
 
 fn edge_of(state: State) -> State {
@@ -407,34 +373,6 @@ impl<'a> Law<'a> {
         self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
     }
 
-    /// ln of the share of the row's likelihood that lies on the side of `state`, χ² being in units of `spread`.
-    fn log_share(&self, state: State, spread: f64) -> Option<f64> {
-        self.closest(state, |at| {
-            let k = at.kinematics;
-            let (grip, limit) = (self.grip_share() * self.sign_at(state, k), self.limit.value);
-            let slope: Slots = std::array::from_fn(|i| grip * (k.da[i] - k.dw[i]) - limit * k.db[i]);
-            // What is left of the margin's variance once the equations hold.
-            let mut bound = [0.0; MOST];
-            for (entry, spread) in bound.iter_mut().zip(at.spread).take(at.equations.count) {
-                *entry = dot(&slope, spread);
-            }
-            let bound = forward(at.lower, bound, at.equations.count);
-            let whole = dot(&slope, &self.row.covariance_times(&slope));
-            let left = whole - bound.iter().map(|b| b * b).sum::<f64>();
-            let side = if state.slides() { 1.0 } else { -1.0 };
-            let inside = side * self.margin_at(state, k);
-            let share = if left > 1e-12 * whole {
-                log_normal_cdf(inside / (spread * left).sqrt())
-            } else if inside >= 0.0 {
-                0.0
-            } else {
-                f64::NEG_INFINITY
-            };
-            let log = share - 0.5 * at.chi2() / spread;
-            (!log.is_nan()).then_some(log)
-        })
-    }
-
     /// s (1 + e_x).
     fn grip_share(&self) -> f64 {
         self.row.slip_share * (1.0 + self.theta[E_X])
@@ -584,61 +522,6 @@ impl Equations {
         self.by_parameter[i] = [0.0; PARAMETERS];
         (&mut self.f[i], &mut self.by_slot[i], &mut self.by_parameter[i])
     }
-}
-
-fn dot(a: &Slots, b: &Slots) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// The largest change of a slot, against its size.
-fn relative_move(from: &Slots, to: &Slots) -> f64 {
-    from.iter()
-        .zip(to)
-        .map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(1e-9))
-        .fold(0.0, f64::max)
-}
-
-/// L of J Σ Jᵀ = L Lᵀ; false where an equation has no error at all, or two have the same one.
-fn cholesky(equations: &Equations, spread: &[Slots; MOST], lower: &mut [[f64; MOST]; MOST]) -> bool {
-    for i in 0..equations.count {
-        for j in 0..=i {
-            let entry = dot(&equations.by_slot[i], &spread[j]);
-            let known: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
-            if i == j {
-                let pivot = entry - known;
-                // Positive and not mere rounding of what it was before.
-                if !(pivot > 1e-13 * entry && pivot.is_finite()) {
-                    return false;
-                }
-                lower[i][i] = pivot.sqrt();
-            } else {
-                lower[i][j] = (entry - known) / lower[j][j];
-            }
-        }
-    }
-    true
-}
-
-/// L⁻¹ v.
-fn forward(lower: &[[f64; MOST]; MOST], mut v: [f64; MOST], count: usize) -> [f64; MOST] {
-    for i in 0..count {
-        for j in 0..i {
-            v[i] -= lower[i][j] * v[j];
-        }
-        v[i] /= lower[i][i];
-    }
-    v
-}
-
-/// L⁻ᵀ v.
-fn backward(lower: &[[f64; MOST]; MOST], mut v: [f64; MOST], count: usize) -> [f64; MOST] {
-    for i in (0..count).rev() {
-        for j in i + 1..count {
-            v[i] -= lower[j][i] * v[j];
-        }
-        v[i] /= lower[i][i];
-    }
-    v
 }
 
 #[cfg(test)]

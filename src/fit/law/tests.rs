@@ -209,3 +209,77 @@ fn a_row_without_errors_has_no_nearest_motion() {
     assert_eq!((data.rows.len(), aside.len(), aside[0].row), (1, 1, 1));
     assert!(aside[0].reason.contains("are 0"), "{}", aside[0].reason);
 }
+
+/// A row at the limit of a jump at 0.3, give or take a deviation.
+fn beside_the_limit(vz: f64) -> Observation {
+    let row = Row::new(1, "all")
+        .with(Column::IncidentVx, 1.02, Some(0.03))
+        .with(Column::IncidentVz, vz, Some(0.02))
+        .with(Column::ReboundVx, 0.72, Some(0.05))
+        .with(Column::ReboundVz, 1.01, Some(0.015))
+        .with(Column::SpinIn, 0.0, None);
+    let series = Series::new("one", vec![row], Vec::new()).unwrap();
+    Data::new(&series, &[0]).0.rows.remove(0)
+}
+
+#[test]
+fn the_averaged_likelihood_is_the_integral_over_both_sides() {
+    const LIMIT: f64 = 0.3;
+    let share = 2.0 / 7.0 * (1.0 + THETA[E_X]);
+    for (vz, spread) in [(-1.20, 1.0), (-1.263, 1.0), (-1.263, 4.0), (-1.31, 0.5)] {
+        let row = beside_the_limit(vz);
+        let chi2 = |a: f64, b: f64, grips: bool| {
+            let p = if grips {
+                share * a
+            } else {
+                THETA[MU] * (1.0 + THETA[E]) * b
+            };
+            let at = [a, b, a - p, THETA[E] * b];
+            (0..4)
+                .map(|i| (row.z[i] - at[i]).powi(2) / row.variance[i])
+                .sum::<f64>()
+        };
+        let mut sum = 0.0;
+        for grips in [true, false] {
+            let (mut inside, mut whole, mut least) = (0.0, 0.0, f64::INFINITY);
+            for i in -400..=400 {
+                for j in -400..=400 {
+                    let (a, b) = (1.02 + 0.0009 * f64::from(i), -vz + 0.0006 * f64::from(j));
+                    let here = chi2(a, b, grips);
+                    least = here.min(least);
+                    let weight = (-0.5 * here / spread).exp();
+                    whole += weight;
+                    if (share * a <= LIMIT * b) == grips {
+                        inside += weight;
+                    }
+                }
+            }
+            sum += (-0.5 * least / spread).exp() * inside / whole;
+        }
+        let integral = -2.0 * spread * sum.ln();
+        let found = averaged(&row, Regimes::Jump(LIMIT), &THETA, spread).unwrap();
+        assert!(
+            (found - integral).abs() < 0.02,
+            "{vz} {spread}: {found} {integral}"
+        );
+    }
+}
+
+#[test]
+fn far_from_the_limit_the_averaged_likelihood_is_chi2() {
+    for row in rows() {
+        for limit in [1e-3, 100.0] {
+            let regimes = Regimes::Jump(limit);
+            let (beyond, std) = margin(&row, limit, &THETA);
+            if beyond.abs() < 10.0 * std {
+                continue;
+            }
+            let chi2 = nearest(&row, regimes, &THETA).unwrap().chi2;
+            let found = averaged(&row, regimes, &THETA, 1.0).unwrap();
+            assert!(
+                (found - chi2).abs() < 1e-6 * (1.0 + chi2),
+                "{row:?} {limit}: {found} {chi2}"
+            );
+        }
+    }
+}
