@@ -28,9 +28,9 @@ const SHOWS: f64 = 8.8;
 /// one in any case.
 const JUMPS: f64 = 6.0;
 
-/// Part of a row's deviation that a jump has to exceed to be one: less is as well a transition that is a little rounded, or
+/// Deviations of a row that a jump has to exceed to be one: less is as well a transition that is a little rounded, or
 /// deviations a little wrong, which very many rows show.
-const SEEN: f64 = 0.5;
+const SEEN: f64 = 1.0;
 
 /// Probability that rows without slip seem to have some.
 const NO_SLIP: f64 = 0.001;
@@ -238,7 +238,9 @@ fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
     let name = ModelName::GripSlide;
     let from: Vec<Theta> = e_e.iter().map(|s| s.found.theta).collect();
     let both = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
-    let throughout = solve(data, name, Regimes::Slide, free(data, false, true), &[]);
+    let throughout = worth_all_rows(data, e_e)
+        .then(|| solve(data, name, Regimes::Slide, free(data, false, true), &[]))
+        .flatten();
     // Of two as good, e-e, which has no limit to be beyond.
     let simple = e_e
         .map(|s| Solution { name, ..s.clone() })
@@ -259,6 +261,21 @@ fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
     } else {
         simple.clone()
     })
+}
+
+/// Whether sliding throughout may fit better than `e_e`, as a sample of many rows has it.
+fn worth_all_rows(data: &Data, e_e: Option<&Solution>) -> bool {
+    // Half as much again is no chance in a sample of hundreds.
+    const HOPELESS: f64 = 1.5;
+    let (Some(e_e), true) = (e_e, data.sample.len() < data.rows.len()) else {
+        return true;
+    };
+    let sample = Task {
+        chosen: Some(&data.sample),
+        ..e_e.task(data)
+    };
+    search(data, &data.sample, Regimes::Slide, free(data, false, true), &[])
+        .is_some_and(|slide| slide.chi2 < HOPELESS * sample.chi2(&e_e.found.theta))
 }
 
 /// Whether the rows show that some slide.

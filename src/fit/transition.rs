@@ -18,6 +18,12 @@ const REFITTED: usize = 150;
 /// Gaps that are tried in one sweep.
 const GAPS: usize = 24;
 
+/// Gaps that are tried between two neighbours of those, of many rows, whose χ² is smooth there.
+const FINER: usize = 8;
+
+/// A difference of χ² that decides nothing.
+const FLAT: f64 = 0.05;
+
 /// A row that lies further than this many of its own deviations from the limit is on its side for certain.
 const FAR: f64 = 8.0;
 
@@ -117,7 +123,12 @@ impl<'a> Profile<'a> {
             .filter(|w| w[1] > w[0])
             .map(|w| 0.5 * (w[0] + w[1]))
             .collect();
-        let step = gaps.len().div_ceil(GAPS).max(1);
+        let most = if self.refit || between.is_none() {
+            GAPS
+        } else {
+            FINER
+        };
+        let step = gaps.len().div_ceil(most).max(1);
         gaps = gaps.into_iter().step_by(step).collect();
         let (low, high) = between.unwrap_or((0.5 * first, 2.0 * last));
         gaps.insert(0, low);
@@ -174,7 +185,7 @@ impl<'a> Profile<'a> {
     /// The best Λ of all gaps, coarsely at first.
     fn best_gap(&mut self) -> Option<f64> {
         let mut gaps = self.gaps(None);
-        let mut best = self.best_of(&gaps)?;
+        let mut best = self.best_of(&gaps).0?;
         while self.thinned(&gaps) {
             // Again, in the gaps between the neighbours of the best.
             let between = neighbours(&gaps, best.0);
@@ -184,7 +195,14 @@ impl<'a> Profile<'a> {
                 break;
             }
             gaps = finer;
-            best = self.best_of(&gaps).unwrap_or(best);
+            let (Some(found), flat) = self.best_of(&gaps) else {
+                break;
+            };
+            best = found;
+            // Once rows' own errors blur what is left, no gap is better than the next.
+            if !self.refit && flat <= FLAT * self.spread {
+                break;
+            }
         }
         Some(best.0)
     }
@@ -198,11 +216,19 @@ impl<'a> Profile<'a> {
         self.data.rows.iter().filter(|row| within(row)).count() > gaps.len()
     }
 
-    fn best_of(&self, gaps: &[f64]) -> Option<(f64, f64)> {
-        gaps.iter()
+    /// The best gap with its χ², and how far above it the worst of all is.
+    fn best_of(&self, gaps: &[f64]) -> (Option<(f64, f64)>, f64) {
+        let tried: Vec<(f64, f64)> = gaps
+            .iter()
             .map(|&gap| (gap, self.chi2(gap)))
             .filter(|(_, chi2)| chi2.is_finite())
-            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .collect();
+        let best = tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+        let worst = tried
+            .iter()
+            .map(|tried| tried.1)
+            .fold(f64::NEG_INFINITY, f64::max);
+        (best, best.map_or(0.0, |best| worst - best.1))
     }
 
     /// Takes in all rows that a limit between `low` and `high` may move, and leaves the others out, where there are many.
