@@ -21,7 +21,8 @@
 //! * Where the outcome jumps at the transition (static friction above friction), the limit is found by going through the
 //!   order of the rows, and its interval by profile likelihood (`transition`).
 //! * Rows that no model explains are set aside with a reason (`outliers`).
-//! * What the rows do not determine has no number but a reason (`estimate`).
+//! * Intervals come from the covariance where χ² is a parabola, and from its profile where rows change sides within reach.
+//!   What the rows do not determine has no number but a reason (`estimate`).
 //! * Models are compared by AICc (`criteria`, `choice`).
 //!
 //! # Limits

@@ -168,3 +168,28 @@ proptest! {
         prop_assert_eq!(s.rows[0].reading(Column::ReboundAngle).unwrap().std, Some(std));
     }
 }
+
+#[test]
+fn a_recording_goes_by_either_name() {
+    for name in ["recording", "video"] {
+        let text = format!(
+            "{name},page,incident_angle_deg,rebound_angle_deg\nclip.mp4,results/clip.report.html,30,28\n"
+        );
+        let series = parse(text.as_bytes(), "s.csv").unwrap();
+        assert_eq!(series.rows[0].recording.as_deref(), Some("clip.mp4"));
+        assert_eq!(series.rows[0].page.as_deref(), Some("results/clip.report.html"));
+    }
+}
+
+#[test]
+fn deviations_that_leave_a_relation_exact_are_not_used() {
+    let text = "x0_m,x_m,launch_speed_m_s,launch_speed_m_s_std\n0.3,0.3,1,0.01\n0.2,0.2,1,0.01\n";
+    let series = parse(text.as_bytes(), "s.csv").unwrap();
+    assert_eq!(series.weights, Weights::Unit);
+    let note = series
+        .notes
+        .iter()
+        .find(|n| n.code == "deviations_not_used")
+        .unwrap();
+    assert!(note.message.contains("x0_m and x_m"), "{}", note.message);
+}
