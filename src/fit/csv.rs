@@ -152,7 +152,7 @@ impl Meaning {
     fn of(name: &str) -> Self {
         match name {
             "group" => return Self::Group,
-            "recording" => return Self::Recording,
+            "recording" | "video" => return Self::Recording,
             "page" => return Self::Page,
             _ => {}
         }
@@ -409,3 +409,6 @@ fn clipped(text: &str) -> String {
         text.chars().take(LONGEST).chain("...".chars()).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -15,7 +15,7 @@
 //! | [`series_table`] | the table of a fit for people on stdout |
 //! | [`series_json`] | `fit.json`, schema `track.fit/1` |
 //! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows |
-//! | `chart`, `series_figures` | the figures of that page |
+//! | `chart`, `series_figures`, `series_rows` | its figures and tables |
 //! | [`write`](mod@write) | files that appear whole or not at all |
 
 pub mod board;
@@ -32,6 +32,7 @@ pub mod plots;
 mod series_figures;
 pub mod series_json;
 pub mod series_page;
+mod series_rows;
 pub mod series_table;
 pub mod strobe;
 pub mod table;
