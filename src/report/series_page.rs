@@ -35,14 +35,25 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         page::STYLE
     );
     header(&mut page, fit, &name);
-    notes(&mut page, &fit.notes, "");
+    sections(&mut page, series, fit)?;
+    let _ = writeln!(
+        page,
+        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
+        env!("CARGO_PKG_VERSION")
+    );
+    Ok(page)
+}
+
+/// Everything between the head of the page and its foot.
+pub(super) fn sections(page: &mut String, series: &Series, fit: &SeriesFit) -> Result<(), PageError> {
+    notes(page, &fit.notes, "");
     for group in &fit.groups {
         let prefix = if fit.groups.len() > 1 {
             format!("group {}: ", group.name)
         } else {
             String::new()
         };
-        notes(&mut page, &group.notes, &prefix);
+        notes(page, &group.notes, &prefix);
     }
     let drawings: Vec<Drawing<'_>> = fit
         .groups
@@ -50,18 +61,13 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         .map(|group| Drawing::new(series, group))
         .collect();
     if fit.groups.len() > 1 {
-        overview(&mut page, fit, &drawings)?;
+        overview(page, fit, &drawings)?;
     }
     for (group, drawing) in fit.groups.iter().zip(&drawings) {
-        group_section(&mut page, series, fit, group, drawing)?;
+        group_section(page, series, fit, group, drawing)?;
     }
-    to_copy(&mut page, fit);
-    let _ = writeln!(
-        page,
-        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    );
-    Ok(page)
+    to_copy(page, fit);
+    Ok(())
 }
 
 /// The file's name, with its folder where it is a batch's `series.csv`.
@@ -484,7 +490,7 @@ fn is_relative(link: &str) -> bool {
 }
 
 /// A path as a link: what has a meaning of its own in an address is written by its number.
-fn encoded(path: &str) -> String {
+pub(super) fn encoded(path: &str) -> String {
     let mut link = String::with_capacity(path.len());
     for byte in path.bytes() {
         if byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte) {
