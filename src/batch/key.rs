@@ -137,10 +137,22 @@ mod tests {
         assert_ne!(key(&r, "{ }", Accuracy::Standard), first);
         assert_ne!(key(&r, "{}", Accuracy::Fine), first);
         for changes in [
-            Changes { spin: LaunchSpin::Unknown, ..Changes::default() },
-            Changes { spin: LaunchSpin::Ratio(0.0), ..Changes::default() },
-            Changes { frame_rate_hz: Some(240.0), ..Changes::default() },
-            Changes { ball_radius_m: Some(0.02), ..Changes::default() },
+            Changes {
+                spin: LaunchSpin::Unknown,
+                ..Changes::default()
+            },
+            Changes {
+                spin: LaunchSpin::Ratio(0.0),
+                ..Changes::default()
+            },
+            Changes {
+                frame_rate_hz: Some(240.0),
+                ..Changes::default()
+            },
+            Changes {
+                ball_radius_m: Some(0.02),
+                ..Changes::default()
+            },
         ] {
             let changed = Recording { changes, ..r.clone() };
             assert_ne!(key(&changed, "{}", Accuracy::Standard), first, "{changes:?}");

@@ -170,7 +170,9 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
         return Err(invalid(problems));
     }
     if rows.is_empty() {
-        return Err(not_csv("it has no rows below the names of the columns".to_owned()));
+        return Err(not_csv(
+            "it has no rows below the names of the columns".to_owned(),
+        ));
     }
     Ok(rows)
 }
@@ -196,19 +198,22 @@ fn columns(header: &::csv::StringRecord) -> Result<Places, Vec<Problem>> {
             }
             Some(k) => places[k] = Some(i),
             None if name.is_empty() => {
-                refuse("(no name)", format!("column {} has no name; accepted: {}", i + 1, COLUMNS.join(", ")));
+                refuse(
+                    "(no name)",
+                    format!("column {} has no name; accepted: {}", i + 1, COLUMNS.join(", ")),
+                );
             }
             None => {
                 let meant = nearest(name).map_or(String::new(), |near| format!("was {near} meant? "));
-                refuse(
-                    name,
-                    format!("unknown; {meant}Accepted: {}", COLUMNS.join(", ")),
-                );
+                refuse(name, format!("unknown; {meant}Accepted: {}", COLUMNS.join(", ")));
             }
         }
     }
     if places[0].is_none() && !header.iter().any(|name| nearest(name) == Some(COLUMNS[0])) {
-        refuse("video", "it is missing; it names the recording of each row".to_owned());
+        refuse(
+            "video",
+            "it is missing; it names the recording of each row".to_owned(),
+        );
     }
     if problems.is_empty() {
         Ok(places)
@@ -244,7 +249,9 @@ impl Cells<'_> {
     /// What stands in a column; `None` for nothing.
     fn get(&self, column: &str) -> Option<&str> {
         let place = COLUMNS.iter().position(|known| *known == column)?;
-        self.record.get(self.columns[place]?).filter(|cell| !cell.is_empty())
+        self.record
+            .get(self.columns[place]?)
+            .filter(|cell| !cell.is_empty())
     }
 
     fn row(&self, folder: &Path) -> Result<Row, Vec<Problem>> {
@@ -266,7 +273,9 @@ impl Cells<'_> {
             if number.is_none() {
                 refuse(
                     column,
-                    format!("found \"{cell}\"; accepted is a number above 0, in {unit}, or nothing for the calibration's"),
+                    format!(
+                        "found \"{cell}\"; accepted is a number above 0, in {unit}, or nothing for the calibration's"
+                    ),
                 );
             }
             number
@@ -290,8 +299,11 @@ impl Cells<'_> {
         if self.record.len() > self.columns.iter().flatten().count() {
             refuse(
                 "(after the last)",
-                format!("{} cells for {} columns; quote a cell that holds the character between cells", self.record.len(),
-                    self.columns.iter().flatten().count()),
+                format!(
+                    "{} cells for {} columns; quote a cell that holds the character between cells",
+                    self.record.len(),
+                    self.columns.iter().flatten().count()
+                ),
             );
         }
         if !problems.is_empty() {
@@ -314,7 +326,10 @@ impl Cells<'_> {
         let Some(cell) = self.get("spin_ratio") else {
             return Some(LaunchSpin::AsCalibrated);
         };
-        if ["unknown", "null", "?"].iter().any(|word| cell.eq_ignore_ascii_case(word)) {
+        if ["unknown", "null", "?"]
+            .iter()
+            .any(|word| cell.eq_ignore_ascii_case(word))
+        {
             return Some(LaunchSpin::Unknown);
         }
         self.number(cell).filter(|x| x.is_finite()).map(LaunchSpin::Ratio)
@@ -340,7 +355,9 @@ mod tests {
     }
 
     fn refused(text: &str) -> String {
-        parse(text.as_bytes(), Path::new("lab/m.csv")).unwrap_err().to_string()
+        parse(text.as_bytes(), Path::new("lab/m.csv"))
+            .unwrap_err()
+            .to_string()
     }
 
     #[test]
@@ -370,19 +387,31 @@ mod tests {
 
     #[test]
     fn an_unknown_column_is_named_with_the_one_that_was_meant() {
-        for (name, meant) in [("vidoe", "video"), ("fram_rate_hz", "frame_rate_hz"), ("spin", "spin_ratio")] {
+        for (name, meant) in [
+            ("vidoe", "video"),
+            ("fram_rate_hz", "frame_rate_hz"),
+            ("spin", "spin_ratio"),
+        ] {
             let text = refused(&format!("{name},group\na.mp4,b\n"));
-            assert!(text.contains(&format!("column {name}: unknown; was {meant} meant?")), "{text}");
+            assert!(
+                text.contains(&format!("column {name}: unknown; was {meant} meant?")),
+                "{text}"
+            );
             assert!(text.contains("lab/m.csv") && text.contains("line 1"), "{text}");
         }
-        assert!(refused("video,weather\na.mp4,fine\n").contains("column weather: unknown; Accepted: video, calib"));
+        assert!(
+            refused("video,weather\na.mp4,fine\n")
+                .contains("column weather: unknown; Accepted: video, calib")
+        );
         assert!(refused("group\nsteel\n").contains("column video: it is missing"));
         assert!(refused("video,video\na,b\n").contains("it is there twice"));
     }
 
     #[test]
     fn every_bad_cell_is_named_by_line_and_column() {
-        let text = refused("video,frame_rate_hz,ball_radius_m,spin_ratio\n,240,0.01,0\na.mp4,-1,abc,fast\nb.mp4,0,inf,nan\n");
+        let text = refused(
+            "video,frame_rate_hz,ball_radius_m,spin_ratio\n,240,0.01,0\na.mp4,-1,abc,fast\nb.mp4,0,inf,nan\n",
+        );
         for words in [
             "7 problems",
             "line 2, column video: it is empty",
@@ -408,7 +437,12 @@ mod tests {
             let text = parse(bytes, Path::new("m.csv")).unwrap_err().to_string();
             assert!(text.contains(words) && text.contains("m.csv"), "{text}");
         }
-        assert!(read(Path::new("/no/m.csv")).unwrap_err().to_string().contains("/no/m.csv"));
+        assert!(
+            read(Path::new("/no/m.csv"))
+                .unwrap_err()
+                .to_string()
+                .contains("/no/m.csv")
+        );
     }
 
     proptest! {

@@ -17,8 +17,8 @@ use thiserror::Error;
 
 /// Extensions by which a folder's videos are known. A file that is named itself may have any.
 const EXTENSIONS: [&str; 24] = [
-    "mp4", "mov", "avi", "mkv", "gif", "m4v", "webm", "mpg", "mpeg", "mp2v", "mts", "m2ts", "wmv", "asf", "flv",
-    "3gp", "3g2", "ogv", "mxf", "dv", "y4m", "h264", "hevc", "mjpeg",
+    "mp4", "mov", "avi", "mkv", "gif", "m4v", "webm", "mpg", "mpeg", "mp2v", "mts", "m2ts", "wmv", "asf",
+    "flv", "3gp", "3g2", "ogv", "mxf", "dv", "y4m", "h264", "hevc", "mjpeg",
 ];
 
 /// What `track` writes beside a recording, which is none itself.
@@ -46,7 +46,9 @@ pub struct Plan {
 #[derive(Debug, Error)]
 pub enum PlanError {
     /// Neither paths nor a manifest.
-    #[error("no recordings given: name files, folders or patterns (\"day*/*.mp4\"), or a table with --manifest")]
+    #[error(
+        "no recordings given: name files, folders or patterns (\"day*/*.mp4\"), or a table with --manifest"
+    )]
     Nothing,
     /// A path that leads nowhere.
     #[error("cannot read {}: there is no such file or folder; check the spelling of the path", path.display())]
@@ -61,7 +63,9 @@ pub enum PlanError {
         pattern: String,
     },
     /// A pattern that is none.
-    #[error("{pattern}: not a pattern of file names: {found}; accepted are *, ?, [abc] and ** for any folders")]
+    #[error(
+        "{pattern}: not a pattern of file names: {found}; accepted are *, ?, [abc] and ** for any folders"
+    )]
     BadPattern {
         /// As the user gave it.
         pattern: String,
@@ -222,7 +226,9 @@ fn expanded(path: &Path) -> Result<Vec<PathBuf>, PlanError> {
     }
     let pattern = path.to_string_lossy().into_owned();
     if !pattern.contains(['*', '?', '[']) {
-        return Err(PlanError::Missing { path: path.to_owned() });
+        return Err(PlanError::Missing {
+            path: path.to_owned(),
+        });
     }
     let options = glob::MatchOptions {
         case_sensitive: true,
@@ -278,7 +284,10 @@ fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, PlanError> {
 }
 
 fn is_video(path: &Path) -> bool {
-    let extension = path.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
+    let extension = path
+        .extension()
+        .and_then(OsStr::to_str)
+        .map(str::to_ascii_lowercase);
     extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && !is_overlay(path)
 }
 
@@ -320,7 +329,13 @@ fn names(videos: &[Video]) -> Result<Vec<String>, PlanError> {
         let together = (1..folders.len()).any(|k| folders[..k].contains(&folders[k]));
         let bases: Vec<String> = alike
             .iter()
-            .map(|&i| if together { file_name(&wholes[i]) } else { names[i].clone() })
+            .map(|&i| {
+                if together {
+                    file_name(&wholes[i])
+                } else {
+                    names[i].clone()
+                }
+            })
             .collect();
         let deepest = folders.iter().map(Vec::len).max().unwrap_or(0);
         let told = (0..=deepest)
@@ -404,7 +419,12 @@ mod tests {
     }
 
     fn named(paths: &[PathBuf]) -> Vec<String> {
-        plan(paths).unwrap().recordings.into_iter().map(|r| r.name).collect()
+        plan(paths)
+            .unwrap()
+            .recordings
+            .into_iter()
+            .map(|r| r.name)
+            .collect()
     }
 
     #[test]
@@ -412,14 +432,24 @@ mod tests {
         let images: Vec<String> = (0..6).map(|i| format!("tennis/{i:03}.png")).collect();
         let mut files: Vec<&str> = images.iter().map(String::as_str).collect();
         files.extend([
-            "b.MP4", "a.mkv", "a.overlay.mp4", "a.calib.json", "notes.txt", ".hidden.mp4", "photos/board.jpg",
-            "later/c.mp4", "table.jpg",
+            "b.MP4",
+            "a.mkv",
+            "a.overlay.mp4",
+            "a.calib.json",
+            "notes.txt",
+            ".hidden.mp4",
+            "photos/board.jpg",
+            "later/c.mp4",
+            "table.jpg",
         ]);
         let dir = folder(&files);
         assert_eq!(named(&[dir.path().to_owned()]), ["a", "b", "tennis"]);
         assert_eq!(named(&[dir.path().join("tennis")]), ["tennis"]);
         assert_eq!(named(&[dir.path().join("**/*.mp4")]), ["c"]);
-        assert_eq!(named(&[dir.path().join("[ab].*[4v]"), dir.path().join("a.mkv")]), ["a", "b"]);
+        assert_eq!(
+            named(&[dir.path().join("[ab].*[4v]"), dir.path().join("a.mkv")]),
+            ["a", "b"]
+        );
         let recordings = plan(&[dir.path().to_owned()]).unwrap().recordings;
         assert_eq!(recordings[0].calib, Some(dir.path().join("a.calib.json")));
         assert_eq!(recordings[1].calib, None);
@@ -429,7 +459,10 @@ mod tests {
     fn recordings_of_one_stem_are_told_apart_by_extension_or_folders() {
         let dir = folder(&["x/day1/a.mp4", "x/day2/a.mp4", "y/day2/a.mp4", "y/day2/b.mp4"]);
         let at = |path: &str| dir.path().join(path);
-        assert_eq!(named(&[at("x/day1/a.mp4"), at("y/day2")]), ["b", "day1-a", "day2-a"]);
+        assert_eq!(
+            named(&[at("x/day1/a.mp4"), at("y/day2")]),
+            ["b", "day1-a", "day2-a"]
+        );
         assert_eq!(
             named(&[at("**/*.mp4")]),
             ["b", "x-day1-a", "x-day2-a", "y-day2-a"]
@@ -439,7 +472,11 @@ mod tests {
         let here = dir.path().file_name().unwrap().to_string_lossy().into_owned();
         assert_eq!(
             named(&[dir.path().join("c"), dir.path().to_owned()]),
-            [format!("{here}-a.mov"), format!("{here}-a.mp4"), "c-a.mp4".to_owned()]
+            [
+                format!("{here}-a.mov"),
+                format!("{here}-a.mp4"),
+                "c-a.mp4".to_owned()
+            ]
         );
         let dir = folder(&["day1/a.mp4", "day2/a.mp4", "day1-a.mp4"]);
         let error = plan(&[dir.path().join("**/*.mp4")]).unwrap_err().to_string();
@@ -450,7 +487,10 @@ mod tests {
     fn a_recording_named_in_several_ways_is_one() {
         let dir = folder(&["a.mp4"]);
         let a = dir.path().join("a.mp4");
-        assert_eq!(named(&[a.clone(), dir.path().to_owned(), dir.path().join("./a.mp4")]), ["a"]);
+        assert_eq!(
+            named(&[a.clone(), dir.path().to_owned(), dir.path().join("./a.mp4")]),
+            ["a"]
+        );
         std::os::unix::fs::symlink(&a, dir.path().join("link.mp4")).unwrap();
         assert_eq!(named(&[a, dir.path().join("link.mp4")]), ["a"]);
     }
@@ -475,11 +515,18 @@ mod tests {
         assert_eq!(all[0].group, "steel");
         assert_eq!(all[0].calib, Some(dir.path().join("own.json")));
         assert_eq!(all[0].changes.spin, LaunchSpin::Ratio(0.5));
-        assert_eq!((all[1].group.as_str(), all[1].calib.clone()), ("all", Some(dir.path().join("b.calib.json"))));
+        assert_eq!(
+            (all[1].group.as_str(), all[1].calib.clone()),
+            ("all", Some(dir.path().join("b.calib.json")))
+        );
         assert_eq!(all[2].calib, None);
         request.calib = Some(dir.path().join("all.json"));
         let all = make(&request).unwrap().recordings;
-        assert_eq!(all[0].calib, Some(dir.path().join("own.json")), "the manifest's goes first");
+        assert_eq!(
+            all[0].calib,
+            Some(dir.path().join("own.json")),
+            "the manifest's goes first"
+        );
         assert_eq!(all[1].calib, request.calib, "then the one for all");
         fs::write(&manifest, "video\na.mp4\n./a.mp4\n").unwrap();
         let error = make(&request).unwrap_err().to_string();

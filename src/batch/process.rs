@@ -89,6 +89,8 @@ impl Job<'_> {
             .args(self.arguments())
             .env("RAYON_NUM_THREADS", &threads)
             .env("OPENCV_FOR_THREADS_NUM", &threads)
+            // A trace of calls needs memory: where that was what ran out, std waits for its own lock for ever.
+            .env("RUST_BACKTRACE", "0")
             .stdin(Stdio::from(self.hold))
             .stdout(Stdio::null())
             .stderr(Stdio::from(File::create(errors)?))
@@ -113,13 +115,19 @@ impl Job<'_> {
         give("--out", self.desk.clone().into());
         give("--name", self.recording.name.clone().into());
         give("--calib", self.calib.into());
-        give("--accuracy", super::key::accuracy_name(self.settings.accuracy).into());
+        give(
+            "--accuracy",
+            super::key::accuracy_name(self.settings.accuracy).into(),
+        );
         match spin {
             LaunchSpin::AsCalibrated => {}
             LaunchSpin::Ratio(ratio) => give("--spin-ratio", ratio.to_string().into()),
             LaunchSpin::Unknown => give("--spin-ratio", "unknown".into()),
         }
-        for (name, number) in [("--frame-rate-hz", frame_rate_hz), ("--ball-radius-m", ball_radius_m)] {
+        for (name, number) in [
+            ("--frame-rate-hz", frame_rate_hz),
+            ("--ball-radius-m", ball_radius_m),
+        ] {
             if let Some(number) = number {
                 give(name, number.to_string().into());
             }
@@ -173,17 +181,38 @@ fn tail(path: &Path) -> String {
     read().unwrap_or_default()
 }
 
+/// What Rust, FFmpeg, OpenCV and the system say when memory (or a thread's share of it) is refused.
+const STARVED: [&str; 5] = [
+    "memory allocation of",
+    "Cannot allocate memory",
+    "Resource temporarily unavailable",
+    "Insufficient memory",
+    "bad_alloc",
+];
+
 /// Why a process ended without a result, from how it ended and what it said.
 fn why(status: ExitStatus, said: &str, memory_bytes: Option<u64>) -> String {
-    if let Some(at) = said.rfind("error: ").filter(|_| status.code() == Some(2)) {
-        return one_line(&said[at + "error: ".len()..]);
-    }
     let limit = memory_bytes.map_or(String::new(), |bytes| {
         format!(" (its limit is {} MB: --memory-mb)", bytes >> 20)
     });
-    if let Some(at) = said.find("memory allocation of") {
-        let first = said[at..].lines().next().unwrap_or_default();
-        return format!("it ran out of memory: {first}{limit}");
+    let starved = STARVED.iter().any(|words| said.contains(words));
+    if let Some(at) = said.rfind("error: ").filter(|_| status.code() == Some(2)) {
+        let told = one_line(&said[at + "error: ".len()..]);
+        return if starved {
+            format!("{told}. It seems to have run out of memory{limit}")
+        } else {
+            told
+        };
+    }
+    if starved {
+        let lines = said.lines().map(str::trim);
+        let line = lines
+            .rev()
+            .find(|line| STARVED.iter().any(|words| line.contains(words)));
+        return format!(
+            "it ran out of memory{limit}: {}",
+            one_line(line.unwrap_or_default())
+        );
     }
     let ending = match (status.signal(), status.code()) {
         (Some(9), _) => {
@@ -196,7 +225,11 @@ fn why(status: ExitStatus, said: &str, memory_bytes: Option<u64>) -> String {
     // A panic names its thread by a number that is never the same.
     let last = match said.find("panicked at ") {
         Some(at) => one_line(&said[at..]),
-        None => one_line(said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or_default()),
+        None => one_line(
+            said.lines()
+                .rfind(|line| !line.trim().is_empty())
+                .unwrap_or_default(),
+        ),
     };
     if last.is_empty() {
         ending
@@ -295,16 +328,29 @@ mod tests {
         let crash = why(ExitStatus::from_raw(11), "[h264] bad\n\n", None);
         assert!(crash.contains("crashed (signal 11, SIGSEGV"), "{crash}");
         assert!(crash.ends_with("it said: [h264] bad"), "{crash}");
-        let panic = why(ended(101), "\nthread 'main' (4711) panicked at src/a.rs:1:2:\nindex out\n", None);
-        assert!(!panic.contains("4711") && panic.contains("panicked at src/a.rs:1:2: index out"), "{panic}");
+        let panic = why(
+            ended(101),
+            "\nthread 'main' (4711) panicked at src/a.rs:1:2:\nindex out\n",
+            None,
+        );
+        assert!(
+            !panic.contains("4711") && panic.contains("panicked at src/a.rs:1:2: index out"),
+            "{panic}"
+        );
         let memory = why(
             ExitStatus::from_raw(6),
             "memory allocation of 1000 bytes failed\n",
             Some(512 << 20),
         );
-        assert!(memory.contains("out of memory") && memory.contains("512 MB"), "{memory}");
+        assert!(
+            memory.contains("out of memory") && memory.contains("512 MB"),
+            "{memory}"
+        );
         let killed = why(ExitStatus::from_raw(9), "", Some(1 << 30));
-        assert!(killed.contains("memory runs out") && killed.contains("1024 MB"), "{killed}");
+        assert!(
+            killed.contains("memory runs out") && killed.contains("1024 MB"),
+            "{killed}"
+        );
         assert_eq!(why(ended(3), "", None), "its process ended with status 3");
         assert!(one_line(&"x".repeat(700)).ends_with("x..."));
     }
@@ -315,7 +361,10 @@ mod tests {
         let never = AtomicBool::new(false);
         let wait_for = |child, limit, stop| wait(child, Duration::from_millis(limit), stop).unwrap();
         assert!(matches!(wait_for(sleeper(), 50, &never), Wait::TooLong));
-        assert!(matches!(wait_for(sleeper(), 60_000, &AtomicBool::new(true)), Wait::Stopped));
+        assert!(matches!(
+            wait_for(sleeper(), 60_000, &AtomicBool::new(true)),
+            Wait::Stopped
+        ));
         let quick = Command::new("true").spawn().unwrap();
         assert!(matches!(wait_for(quick, 60_000, &never), Wait::Ended(status) if status.success()));
     }

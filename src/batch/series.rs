@@ -57,7 +57,9 @@ const OF_LAUNCH: [(&str, &str); 2] = [("x0_m", "/x0_m"), ("x_m", "/x_m")];
 
 /// The names of the columns.
 fn header() -> Vec<String> {
-    let mut names: Vec<String> = ["group", "recording", "bounce", "left_out"].map(str::to_owned).to_vec();
+    let mut names: Vec<String> = ["group", "recording", "bounce", "left_out"]
+        .map(str::to_owned)
+        .to_vec();
     let mut with_std = |name: &str| names.extend([name.to_owned(), format!("{name}_std")]);
     for (name, _) in OF_BOUNCE.iter().chain(&OF_LAUNCH) {
         with_std(name);
@@ -132,7 +134,10 @@ fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<Str
     ];
     let first = i == 0;
     let mut quantity = |q: Option<&Value>| {
-        let cell = |key| q.and_then(|q| q[key].as_f64()).map_or_else(String::new, |x| x.to_string());
+        let cell = |key| {
+            q.and_then(|q| q[key].as_f64())
+                .map_or_else(String::new, |x| x.to_string())
+        };
         cells.extend([cell("value"), cell("std_uncertainty")]);
     };
     for (_, place) in OF_BOUNCE {
@@ -168,14 +173,17 @@ fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value)
     };
     if warned("first_impact_unsure") {
         return Some(
-            "an impact before the first one seen was missed, so its spin is not known (first_impact_unsure)".to_owned(),
+            "an impact before the first one seen was missed, so its spin is not known (first_impact_unsure)"
+                .to_owned(),
         );
     }
     if !unknown(&"/spin_in_m_s") {
         return None;
     }
     match calibration.launch.spin_ratio {
-        Some(_) => Some("its spin is not known: an impact before it was not on the floor, or not one at all".to_owned()),
+        Some(_) => Some(
+            "its spin is not known: an impact before it was not on the floor, or not one at all".to_owned(),
+        ),
         // The fit finds the launch's spin, but not what the bounces before made of it.
         None if i > 0 => Some("its spin is not known, as that of the launch is not (spin_ratio)".to_owned()),
         None => None,
@@ -247,11 +255,17 @@ mod tests {
         assert_eq!((s.rows.len(), s.set_aside.len()), (2, 0));
         assert!(s.notes.is_empty(), "{:?}", s.notes);
         let first = &s.rows[0];
-        assert_eq!((first.group.as_str(), first.recording.as_deref()), ("steel", Some("a, \"b\"")));
+        assert_eq!(
+            (first.group.as_str(), first.recording.as_deref()),
+            ("steel", Some("a, \"b\""))
+        );
         assert_eq!(first.page.as_deref(), Some("results/a.report.html"));
         let std = |column| first.reading(column).unwrap().std;
         assert_eq!((std(Column::IncidentVx), std(Column::SpinIn)), (Some(0.01), None));
-        assert_eq!(first.correlations(), [(Column::IncidentVx, Column::ReboundVx, 0.75)]);
+        assert_eq!(
+            first.correlations(),
+            [(Column::IncidentVx, Column::ReboundVx, 0.75)]
+        );
         assert_eq!(first.value(Column::X), Some(0.25));
         assert_eq!(first.value(Column::LaunchSpeed), Some(1.0));
         assert_eq!(first.inertia_factor(), 0.4);

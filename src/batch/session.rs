@@ -77,7 +77,11 @@ pub fn run(
         out,
         plan,
         shelf: &shelf,
-        states: plan.recordings.par_iter().map(|r| look(r, &shelf, settings)).collect(),
+        states: plan
+            .recordings
+            .par_iter()
+            .map(|r| look(r, &shelf, settings))
+            .collect(),
     };
     let to_do: Vec<usize> = (0..plan.recordings.len())
         .filter(|&i| matches!(batch.states[i], Place::ToDo(_)))
@@ -190,7 +194,10 @@ fn look(recording: &Recording, shelf: &Shelf, settings: &Settings) -> Place {
     };
     let read = || -> Result<(Vec<u8>, Calibration), String> {
         if !calib.is_file() {
-            return Err(format!("its calibration {} is no file; check the path", calib.display()));
+            return Err(format!(
+                "its calibration {} is no file; check the path",
+                calib.display()
+            ));
         }
         let calibration = Calibration::read(calib).map_err(|e| chain(&e))?;
         let bytes = std::fs::read(calib).map_err(|e| format!("cannot read {}: {e}", calib.display()))?;
@@ -231,7 +238,9 @@ fn ended(recording: &Recording, calibration: &Calibration, result: &Value) -> Pl
             }
         },
         rows: Rows::of(result, &source),
-        warnings: codes.filter_map(|w| Some(w["code"].as_str()?.to_owned())).collect(),
+        warnings: codes
+            .filter_map(|w| Some(w["code"].as_str()?.to_owned()))
+            .collect(),
     }
 }
 
@@ -260,7 +269,10 @@ fn size(video: &Path) -> u64 {
         return video.metadata().map_or(0, |m| m.len());
     }
     let pictures = crate::frames::pictures_in(video).unwrap_or_default();
-    pictures.iter().filter_map(|p| Some(p.metadata().ok()?.len())).sum()
+    pictures
+        .iter()
+        .filter_map(|p| Some(p.metadata().ok()?.len()))
+        .sum()
 }
 
 /// A batch at work.
@@ -279,7 +291,13 @@ impl Batch<'_> {
     ) -> Result<(), BatchError> {
         let others = self.shelf.others(&self.plan.recordings);
         let standing = self.states.iter().filter(|place| {
-            matches!(place, Place::Ended { ending: Ending::Measured | Ending::Rejected { .. }, .. })
+            matches!(
+                place,
+                Place::Ended {
+                    ending: Ending::Measured | Ending::Rejected { .. },
+                    ..
+                }
+            )
         });
         let bytes = |&i: &usize| match &self.states[i] {
             Place::ToDo(ready) => ready.bytes,
@@ -291,7 +309,9 @@ impl Batch<'_> {
             others: &others,
         });
         for (i, place) in self.states.iter().enumerate() {
-            let Place::Ended { ending, .. } = place else { continue };
+            let Place::Ended { ending, .. } = place else {
+                continue;
+            };
             if matches!(ending, Ending::Failed { .. }) {
                 self.shelf.discard(&self.plan.recordings[i])?;
             }
@@ -361,10 +381,11 @@ impl Batch<'_> {
         let entries: Vec<Entry<'_>> = self.plan.recordings.iter().zip(&self.states).map(entry).collect();
         let page = batch_page::report_html(&entries, &series, &fitted)?;
         let [series_csv, fit_json, report_html] = self.files();
-        let json = write::json_text(&series_json::fit_json(&fitted)).map_err(|e| write::WriteError::Contents {
-            path: fit_json.clone(),
-            source: Box::new(e),
-        })?;
+        let json =
+            write::json_text(&series_json::fit_json(&fitted)).map_err(|e| write::WriteError::Contents {
+                path: fit_json.clone(),
+                source: Box::new(e),
+            })?;
         write::write_together(&[
             (&series_csv, table.as_slice()),
             (&fit_json, json.as_slice()),
@@ -391,7 +412,11 @@ fn nothing() -> (Series, SeriesFit) {
 fn entry<'a>((recording, place): (&'a Recording, &'a Place)) -> Entry<'a> {
     let (state, bounces, warnings): (_, _, &[String]) = match place {
         Place::ToDo(_) => (State::Waiting, 0, &[]),
-        Place::Ended { ending, rows, warnings } => {
+        Place::Ended {
+            ending,
+            rows,
+            warnings,
+        } => {
             let state = match ending {
                 Ending::Measured => State::Measured,
                 Ending::Rejected { reason } => State::Rejected(reason),

@@ -101,7 +101,10 @@ mod tests {
         assert!(out.std(0) < 1e-4, "{}", out.std(0));
         assert!((out.std(1) - 0.6).abs() < 1e-9);
         assert!(out.quantity(1).is_some());
-        assert_eq!(evidence.outputs(|p| vec![p[0], p[1], 7.0]).correlation(0, 2), None);
+        assert_eq!(
+            evidence.outputs(|p| vec![p[0], p[1], 7.0]).correlation(0, 2),
+            None
+        );
         let same = evidence.outputs(|p| vec![p[0], -p[1]]);
         assert!((same.correlation(0, 1).unwrap() + 1.0).abs() < 1e-9);
     }

@@ -94,7 +94,9 @@ fn spin(text: &str) -> Result<LaunchSpin, String> {
     if text == "unknown" {
         return Ok(LaunchSpin::Unknown);
     }
-    text.parse().map(LaunchSpin::Ratio).map_err(|_| "a number, or unknown".to_owned())
+    text.parse()
+        .map(LaunchSpin::Ratio)
+        .map_err(|_| "a number, or unknown".to_owned())
 }
 
 /// A machine shared by more than so many recordings gives each of them no less than this, bytes.
@@ -114,7 +116,13 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     };
     let calibration = changes.applied(Calibration::read(&args.calib)?);
     let name = args.calib.display().to_string();
-    let measurement = measure(&args.video, &calibration, &name, args.accuracy.into(), &mut |_| {})?;
+    let measurement = measure(
+        &args.video,
+        &calibration,
+        &name,
+        args.accuracy.into(),
+        &mut |_| {},
+    )?;
     write::write_reports(&measurement, &args.out, &args.name, None)?;
     Ok(match measurement.outcome {
         crate::measure::Outcome::Measured => Status::Done,
@@ -140,7 +148,10 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
         accuracy: args.accuracy.into(),
         jobs,
         time_limit: args.timeout_s,
-        memory_bytes: args.memory_mb.map(|mb| mb << 20).or_else(|| machine_memory_bytes().map(share)),
+        memory_bytes: args
+            .memory_mb
+            .map(|mb| mb << 20)
+            .or_else(|| machine_memory_bytes().map(share)),
         again: args.again,
     };
     let mut watcher = Watcher::new(plan.recordings.len());
@@ -239,7 +250,11 @@ impl Watcher {
                 let counted = counted.unwrap_or_default();
                 match ending.reason() {
                     Some(reason) => {
-                        self.line(&format!("{counted}{} {}: {reason}", ending.word(), recording.name));
+                        self.line(&format!(
+                            "{counted}{} {}: {reason}",
+                            ending.word(),
+                            recording.name
+                        ));
                     }
                     None if !self.terminal => self.line(&format!("{counted}measured {}", recording.name)),
                     None => {}
@@ -251,7 +266,8 @@ impl Watcher {
     fn begin(&mut self, standing: usize, to_do_bytes: &[u64], others: &[String]) {
         self.to_do = to_do_bytes.len();
         // Long recordings take longer: the time left goes by their bytes.
-        self.bar.set_length(to_do_bytes.iter().map(|bytes| (*bytes).max(1)).sum());
+        self.bar
+            .set_length(to_do_bytes.iter().map(|bytes| (*bytes).max(1)).sum());
         self.bar.set_message(format!("0/{}", self.to_do));
         self.bar.reset_eta();
         self.bar.enable_steady_tick(Duration::from_secs(1));

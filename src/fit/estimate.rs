@@ -1,6 +1,7 @@
 //! From a model at its best to the numbers that are reported: parameters with uncertainties and intervals, or why there are
 //! none.
 
+use super::coordinates::SAME_SPIN;
 use super::criteria;
 use super::data::{Data, demand};
 use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Regimes, Theta};
@@ -10,7 +11,7 @@ use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowReg
 use super::series::{ColumnSet, Weights};
 use super::transition::{Limits, Profile};
 use crate::models::{e_e, grip_slide, mu_e, slip_share};
-use crate::quantity::{Quantity, median};
+use crate::quantity::{Quantity, commonest, median};
 use nalgebra::SMatrix;
 
 /// A coefficient that is known to no better than this is not known: the deviation of anything at all in the range of e, e_x,
@@ -136,7 +137,7 @@ impl<'a> Work<'a> {
             valleys,
             scatter,
             factor,
-            spin_ratio: median(&mut ratios).unwrap_or(0.0),
+            spin_ratio: commonest(&mut ratios, SAME_SPIN).unwrap_or(0.0),
             slip_share: median(&mut shares).unwrap_or_else(|| slip_share(crate::models::SOLID_SPHERE)),
             sliding,
             gripping: nearest.len() - sliding,

@@ -147,7 +147,11 @@ fn recordings(html: &mut String, entries: &[Entry<'_>]) {
              <td class=\"symbol\">{}</td></tr>",
             name(entry),
             escape(entry.group),
-            if entry.state.has_page() { entry.bounces.to_string() } else { NO_VALUE.to_owned() },
+            if entry.state.has_page() {
+                entry.bounces.to_string()
+            } else {
+                NO_VALUE.to_owned()
+            },
             entry.state.word(),
             escape(&entry.warnings.join(", ")),
         );

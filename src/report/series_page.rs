@@ -345,7 +345,7 @@ fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -
             "<br>Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model.",
         );
         if drawing.spins_differ() {
-            text.push_str(" The rows differ in spin before the bounce: curves are for their median, residuals for each its own.");
+            text.push_str(" The rows differ in spin before the bounce: curves are for the commonest, residuals for each its own.");
         }
     }
     if drawing.every > 1 {
