@@ -199,6 +199,12 @@ fn summary(plan: &Plan, finished: &Finished) -> String {
     text
 }
 
+fn set_style(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+}
+
 /// Tells how the batch goes: a bar with the time left on a terminal, a line a recording elsewhere.
 struct Watcher {
     bar: ProgressBar,
@@ -211,9 +217,7 @@ struct Watcher {
 impl Watcher {
     fn new(all: usize) -> Self {
         let bar = ProgressBar::no_length();
-        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {elapsed} gone, {eta} left") {
-            bar.set_style(style);
-        }
+        set_style(&bar, "{msg} {wide_bar} {elapsed} gone");
         bar.set_message("looking for results that stand");
         Self {
             bar,
@@ -243,7 +247,7 @@ impl Watcher {
             } => {
                 let counted = bytes.map(|bytes| {
                     self.done += 1;
-                    self.bar.inc(bytes.max(1));
+                    self.count(bytes, ending);
                     self.bar.set_message(format!("{}/{}", self.done, self.to_do));
                     format!("[{}/{}] ", self.done, self.to_do)
                 });
@@ -260,6 +264,17 @@ impl Watcher {
                     None => {}
                 }
             }
+        }
+    }
+
+    /// Counts a recording that was measured now, or failed.
+    fn count(&self, bytes: u64, ending: &Ending) {
+        if matches!(ending, Ending::Failed { .. }) {
+            // What fails does so at once, mostly: it tells nothing of the time that the others take.
+            self.bar.dec_length(bytes.max(1));
+        } else {
+            self.bar.inc(bytes.max(1));
+            set_style(&self.bar, "{msg} {wide_bar} {elapsed} gone, about {eta} left");
         }
     }
 
