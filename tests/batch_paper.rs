@@ -3,6 +3,7 @@
 //! the scenes were made with.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
+#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 
 use assert_cmd::Command;
 use rayon::prelude::*;

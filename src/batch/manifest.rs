@@ -146,7 +146,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
         path: path.to_owned(),
         problems,
     };
-    let columns = columns(&header).map_err(&invalid)?;
+    let columns = columns(&header, line_of(bytes, header.position())).map_err(&invalid)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut rows = Vec::new();
     let mut problems = Vec::new();
@@ -156,7 +156,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
             continue;
         }
         let cells = Cells {
-            line: record.position().map_or(0, ::csv::Position::line),
+            line: line_of(bytes, record.position()),
             columns: &columns,
             record: &record,
             decimal_comma: delimiter == b';',
@@ -177,13 +177,25 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
     Ok(rows)
 }
 
+/// The line of a record. The reader's own count stops at the comments and blank lines before it.
+fn line_of(bytes: &[u8], position: Option<&::csv::Position>) -> u64 {
+    let Some(position) = position else { return 1 };
+    let from = usize::try_from(position.byte())
+        .unwrap_or(usize::MAX)
+        .min(bytes.len());
+    let skipped = bytes[from..]
+        .split(|&b| b == b'\n')
+        .take_while(|line| line.starts_with(b"#") || line.trim_ascii().is_empty())
+        .count();
+    position.line() + skipped as u64
+}
+
 /// Which column of the file each of [`COLUMNS`] is.
 type Places = [Option<usize>; COLUMNS.len()];
 
-fn columns(header: &::csv::StringRecord) -> Result<Places, Vec<Problem>> {
+fn columns(header: &::csv::StringRecord, line: u64) -> Result<Places, Vec<Problem>> {
     let mut places: Places = [None; COLUMNS.len()];
     let mut problems = Vec::new();
-    let line = header.position().map_or(1, ::csv::Position::line);
     let mut refuse = |column: &str, what: String| {
         problems.push(Problem {
             line,

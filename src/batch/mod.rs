@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`plan`] | from paths and a manifest to the list of recordings, each with its name and calibration |
 //! | [`manifest`] | the table of recordings that a user writes |
+//! | `names` | what recordings are called |
 //! | `key` | what a result depends on, so that only what has changed is measured again |
 //! | `shelf` | the folder of results: what stands in it, and putting new ones there |
 //! | [`process`] | a recording in a process of its own: limits, time, why it ended |
@@ -19,6 +20,7 @@
 
 mod key;
 pub mod manifest;
+mod names;
 pub mod plan;
 pub mod process;
 mod schedule;

@@ -7,7 +7,7 @@
 //! * gets no more memory than its limit ([`bind`], by `RLIMIT_DATA`), and its share of the cores;
 //! * is killed after the time limit;
 //! * ends with ours, however that ends: the system kills it when the thread that started it is gone
-//!   (`PR_SET_PDEATHSIG`, Linux), and a batch that follows waits for it ([`super::shelf`]).
+//!   (`PR_SET_PDEATHSIG`, Linux), and a batch that follows waits for it (`super::shelf`).
 
 use super::{Changes, LaunchSpin, Recording, Settings};
 use std::ffi::OsString;
@@ -358,13 +358,10 @@ mod tests {
     #[test]
     fn a_process_that_takes_too_long_or_has_to_stop_is_killed() {
         let sleeper = || Command::new("sleep").arg("60").spawn().unwrap();
-        let never = AtomicBool::new(false);
+        let (never, at_once) = (AtomicBool::new(false), AtomicBool::new(true));
         let wait_for = |child, limit, stop| wait(child, Duration::from_millis(limit), stop).unwrap();
         assert!(matches!(wait_for(sleeper(), 50, &never), Wait::TooLong));
-        assert!(matches!(
-            wait_for(sleeper(), 60_000, &AtomicBool::new(true)),
-            Wait::Stopped
-        ));
+        assert!(matches!(wait_for(sleeper(), 60_000, &at_once), Wait::Stopped));
         let quick = Command::new("true").spawn().unwrap();
         assert!(matches!(wait_for(quick, 60_000, &never), Wait::Ended(status) if status.success()));
     }

@@ -164,7 +164,7 @@ fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<Str
 /// Why a bounce is nothing for a fit.
 fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value) -> Option<String> {
     let unknown = |place: &&str| bounce.pointer(place).is_none_or(Value::is_null);
-    if VELOCITIES.iter().any(|place| unknown(&place)) {
+    if VELOCITIES.iter().any(&unknown) {
         return Some("not all of its velocities are known (a view from above has none upwards)".to_owned());
     }
     let warned = |code: &str| {
@@ -201,8 +201,8 @@ mod tests {
 
     fn calibration() -> Calibration {
         Calibration::new(Scale::MetresPerPixel {
-            metres_per_pixel: 0.001,
-            std_uncertainty: None,
+            value: 0.001,
+            std: None,
         })
     }
 

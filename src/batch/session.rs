@@ -12,6 +12,8 @@ use crate::report::{series_json, write};
 use rayon::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread::available_parallelism;
 
 /// What happens, for whoever watches.
@@ -73,80 +75,71 @@ pub fn run(
 ) -> Result<Finished, BatchError> {
     let program = std::env::current_exe().map_err(BatchError::NoProgram)?;
     let shelf = Shelf::open(out)?;
+    let places: Vec<Place> = plan
+        .recordings
+        .par_iter()
+        .map(|r| look(r, &shelf, settings))
+        .collect();
+    let work: Vec<(usize, Arc<Ready>)> = places
+        .iter()
+        .enumerate()
+        .filter_map(|(i, place)| match place {
+            Place::ToDo(ready) => Some((i, Arc::clone(ready))),
+            Place::Ended { .. } => None,
+        })
+        .collect();
     let mut batch = Batch {
         out,
         plan,
         shelf: &shelf,
-        states: plan
-            .recordings
-            .par_iter()
-            .map(|r| look(r, &shelf, settings))
-            .collect(),
+        places,
     };
-    let to_do: Vec<usize> = (0..plan.recordings.len())
-        .filter(|&i| matches!(batch.states[i], Place::ToDo(_)))
-        .collect();
-    batch.tell_what_is_known(&to_do, watch)?;
+    batch.tell_what_is_known(&work, watch)?;
     let mut published = batch.publish()?;
     let cores = available_parallelism().map_or(1, usize::from);
-    let threads = (cores / settings.jobs.get().min(to_do.len().max(1))).max(1);
-    let work: Vec<(usize, Ready)> = to_do
-        .iter()
-        .filter_map(|&i| match &batch.states[i] {
-            Place::ToDo(ready) => Some((i, ready.clone())),
-            Place::Ended { .. } => None,
-        })
-        .collect();
+    let threads = (cores / settings.jobs.get().min(work.len().max(1))).max(1);
+    let measure = |(i, ready): &(usize, Arc<Ready>), stop: &AtomicBool| {
+        let recording = &plan.recordings[*i];
+        match shelf.make_desk(recording).map(|desk| (desk, shelf.hold())) {
+            Ok((desk, Ok(hold))) => Job {
+                program: &program,
+                recording,
+                calib: &ready.calib,
+                desk,
+                hold,
+                settings,
+                threads,
+            }
+            .run(stop),
+            Ok((_, Err(e))) => Exit::Failed(format!("its process could not be started: {e}")),
+            Err(e) => Exit::Failed(chain(&e)),
+        }
+    };
     let (mut done, mut last) = (0_usize, 0_usize);
-    schedule::run(
-        &work,
-        settings.jobs,
-        |(i, ready), stop| {
-            let recording = &plan.recordings[*i];
-            let job = || {
-                Ok::<_, std::io::Error>(Job {
-                    program: &program,
-                    recording,
-                    calib: &ready.calib,
-                    desk: shelf.make_desk(recording).map_err(std::io::Error::other)?,
-                    hold: shelf.hold()?,
-                    settings,
-                    threads,
-                })
-            };
-            match job() {
-                Ok(job) => job.run(stop),
-                Err(e) => Exit::Failed(format!("its process could not be started: {e}")),
-            }
-        },
-        |(i, ready), exit| -> Result<(), BatchError> {
-            batch.end(*i, ready, exit)?;
-            done += 1;
-            batch.tell(*i, Some(ready.bytes), watch);
-            if done as f64 >= last as f64 * PUBLISH_GROWTH && done < work.len() {
-                published = batch.publish()?;
-                last = done;
-            }
-            Ok(())
-        },
-    )?;
-    if done > 0 {
-        published = batch.publish()?;
-    }
+    schedule::run(&work, settings.jobs, measure, |(i, ready), exit| {
+        batch.end(*i, ready, exit)?;
+        done += 1;
+        batch.tell(*i, Some(ready.bytes), watch);
+        if done as f64 >= last as f64 * PUBLISH_GROWTH || done == work.len() {
+            published = batch.publish()?;
+            last = done;
+        }
+        Ok::<(), BatchError>(())
+    })?;
     let (rows, fit) = published;
     Ok(Finished {
         now: done,
         rows,
         fit,
         files: batch.files(),
-        endings: batch.states.into_iter().filter_map(Place::ending).collect(),
+        endings: batch.places.into_iter().filter_map(Place::ending).collect(),
     })
 }
 
 /// What is known of a recording.
 enum Place {
     /// It has to be measured.
-    ToDo(Ready),
+    ToDo(Arc<Ready>),
     /// It has ended, now or before.
     Ended {
         ending: Ending,
@@ -174,7 +167,7 @@ impl Place {
 }
 
 /// What a recording is measured with.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Ready {
     calib: PathBuf,
     calibration: Calibration,
@@ -216,7 +209,7 @@ fn look(recording: &Recording, shelf: &Shelf, settings: &Settings) -> Place {
     let standing = ready.key.as_ref().filter(|_| !settings.again);
     match standing.and_then(|key| shelf.standing(recording, key)) {
         Some(result) => ended(recording, &ready.calibration, &result),
-        None => Place::ToDo(ready),
+        None => Place::ToDo(Arc::new(ready)),
     }
 }
 
@@ -280,17 +273,17 @@ struct Batch<'a> {
     out: &'a Path,
     plan: &'a Plan,
     shelf: &'a Shelf,
-    states: Vec<Place>,
+    places: Vec<Place>,
 }
 
 impl Batch<'_> {
     fn tell_what_is_known(
         &self,
-        to_do: &[usize],
+        work: &[(usize, Arc<Ready>)],
         watch: &mut dyn FnMut(&Progress<'_>),
     ) -> Result<(), BatchError> {
         let others = self.shelf.others(&self.plan.recordings);
-        let standing = self.states.iter().filter(|place| {
+        let standing = self.places.iter().filter(|place| {
             matches!(
                 place,
                 Place::Ended {
@@ -299,16 +292,12 @@ impl Batch<'_> {
                 }
             )
         });
-        let bytes = |&i: &usize| match &self.states[i] {
-            Place::ToDo(ready) => ready.bytes,
-            Place::Ended { .. } => 0,
-        };
         watch(&Progress::Begin {
             standing: standing.count(),
-            to_do_bytes: to_do.iter().map(bytes).collect(),
+            to_do_bytes: work.iter().map(|(_, ready)| ready.bytes).collect(),
             others: &others,
         });
-        for (i, place) in self.states.iter().enumerate() {
+        for (i, place) in self.places.iter().enumerate() {
             let Place::Ended { ending, .. } = place else {
                 continue;
             };
@@ -323,7 +312,7 @@ impl Batch<'_> {
     }
 
     fn tell(&self, i: usize, bytes: Option<u64>, watch: &mut dyn FnMut(&Progress<'_>)) {
-        if let Place::Ended { ending, .. } = &self.states[i] {
+        if let Place::Ended { ending, .. } = &self.places[i] {
             watch(&Progress::Ended {
                 recording: &self.plan.recordings[i],
                 ending,
@@ -340,7 +329,7 @@ impl Batch<'_> {
                 self.shelf.take(recording, key)?;
                 match self.shelf.result(recording) {
                     Ok(result) => {
-                        self.states[i] = ended(recording, &ready.calibration, &result);
+                        self.places[i] = ended(recording, &ready.calibration, &result);
                         self.shelf.clear_desk(recording)?;
                         return Ok(());
                     }
@@ -355,7 +344,7 @@ impl Batch<'_> {
         // What may lie there is of another input, calibration or setting.
         self.shelf.discard(recording)?;
         self.shelf.clear_desk(recording)?;
-        self.states[i] = Place::failed(failed);
+        self.places[i] = Place::failed(failed);
         Ok(())
     }
 
@@ -365,7 +354,7 @@ impl Batch<'_> {
 
     /// Writes the series as far as it is known, its fit and the page of all. How many rows, and the fit.
     fn publish(&self) -> Result<(usize, SeriesFit), BatchError> {
-        let rows = self.states.iter().filter_map(|place| match place {
+        let rows = self.places.iter().filter_map(|place| match place {
             Place::Ended { rows, .. } => Some(rows),
             Place::ToDo(_) => None,
         });
@@ -378,7 +367,7 @@ impl Batch<'_> {
             let fitted = fit::fit(&series, &Options::default());
             (series, fitted)
         };
-        let entries: Vec<Entry<'_>> = self.plan.recordings.iter().zip(&self.states).map(entry).collect();
+        let entries: Vec<Entry<'_>> = self.plan.recordings.iter().zip(&self.places).map(entry).collect();
         let page = batch_page::report_html(&entries, &series, &fitted)?;
         let [series_csv, fit_json, report_html] = self.files();
         let json =
