@@ -459,7 +459,7 @@ fn a_recording_that_crashes_or_hangs_costs_itself_and_is_tried_again() {
     let (dir, lab, out) = lab();
     let undisturbed = dir.path().join("undisturbed");
     batch(&[&lab], &undisturbed).assert().code(0);
-    let child = started(&[&lab], &out, &["--timeout-s", "10", "--jobs", "3"]);
+    let child = started(&[&lab], &out, &["--timeout-s", "20", "--jobs", "3"]);
     // A hang is a process that stands still; a crash is the signal that a bad codec gets.
     let mut left = vec![("STOP", "/lab/a.mp4"), ("SEGV", "/lab/b.mp4")];
     let begun = Instant::now();
@@ -476,7 +476,7 @@ fn a_recording_that_crashes_or_hangs_costs_itself_and_is_tried_again() {
     let told = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(told.contains("1 measured, 2 failed"), "{told}");
     assert!(
-        told.contains("failed a: it was not done after 10 s and was stopped"),
+        told.contains("failed a: it was not done after 20 s and was stopped"),
         "{told}"
     );
     assert!(
@@ -485,7 +485,7 @@ fn a_recording_that_crashes_or_hangs_costs_itself_and_is_tried_again() {
     );
     assert_eq!(names(&out), expected(&["c"]));
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("not done after 10 s") && page.contains("SIGSEGV"));
+    assert!(page.contains("not done after 20 s") && page.contains("SIGSEGV"));
     batch(&[&lab], &out)
         .assert()
         .code(0)
@@ -525,6 +525,7 @@ fn uniform(state: &mut u64) -> f64 {
 #[test]
 fn killed_at_twenty_moments_and_resumed_it_leaves_the_same_bytes_and_no_process() {
     let (dir, lab, out) = lab();
+    fs::remove_file(lab.join("c.mp4")).unwrap();
     fs::write(lab.join("text.mp4"), "this is no video at all").unwrap();
     fs::copy(lab.join("a.calib.json"), lab.join("text.calib.json")).unwrap();
     let undisturbed = dir.path().join("undisturbed");
@@ -555,7 +556,7 @@ fn killed_at_twenty_moments_and_resumed_it_leaves_the_same_bytes_and_no_process(
             .keys()
             .filter(|p| p.to_string_lossy().ends_with("key.json"))
             .count();
-        half_done += usize::from(done > 0 && done < CLIPS.len());
+        half_done += usize::from(done == 1);
         batch(&[&lab], &out).assert().code(1);
         for (id, line) in processes {
             assert!(is_gone(id), "round {round}: process {id} stayed behind: {line}");
@@ -563,7 +564,7 @@ fn killed_at_twenty_moments_and_resumed_it_leaves_the_same_bytes_and_no_process(
         same(&undisturbed, &contents(&out));
         fs::remove_dir_all(&out).unwrap();
     }
-    println!("{half_done} of 20 kills came when some results stood and others did not");
+    println!("{half_done} of 20 kills came when one result stood and the other did not");
 }
 
 #[test]

@@ -89,10 +89,17 @@ fn header(html: &mut String, title: &str, entries: &[Entry<'_>], fit: &SeriesFit
     let used: usize = fit.groups.iter().map(|g| g.rows_used.len()).sum();
     let _ = writeln!(html, "<header>\n<h1>{title}</h1>\n<p>{}</p>", states.join(", "));
     if used == 0 {
+        let why = if rows == 0 {
+            "No bounce was measured.".to_owned()
+        } else {
+            format!(
+                "None of {} can be used; see why below.",
+                counted(rows as u64, "bounce")
+            )
+        };
         let _ = writeln!(
             html,
-            "<div class=\"rejected\"><strong>✗ Not fitted</strong>\n<p>None of {} can be used; see why below.</p></div>",
-            counted(rows as u64, "bounce")
+            "<div class=\"rejected\"><strong>✗ Not fitted</strong>\n<p>{why}</p></div>"
         );
     } else {
         let _ = writeln!(
