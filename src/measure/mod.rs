@@ -20,7 +20,7 @@ use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight, SpotUse};
 use crate::frames::timebase::TimeBase;
-use crate::frames::{FrameError, LumaRange};
+use crate::frames::{FrameError, FrameSource, LumaRange};
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::quantity::{Quantity, median};
 use observe::Observation;
@@ -132,8 +132,8 @@ pub fn measure(
         source,
     };
     let map = calibration.rectification().map_err(misfit)?;
-    check_before_work(video, calibration, calibration_name, &misfit)?;
-    let seen = observe::observe(video, progress)?;
+    let source = opened(video, calibration, calibration_name, &misfit)?;
+    let seen = observe::observe(video, source, progress)?;
     if seen.stamps_s.len() < LEAST_FRAMES {
         return Err(MeasureError::NothingToSee {
             path: video.to_owned(),
@@ -148,13 +148,13 @@ pub fn measure(
     }
 }
 
-/// What can be refused without decoding the recording.
-fn check_before_work(
+/// The recording, where nothing speaks against it before it is decoded.
+fn opened(
     video: &Path,
     calibration: &Calibration,
     calibration_name: &str,
     misfit: &impl Fn(CalibrationError) -> MeasureError,
-) -> Result<(), MeasureError> {
+) -> Result<Box<dyn FrameSource + Send>, MeasureError> {
     let source = crate::frames::open(video)?;
     let info = source.info();
     calibration
@@ -166,7 +166,7 @@ fn check_before_work(
             calibration: calibration_name.to_owned(),
         });
     }
-    Ok(())
+    Ok(source)
 }
 
 /// A recording under measurement.
