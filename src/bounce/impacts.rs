@@ -2,7 +2,7 @@
 
 use super::air::{AIR_DENSITY_KG_M3, Lift};
 use super::propagate::{Evidence, Outputs};
-use super::{Bounce, Distances, Leg, XSource};
+use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
 use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
 use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, meeting, motion, return_time};
@@ -332,14 +332,18 @@ impl<'a> Scene<'a> {
             .filter(|&k| self.kind(k) == Some(ImpactKind::Floor))
             .collect();
         let mut bounces = Vec::new();
+        let mut unbroken = true;
         for (i, &k) in floors.iter().enumerate() {
             // Spin is known along an unbroken row of bounces from the first.
-            let history = (k == i).then(|| &floors[..i]);
+            unbroken &= k == i;
+            let history = unbroken.then(|| &floors[..i]);
             let bounce = match self.calibration.view {
                 View::Side => self.side_bounce(k, history),
                 View::Top => self.top_bounce(k),
             };
-            if !gains(&bounce) {
+            if gains(&bounce) {
+                unbroken = false;
+            } else {
                 bounces.push((k, bounce));
             }
         }
@@ -420,6 +424,7 @@ impl<'a> Scene<'a> {
             spin_in_m_s: out.quantity(12),
             spin_out_m_s: out.quantity(13),
             azimuth_rad: None,
+            correlations: correlations(&out, [2, 3, 5, 6, 12]),
         }
     }
 
@@ -460,6 +465,7 @@ impl<'a> Scene<'a> {
             spin_in_m_s: None,
             spin_out_m_s: None,
             azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
+            correlations: Vec::new(),
         }
     }
 
@@ -566,6 +572,19 @@ impl<'a> Scene<'a> {
         let m = self.world(self.evidence.values.as_slice(), k, t);
         (m.r, m.h)
     }
+}
+
+/// Of the outputs at `places`, in the order of [`Speed::ALL`].
+fn correlations(out: &Outputs, places: [usize; Speed::ALL.len()]) -> Vec<Correlation> {
+    let all = || Speed::ALL.into_iter().zip(places).enumerate();
+    all()
+        .flat_map(|(i, (a, at))| {
+            all()
+                .skip(i + 1)
+                .filter_map(move |(_, (b, bt))| Some(((a, b), out.correlation(at, bt)?)))
+        })
+        .map(|(of, value)| Correlation { of, value })
+        .collect()
 }
 
 fn leg(out: &Outputs, i: usize) -> Leg {
