@@ -391,7 +391,7 @@ impl<'a> Scene<'a> {
             let slip = a.vr - spin_in;
             vec![
                 t,
-                0.5 * (a.r + b.r),
+                a.r,
                 a.vr,
                 a.vh,
                 (along * a.vr).atan2(-a.vh),
@@ -476,10 +476,8 @@ impl<'a> Scene<'a> {
         let Some(&(first, _)) = bounces.first() else {
             return Distances::default();
         };
-        let place = |p: &[f64], k: usize| {
-            let (_, a, b) = self.impact(p, k);
-            0.5 * (a.r + b.r)
-        };
+        // Where the ball touches, as the time is when it does.
+        let place = |p: &[f64], k: usize| self.impact(p, k).1.r;
         let x0_m = self.edge_distance(first, &place);
         let apart = |p: &[f64]| p[p.len() - EXTRAS + PLACES] * self.scale(p);
         // Seen, when the very next impact is on the floor too.
