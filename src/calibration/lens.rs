@@ -182,6 +182,12 @@ impl Lens {
         (self.camera_matrix[(0, 0)], self.camera_matrix[(1, 1)])
     }
 
+    /// fy / fx: 1 for square pixels.
+    pub(super) fn aspect(&self) -> f64 {
+        let (fx, fy) = self.focal_px();
+        fy / fx
+    }
+
     pub(super) fn principal_point(&self) -> PixelPoint {
         PixelPoint::new(self.camera_matrix[(0, 2)], self.camera_matrix[(1, 2)])
     }

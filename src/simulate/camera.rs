@@ -120,10 +120,13 @@ pub fn nearness_m(camera: &Camera, point_m: &Vector3<f64>) -> f64 {
     }
 }
 
-/// The middle of the picture, through which the optical axis goes, px.
+/// Where the optical axis goes through the picture: the lens's principal point, without a lens the middle, px.
 #[must_use]
-pub fn middle_px(camera: &Camera) -> Vector2<f64> {
-    Vector2::new(camera.width_px as f64 - 1.0, camera.height_px as f64 - 1.0) * 0.5
+pub fn axis_px(camera: &Camera) -> Vector2<f64> {
+    camera.lens.map_or_else(
+        || Vector2::new(camera.width_px as f64 - 1.0, camera.height_px as f64 - 1.0) * 0.5,
+        |lens| Vector2::new(lens.camera_matrix[0][2], lens.camera_matrix[1][2]),
+    )
 }
 
 /// The component along the optical axis.
@@ -145,6 +148,6 @@ pub fn picture_shift_px(camera: &Camera, at_m: &Vector3<f64>, displacement: &Vec
     };
     let depth = distance_m - nearness_m(camera, at_m);
     let magnification = distance_m / depth;
-    let off_axis_px = (ideal_pixel(camera, at_m) - middle_px(camera)).norm() * magnification;
+    let off_axis_px = (ideal_pixel(camera, at_m) - axis_px(camera)).norm() * magnification;
     along_px * magnification + off_axis_px * (along_axis(camera.view, displacement) / depth).abs()
 }

@@ -113,6 +113,15 @@ impl Recording {
         self.scene.camera.lens.filter(|_| used)
     }
 
+    /// How far the camera is, unless it was rendered as if it were not: a perspective that was switched off.
+    fn distance_m(&self) -> Option<f64> {
+        let left_out = self
+            .decisions
+            .iter()
+            .any(|d| d.name == "perspective" && !d.used && d.estimate.amount > d.tolerance);
+        self.scene.camera.distance_m.filter(|_| !left_out)
+    }
+
     fn check_seen(&self) -> Result<(), SceneError> {
         let centres = self.truth().centres;
         if centres.iter().any(|c| c.visible) {

@@ -137,10 +137,15 @@ pub fn calibration(recording: &Recording) -> Value {
         json!({"metres_per_pixel": camera.metres_per_pixel}),
     );
     calib.insert("origin_px".into(), json!(origin_px(recording)));
-    if let Some(lens) = recording.lens() {
+    if let Some(distance_m) = recording.distance_m() {
+        calib.insert("distance_m".into(), json!(distance_m));
+    }
+    if let Some(lens) = camera.lens {
+        // A distortion that was not worth simulating is not in the picture; the optical axis is where it is all the same.
+        let distortion = recording.lens().map_or([0.0; 5], |used| used.distortion);
         calib.insert(
             "lens".into(),
-            json!({"camera_matrix": lens.camera_matrix, "distortion": lens.distortion}),
+            json!({"camera_matrix": lens.camera_matrix, "distortion": distortion}),
         );
     }
     calib.insert("gravity_m_s2".into(), json!(scene.gravity_m_s2));
