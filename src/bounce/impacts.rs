@@ -4,7 +4,7 @@ use super::propagate::{Evidence, Outputs};
 use super::{Bounce, Distances, Leg, XSource};
 use crate::calibration::{Calibration, Scale, View};
 use crate::flight::Flight;
-use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, meeting, motion, return_time};
+use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, return_time};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
@@ -98,7 +98,7 @@ impl<'a> Scene<'a> {
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
-        let vr = fit.motion(0, fit.times[0]).vr;
+        let vr = fit.in_plane(fit.parameters.as_slice(), 0, fit.times[0]).vr;
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
         let zero_right = if calibration.has_origin() {
@@ -130,7 +130,7 @@ impl<'a> Scene<'a> {
 
     /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
     fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
-        let m = motion(p, &self.flight.fit.times, k, t);
+        let m = self.flight.fit.in_plane(p, k, t);
         let s = self.scale(p);
         let extras = &p[p.len() - EXTRAS..];
         let (sin, cos) = extras[UP].sin_cos();
@@ -146,20 +146,25 @@ impl<'a> Scene<'a> {
     }
 
     fn impact_time(&self, p: &[f64], k: usize) -> f64 {
-        meeting(p, &self.flight.fit.times, k, k + 1).map_or(f64::NAN, |m| m.0)
+        self.flight.fit.impact_time(p, k).unwrap_or(f64::NAN)
     }
 
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
         let half = p[p.len() - EXTRAS + CONTACT];
-        let before = self.lifted(p, k, LIFT_IN, self.world(p, k, t - half));
-        let after = self.lifted(p, k + 1, LIFT_OUT, self.world(p, k + 1, t + half));
+        let before = self.lifted(p, k, LIFT_IN, t - half);
+        let after = self.lifted(p, k + 1, LIFT_OUT, t + half);
         (t - half, before, after)
     }
 
-    /// The motion with what lift may have changed in the speed along x.
-    fn lifted(&self, p: &[f64], arc: usize, lift: usize, m: Motion) -> Motion {
+    /// The motion on an arc with what lift may have changed in the speed along x. (Seen from above, the arcs have a lift of
+    /// their own.)
+    fn lifted(&self, p: &[f64], arc: usize, lift: usize, t: f64) -> Motion {
+        let m = self.world(p, arc, t);
+        if self.calibration.view == View::Top {
+            return m;
+        }
         let drag_per_m = p[DRAG] / self.scale(p);
         let (from, to) = self.flight.spans[arc];
         let push = drag_per_m * (m.vr * m.vr + m.vh * m.vh) * (to - from) / 4.0;

@@ -27,7 +27,7 @@ use super::error::{CalibrationError, Problem};
 use super::plane::Rectification;
 use super::{Calibration, Lens};
 use crate::geometry::{PixelPoint, PlanePoint};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Where the camera stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,11 +158,26 @@ impl Viewpoint {
     }
 }
 
+impl Viewpoint {
+    /// How the outline of a ball seen at `p` is drawn out: the matrix that makes it of a circle, longer along the line from
+    /// the optical axis by √(1 + (ρ/Z)²). (The lens's own distortion of small things is left out.)
+    #[must_use]
+    pub fn outline_stretch(&self, p: PixelPoint) -> Matrix2<f64> {
+        let away = Vector2::new(p.u_px - self.axis.u_px, p.v_px - self.axis.v_px);
+        let tangent2 = away.norm_squared() / (self.focal_px * self.focal_px);
+        // √(1 + x) − 1 without its cancellation.
+        let longer = tangent2 / (1.0 + (1.0 + tangent2).sqrt());
+        away.try_normalize(0.0).map_or_else(Matrix2::identity, |d| {
+            Matrix2::identity() + longer * d * d.transpose()
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::calibration::Scale;
-    use nalgebra::{Rotation3, Vector2};
+    use nalgebra::Rotation3;
     use proptest::prelude::*;
 
     const SIZE: (usize, usize) = (1280, 720);
@@ -176,9 +191,9 @@ mod tests {
         c
     }
 
-    /// Centre of a sphere's outline in the picture, and its half axis across: every tangent from the pinhole touches the
+    /// Centre of a sphere's outline in the picture, and its half axes along and across: every tangent from the pinhole touches the
     /// sphere on the circle where its polar plane cuts it; that circle, point by point, through the pinhole.
-    fn outline(centre: Vector3<f64>, radius: f64, focal_px: f64) -> (Vector2<f64>, f64) {
+    fn outline(centre: Vector3<f64>, radius: f64, focal_px: f64) -> (Vector2<f64>, f64, f64) {
         let far2 = centre.norm_squared();
         let touch = 1.0 - radius * radius / far2;
         let (middle, size) = (centre * touch, radius * touch.sqrt());
@@ -202,7 +217,11 @@ mod tests {
             (0.5 * (low + high), 0.5 * (high - low))
         };
         let (u, v) = (reach(Vector2::x()).0, reach(Vector2::y()).0);
-        (Vector2::new(u, v), reach(Vector2::new(-along.y, along.x)).1)
+        (
+            Vector2::new(u, v),
+            reach(along).1,
+            reach(Vector2::new(-along.y, along.x)).1,
+        )
     }
 
     proptest! {
@@ -217,13 +236,16 @@ mod tests {
             // 1 m at 1 mm/px: f = 1000 px. The ball is `near` above the plane.
             let depth = 1.0 - near;
             let centre = Vector3::new(u / 1000.0 * depth, v / 1000.0 * depth, depth);
-            let (seen, across_px) = outline(centre, radius, 1000.0);
+            let (seen, along_px, across_px) = outline(centre, radius, 1000.0);
             let at = |x: f64, y: f64| {
                 map.plane_from_pixel(PixelPoint::new(639.5 + x, 359.5 + y)).unwrap()
             };
             let found = viewpoint.centre_of_outline(&map, at(seen.x, seen.y), across_px).unwrap();
             let truth = at(u, v);
             prop_assert!((found.right - truth.right).hypot(found.up - truth.up) < 1e-4);
+            // Z against √(Z² − R²): all that the stretch leaves out.
+            let stretch = viewpoint.outline_stretch(PixelPoint::new(639.5 + u, 359.5 + v)).determinant();
+            prop_assert!((along_px / across_px - stretch).abs() < (radius / depth).powi(2), "{along_px} {across_px} {stretch}");
         }
 
         /// A camera anywhere, turned anyhow, with the homography that it has: its place comes back.

@@ -7,10 +7,12 @@
 //! 4. [`fit`]: all arcs together, with one gravity. Points that do not fit are set aside with the reason.
 //! 5. Two arcs that meet between the last point of one and the first of the next are an impact.
 //!
-//! In a top view nothing falls: arcs are straight lines, and the longest track of such lines is the ball's.
+//! In a top view from far away nothing falls: arcs are straight lines, and the longest track of such lines is the
+//! ball's. From a camera whose height is known they bend; that is [`overhead`].
 
 pub mod fit;
 pub mod linking;
+pub mod overhead;
 pub mod repeats;
 pub mod segment;
 
@@ -75,7 +77,7 @@ pub enum NoFlight {
 /// (drag over a long arc, a drifting hand-held camera).
 const SEGMENT_PART_OF_RADIUS: f64 = 0.04;
 
-/// The same in a top view, where a ball that rises towards the camera bends the straight path.
+/// The same in a top view from a distance not known, where a ball that rises towards the camera bends the straight path.
 const TOP_PART_OF_RADIUS: f64 = 0.2;
 
 /// An arc counts as falling when its sagitta is this many standard deviations (of segmentation).
@@ -90,7 +92,6 @@ const OFF_SIGMAS: f64 = 4.5;
 ///
 /// [`NoFlight`] with what was found instead.
 pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
-    let falls = forces.falls();
     let tracks = linking::link(spots);
     let longest = tracks.first().map_or(0, Vec::len);
     if longest < 4 {
@@ -99,11 +100,11 @@ pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
     let best = tracks
         .iter()
         .filter(|t| t.len() >= 4)
-        .filter_map(|t| Candidate::new(spots, t, falls))
+        .filter_map(|t| Candidate::new(spots, t, forces))
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
         .ok_or(NoFlight::NothingFalls { longest })?;
     let interval_s = interval(&best.track.iter().map(|&i| spots[i].time_s).collect::<Vec<_>>());
-    let whole = with_continuations(spots, &tracks, &best, falls);
+    let whole = with_continuations(spots, &tracks, &best, forces);
     build(spots, &whole, best.gravity, forces, interval_s).ok_or(NoFlight::NothingFalls { longest })
 }
 
@@ -135,10 +136,18 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn new(spots: &[Spot], track: &Track, falls: bool) -> Option<Self> {
-        let sigma = segment_sigma(spots, track, falls);
+    fn new(spots: &[Spot], track: &Track, forces: Forces) -> Option<Self> {
+        let sigma = segment_sigma(spots, track, forces);
         let samples = samples_of(spots, track, sigma);
-        if !falls {
+        if let Forces::Overhead(known) = forces {
+            return Some(Self {
+                track: track.clone(),
+                gravity: 0.0,
+                evidence: overhead::find::evidence(spots, track, sigma, known)?,
+                span: (samples.first()?.t, samples.last()?.t),
+            });
+        }
+        if !forces.falls() {
             let found = segment::arcs(&samples, Fall::Known(0.0));
             let covered: usize = found.iter().map(ExactSizeIterator::len).sum();
             let (first, last) = (samples.first()?, samples.last()?);
@@ -212,14 +221,14 @@ impl Candidate {
 
 /// Standard deviation for segmentation: the largest of the stated uncertainty, the scatter that third differences
 /// show (they vanish on a parabola) and a small part of the radius.
-fn segment_sigma(spots: &[Spot], track: &Track, falls: bool) -> f64 {
+fn segment_sigma(spots: &[Spot], track: &Track, forces: Forces) -> f64 {
     let mut stds: Vec<f64> = track.iter().map(|&i| spots[i].std).collect();
     let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
     let stated = median(&mut stds);
-    let of_radius = if falls {
-        SEGMENT_PART_OF_RADIUS
-    } else {
+    let of_radius = if forces == Forces::None {
         TOP_PART_OF_RADIUS
+    } else {
+        SEGMENT_PART_OF_RADIUS
     };
     let part = of_radius * median(&mut radii);
     let mut thirds = Vec::new();
@@ -254,15 +263,17 @@ fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
             r: spots[i].place.right,
             h: spots[i].place.up,
             weight,
+            near: 0.0,
+            near_weight: 0.0,
         })
         .collect()
 }
 
 /// The best track with others that are the same ball before or after it (it left the picture, or was hidden): of the
 /// same size, not at the same time, with arcs of the same fall that lead to it.
-fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, falls: bool) -> Track {
+fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, forces: Forces) -> Track {
     let mut whole = best.track.clone();
-    if !falls {
+    if !forces.falls() {
         return whole;
     }
     let radius = {
@@ -273,7 +284,7 @@ fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, falls:
     for track in tracks.iter().filter(|t| t.len() >= 5 && **t != best.track) {
         let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
         let alike = (median(&mut radii) / radius - 1.0).abs() < 0.25;
-        let Some(other) = Candidate::new(spots, track, true).filter(|_| alike) else {
+        let Some(other) = Candidate::new(spots, track, forces).filter(|_| alike) else {
             continue;
         };
         let (from, to) = other.span;
@@ -294,7 +305,10 @@ fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, falls:
 /// Cuts the track with the fall known, joins arcs that are one flight, fits, sets points aside, finds impacts.
 fn build(spots: &[Spot], track: &Track, gravity: f64, forces: Forces, interval_s: f64) -> Option<Flight> {
     let falls = forces.falls();
-    let sigma = segment_sigma(spots, track, falls);
+    let sigma = segment_sigma(spots, track, forces);
+    if let Forces::Overhead(known) = forces {
+        return overhead::find::build(spots, track, sigma, known, interval_s);
+    }
     let samples = samples_of(spots, track, sigma);
     let fall = Fall::Known(gravity);
     let mut ranges = segment::arcs(&samples, fall);
@@ -532,7 +546,7 @@ fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
         }
         // Where nothing falls, nothing bends a path but an impact.
         Fall::Known(g) => g == 0.0,
-        Fall::Free => true,
+        Fall::Free | Fall::Overhead(_) => true,
     };
     jump > LEAST_JUMP * speed || turn
 }
@@ -645,6 +659,8 @@ fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse]) -> Vec<FitPoint> 
                     r: spots[i].place.right,
                     h: spots[i].place.up,
                     weight: 1.0 / (spots[i].std * spots[i].std),
+                    near: 0.0,
+                    near_weight: 0.0,
                 },
             }),
             _ => None,
@@ -698,6 +714,9 @@ fn finish(spots: &[Spot], track: &Track, mut uses: Vec<SpotUse>, fit: ArcFit, in
 
 /// Two arcs meet in an impact when they come together between their points, within what is known of them.
 fn impact_between(fit: &ArcFit, spans: &[(f64, f64)], a: usize, b: usize, interval_s: f64) -> Option<f64> {
+    if let Forces::Overhead(known) = &fit.forces {
+        return overhead::find::impact_between(fit, known, spans, a, interval_s);
+    }
     let (t, gap) = meeting(fit.parameters.as_slice(), &fit.times, a, b)?;
     let slack = 1.5 * interval_s;
     let in_between = t > spans[a].1 - slack && t < spans[b].0 + slack;

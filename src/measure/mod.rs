@@ -4,24 +4,27 @@
 //! bounces → readings → warnings → drawing.
 
 mod drawing;
+mod nearing;
 mod observe;
 mod refine;
 mod result;
+mod unstretch;
 mod warn;
 
 pub use result::*;
 
 use crate::bounce::impacts::{AIR_DENSITY_KG_M3, ImpactKind, Scene};
 use crate::bounce::reading;
-use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence};
+use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence, Viewpoint};
 use crate::detect::centre::Centre;
 use crate::detect::centre::edge_band::Effort;
 use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
-use crate::flight::{self, Flight, NoFlight, SpotUse};
+use crate::flight::overhead::Overhead;
+use crate::flight::{self, Flight, FlightPoint, NoFlight, SpotUse};
 use crate::frames::timebase::TimeBase;
 use crate::frames::{FrameError, LumaRange};
-use crate::geometry::{PixelPoint, WorldPoint};
+use crate::geometry::{PixelPoint, PlanePoint, WorldPoint};
 use crate::quantity::{Quantity, median};
 use observe::Observation;
 use refine::{Found, Shared};
@@ -104,6 +107,10 @@ const SPHERE_DRAG: f64 = 0.45;
 /// Relative doubt of that drag: felt, seams, slower or smaller balls, thinner air.
 const SPHERE_DRAG_DOUBT: f64 = 0.2;
 
+/// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
+/// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
+const AXIS_PART: f64 = 0.01;
+
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
 
@@ -137,7 +144,7 @@ pub fn measure(
     let mut work = Work::new(video, calibration, map, seen);
     match work.find_flight() {
         Ok(flight) => work.measured(&flight).map_err(misfit),
-        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen))),
+        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, calibration))),
     }
 }
 
@@ -152,6 +159,9 @@ fn check_before_work(
     let info = source.info();
     calibration
         .check_image_size(info.width_px, info.height_px)
+        .map_err(misfit)?;
+    calibration
+        .viewpoint(1.0, (info.width_px, info.height_px))
         .map_err(misfit)?;
     if !info.has_time_base && calibration.frame_rate_hz.is_none() {
         return Err(MeasureError::NoClock {
@@ -172,6 +182,8 @@ struct Work<'a> {
     base: TimeBase,
     found: Vec<Found>,
     shared: Option<Shared>,
+    /// The camera over the plane, where its distance and the scale are known.
+    camera: Option<Viewpoint>,
     warnings: Vec<Warning>,
 }
 
@@ -186,13 +198,38 @@ impl<'a> Work<'a> {
             seen,
             found: Vec::new(),
             shared: None,
+            camera: None,
             warnings: Vec::new(),
         };
+        // A scale that rests on the recording itself has to wait for the ball.
+        let scale = calibration.metres_per_unit(&ScaleEvidence::default());
+        work.camera = scale.ok().and_then(|s| work.viewpoint(s.value));
         let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
         work.repeats = repeats.frames;
         work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
         work.warnings = warn::file(&work.seen, &work.base, &work.repeats, calibration);
+        work.warnings.extend(warn::perspective(calibration));
         work
+    }
+
+    /// Where the camera stands over the plane, as far as `metres_per_unit` is known.
+    fn viewpoint(&self, metres_per_unit: f64) -> Option<Viewpoint> {
+        let info = &self.seen.info;
+        self.calibration
+            .viewpoint(metres_per_unit, (info.width_px, info.height_px))
+            .ok()
+            .flatten()
+    }
+
+    /// The spot of a centre: the ball's centre, which is not that of its outline where the camera is near.
+    fn spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
+        let s = &self.seen.sightings[id];
+        let spot = refine::spot(&self.map, s, centre, id, self.base.times_s[s.frame])?;
+        let place = self
+            .camera
+            .and_then(|v| v.centre_of_outline(&self.map, spot.place, centre.disc.radius_px))
+            .unwrap_or(spot.place);
+        Some(Spot { place, ..spot })
     }
 
     fn falls(&self) -> bool {
@@ -215,14 +252,18 @@ impl<'a> Work<'a> {
             .iter()
             .enumerate()
             .filter(|(_, s)| !self.repeats[s.frame])
-            .filter_map(|(i, s)| refine::spot(&self.map, s, &s.centre?, i, self.base.times_s[s.frame]))
+            .filter_map(|(i, s)| self.spot(i, &s.centre?))
             .collect()
     }
 
     /// The flight: first with centres found freely, then with what the recording has in common held.
     fn find_flight(&mut self) -> Result<Flight, NoFlight> {
         let spots = self.first_spots();
-        let forces = if self.falls() { Forces::Fall } else { Forces::None };
+        let forces = if self.falls() {
+            Forces::Fall
+        } else {
+            self.overhead(None).map_or(Forces::None, Forces::Overhead)
+        };
         let flight = flight::find(&spots, forces)?;
         for p in &flight.points {
             if let Some(centre) = self.seen.sightings[p.spot.id].centre {
@@ -236,22 +277,35 @@ impl<'a> Work<'a> {
         let mut flight = first.clone();
         // The second round starts from better arcs: points near an impact are found that the first had missed.
         for effort in [Effort::Look, Effort::Measure] {
-            let Some(shared) = refine::shared(&self.seen, &self.found, &flight, &self.map) else {
+            let above = matches!(forces, Forces::Overhead(_));
+            let view = nearing::View {
+                seen: &self.seen,
+                map: &self.map,
+                camera: self.camera,
+            };
+            let shared = refine::shared(&self.seen, &self.found, &flight, &self.map);
+            let Some(shared) = (match shared {
+                Some(first) if above => nearing::shared(&view, &flight, first, &self.found),
+                shared => shared,
+            }) else {
                 break;
             };
-            let found = refine::centres(
-                &self.seen,
-                &flight,
-                &self.map,
-                &shared,
-                &self.base.times_s,
-                &self.repeats,
-                effort,
-            );
+            let (times_s, skip) = (&self.base.times_s, &self.repeats);
+            let found = if above {
+                nearing::centres(&view, &flight, &shared, times_s, skip, effort)
+            } else {
+                refine::centres(&self.seen, &flight, &self.map, &shared, times_s, skip, effort)
+            };
+            let scale = self.metres_per_unit(&flight, Some(shared.radius_px)).ok();
+            self.camera = scale.and_then(|s| self.viewpoint(s.value));
             let forces = self.forces(&flight, &shared);
             match flight::again(&self.spots_of(&found), &flight, forces) {
                 Some(better) if better.used() as f64 >= KEPT_PART * first.used() as f64 => {
-                    (flight, self.found) = self.extended(better, found, &shared, forces);
+                    (flight, self.found) = if above {
+                        (better, found)
+                    } else {
+                        self.extended(better, found, &shared, forces)
+                    };
                     self.shared = Some(shared);
                 }
                 // A ball of a few pixels may be too blurred for its edge to be fitted: its outline has to do. A
@@ -305,31 +359,54 @@ impl<'a> Work<'a> {
 
     /// Gravity, and drag where the ball's size and mass tell it.
     fn forces(&self, flight: &Flight, shared: &Shared) -> Forces {
+        let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok();
+        let scale = scale.map(|s| s.value);
         if !self.falls() {
-            return Forces::None;
+            return self.overhead(scale).map_or(Forces::None, Forces::Overhead);
         }
+        self.drag(scale)
+            .map_or(Forces::Fall, |(drag, std)| Forces::FallWithDrag(drag, std))
+    }
+
+    /// Drag β and its standard uncertainty, 1 / plane unit, where the ball's size and mass tell it.
+    fn drag(&self, metres_per_unit: Option<f64>) -> Option<(f64, f64)> {
         let ball = &self.calibration.ball;
-        let known = || {
-            let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
-            let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok()?.value;
-            let beta = AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m
-                / (2.0 * mass_kg);
-            // Metres a unit turn 1/m into 1/unit.
-            Some(Forces::FallWithDrag(
-                beta * scale,
-                SPHERE_DRAG_DOUBT * beta * scale,
-            ))
-        };
-        known().unwrap_or(Forces::Fall)
+        let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
+        let beta =
+            AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m / (2.0 * mass_kg);
+        // Metres a unit turn 1/m into 1/unit.
+        let per_unit = beta * metres_per_unit?;
+        Some((per_unit, SPHERE_DRAG_DOUBT * per_unit))
+    }
+
+    /// The camera above the floor, where its distance is known; without `metres_per_unit` as far as other scales tell.
+    fn overhead(&self, metres_per_unit: Option<f64>) -> Option<Overhead> {
+        let c = self.calibration;
+        let told = || Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
+        let scale = metres_per_unit.or_else(told);
+        // Foot and height in metres are the same whatever a pixel measures.
+        let unit = scale.unwrap_or(1.0);
+        let camera = self.viewpoint(unit)?;
+        let height_m = camera.height * unit;
+        let relative = |std: Option<f64>, value: f64| std.map(|s| s / value);
+        let distance = c.distance_m.and_then(|d| relative(c.distance_std_m, d));
+        let gravity = relative(c.gravity_std_m_s2, c.gravity_m_s2);
+        Some(Overhead {
+            foot: camera.foot,
+            foot_std: AXIS_PART * self.seen.info.width_px as f64 * self.units_per_px(),
+            fall_per_s2: c.gravity_m_s2 / height_m,
+            fall_relative_std: (distance.is_some() || gravity.is_some())
+                .then(|| distance.unwrap_or(0.0).hypot(gravity.unwrap_or(0.0))),
+            height: scale.map(|_| camera.height),
+            contact: c.ball.radius_m.map(|r| r / height_m),
+            drag: self.drag(scale),
+        })
     }
 
     fn spots_of(&self, found: &[Found]) -> Vec<Spot> {
         found
             .iter()
-            .filter_map(|f| {
-                let s = &self.seen.sightings[f.sighting];
-                refine::spot(&self.map, s, &f.centre, f.sighting, self.base.times_s[s.frame])
-            })
+            .filter_map(|f| self.spot(f.sighting, &f.centre))
             .collect()
     }
 
@@ -368,7 +445,13 @@ impl<'a> Work<'a> {
 
     fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
         let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
-        let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
+        let first = match flight.fit.forces {
+            Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
+            _ => flight.points.first(),
+        };
+        let first_right = first
+            .and_then(|p| in_plane(flight, p))
+            .map_or(0.0, |place| place.right);
         let scene = Scene::new(
             flight,
             self.calibration,
@@ -399,7 +482,7 @@ impl<'a> Work<'a> {
         self.warnings.extend(warn::measured(&judged));
         let outcome = if bounces.is_empty() {
             Outcome::Rejected {
-                reason: warn::no_bounce(flight, walls),
+                reason: warn::no_bounce(flight, walls, self.calibration),
             }
         } else {
             Outcome::Measured
@@ -467,6 +550,14 @@ impl<'a> Work<'a> {
         }
     }
 
+    /// The image of the ball's centre in its frame, where that is not the centre of its outline.
+    fn centre_px(&self, p: &FlightPoint) -> Option<PixelPoint> {
+        self.camera?;
+        let reference = self.map.pixel_from_plane(p.spot.place)?;
+        let s = &self.seen.sightings[p.spot.id];
+        Some(s.registration.frame_from_reference(reference))
+    }
+
     fn track(&self, flight: &Flight, frame: &WorldFrame) -> Track {
         let excess = flight.fit.excess.max(1.0);
         let centre =
@@ -479,9 +570,9 @@ impl<'a> Work<'a> {
                 Some(TrackPoint {
                     frame: p.spot.frame,
                     time_s: p.spot.time_s,
-                    pixel: c.disc.centre,
+                    pixel: self.centre_px(p).unwrap_or(c.disc.centre),
                     std_px: Some(c.std_px() * excess),
-                    world: Some(frame.world(p.spot.place.right, p.spot.place.up)),
+                    world: in_plane(flight, p).map(|place| frame.world(place.right, place.up)),
                     use_: drawing::use_of(p, frame),
                     residual_m: drawing::residual(flight, p, frame),
                 })
@@ -500,6 +591,17 @@ impl<'a> Work<'a> {
             points,
         }
     }
+}
+
+/// The point of the calibrated plane that a spot is at; `None` where only a fit would tell and there is none.
+fn in_plane(flight: &Flight, p: &FlightPoint) -> Option<PlanePoint> {
+    let above = matches!(flight.fit.forces, Forces::Overhead(_));
+    let t = p.spot.time_s;
+    (!above || p.use_ != SpotUse::NotFree).then(|| {
+        flight
+            .fit
+            .place_in_plane(p.spot.place, refine::arc_at(flight, t), t)
+    })
 }
 
 /// From the plane to the world, for points and drawing (values only; uncertainties are [`Scene`]'s).

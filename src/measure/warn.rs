@@ -95,6 +95,16 @@ pub fn file(
     out
 }
 
+/// A top view whose camera is not known to be far.
+pub fn perspective(calibration: &Calibration) -> Option<Warning> {
+    (calibration.view == View::Top && calibration.distance_m.is_none()).then(|| {
+        warning(
+            "perspective_uncorrected",
+            "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
+        )
+    })
+}
+
 fn repeated(
     seen: &Observation,
     base: &TimeBase,
@@ -331,13 +341,26 @@ fn different_heights(j: &Judged<'_>) -> Option<Warning> {
 }
 
 /// Why nothing was measured, and what to try.
-pub fn no_flight(reason: &NoFlight, seen: &Observation) -> String {
+pub fn no_flight(reason: &NoFlight, seen: &Observation, calibration: &Calibration) -> String {
     let frames = seen.stamps_s.len();
     let moving = seen.sightings.len();
     match reason {
         NoFlight::NothingRound { spots } => format!(
             "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
         ),
+        NoFlight::NothingFalls { longest } if calibration.view == View::Top => {
+            let all = format!(
+                "{moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames)"
+            );
+            match calibration.distance_m {
+                Some(distance_m) => format!(
+                    "nothing bounces as seen from above: {all} follows the arcs of a bouncing ball as a camera {distance_m} m over the floor sees them. Are \"distance_m\" (lens to floor, in metres), the scale and the frame rate right, and does the camera look straight down?"
+                ),
+                None => format!(
+                    "nothing moves in straight lines as seen from above: {all} is made of straight lines with turns between. A camera that is near sees them bent, because the ball nears it as it rises: set \"distance_m\" to the distance from the lens to the floor."
+                ),
+            }
+        }
         NoFlight::NothingFalls { longest } => format!(
             "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?"
         ),
@@ -345,8 +368,13 @@ pub fn no_flight(reason: &NoFlight, seen: &Observation) -> String {
 }
 
 /// Why a flight alone is no measurement.
-pub fn no_bounce(flight: &Flight, walls: usize) -> String {
+pub fn no_bounce(flight: &Flight, walls: usize, calibration: &Calibration) -> String {
     let frames = flight.used();
+    if calibration.view == View::Top {
+        return format!(
+            "a ball moves freely through {frames} frames, but shows no impact within the clip: seen from above it is a turn of the path between two stretches, so keep recording until after the first one."
+        );
+    }
     let walls = if walls > 0 {
         format!(", and {walls} impact(s) on something upright")
     } else {

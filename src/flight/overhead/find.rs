@@ -1,0 +1,244 @@
+//! From a track of spots to the flight of a ball seen from above.
+
+use super::super::segment::{self, Fall, Sample};
+use super::super::{
+    Flight, LEAST_JUMP, MOST_ENERGY_GAIN, MOST_SCATTER, SpotUse, Track, finish, fit_and_set_aside,
+    larger_part, longest_chain, median,
+};
+use super::segment::Sums;
+use super::{Flying, Layout, Overhead, flying};
+use crate::flight::fit::{ArcFit, Forces};
+use crate::flight::linking::Spot;
+use std::ops::Range;
+
+/// A first centre's radius is known to about this part; it also changes by a part of this with the light and the
+/// background.
+const RADIUS_DOUBT: f64 = 0.03;
+
+/// The ball on the floor is about the smallest of its track: this part of its sightings is smaller by chance.
+const SMALLEST_PART: f64 = 0.05;
+
+/// Points of the first and of the last arc, at least: one impact holds it, and its rise is free.
+const LEAST_END_POINTS: usize = 5;
+
+/// Arcs are fitted together, which takes time as the cube of their number.
+const MOST_ARCS: usize = 16;
+
+/// An impact is on the floor when the arcs meet no higher than this part of the camera's height, as the radius tells it.
+const FLOOR_PART: f64 = 0.15;
+
+/// Squared residuals, in variances, that a cut must save: its parameters and a margin.
+const CUT_GAIN: f64 = 36.0;
+
+/// The samples of a track, and `known` with what its ball tells.
+fn samples_of(spots: &[Spot], track: &Track, sigma: f64, known: Overhead) -> (Vec<Sample>, Overhead) {
+    let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
+    radii.sort_by(f64::total_cmp);
+    let smallest = radii[(SMALLEST_PART * (radii.len() - 1) as f64).round() as usize];
+    let known = known.for_ball(smallest);
+    let of_radius = track.iter().map(|&i| {
+        let s = &spots[i];
+        let doubt = RADIUS_DOUBT.max(s.std / s.radius);
+        Sample {
+            t: s.time_s,
+            r: s.place.right,
+            h: s.place.up,
+            weight: 1.0 / (sigma * sigma),
+            near: 1.0 - (1.0 - known.touching()) * smallest / s.radius,
+            near_weight: 1.0 / (doubt * doubt),
+        }
+    });
+    (of_radius.collect(), known)
+}
+
+/// How much speaks for a track being the ball's: points on its arcs times their way, in standard deviations; `None`
+/// when it hardly moves.
+pub(in crate::flight) fn evidence(spots: &[Spot], track: &Track, sigma: f64, known: Overhead) -> Option<f64> {
+    let (samples, known) = samples_of(spots, track, sigma, known);
+    let found = arcs(&samples, known);
+    let covered: usize = found.iter().map(ExactSizeIterator::len).sum();
+    let way: f64 = found
+        .iter()
+        .map(|r| {
+            let (a, b) = (&samples[r.start], &samples[r.end - 1]);
+            (b.r - a.r).hypot(b.h - a.h)
+        })
+        .sum();
+    (covered >= 6 && way > 10.0 * sigma).then_some(covered as f64 * way / sigma)
+}
+
+/// The arcs that fall as they should, none cut in two.
+fn arcs(samples: &[Sample], known: Overhead) -> Vec<Range<usize>> {
+    let fall = Fall::Overhead(known);
+    let mut found = segment::arcs(samples, fall);
+    // What its own bend and size contradict does not fall: it rolls, or is carried.
+    found.retain(|r| {
+        r.len() < 5
+            || Sums::of(known, &samples[r.clone()])
+                .own_fall()
+                .is_none_or(|(own, std)| fall.agrees(own, std))
+    });
+    let mut joined: Vec<Range<usize>> = Vec::new();
+    for r in found {
+        if let Some(last) = joined.last_mut() {
+            let (a, b) = (&samples[last.clone()], &samples[r.clone()]);
+            let both: Vec<Sample> = a.iter().chain(b).copied().collect();
+            let apart = segment::misfit(a, fall) + segment::misfit(b, fall);
+            if segment::misfit(&both, fall) - apart < CUT_GAIN || !parts_ways(a, b, &known) {
+                *last = last.start..r.end;
+                continue;
+            }
+        }
+        joined.push(r);
+    }
+    joined
+}
+
+/// Both arcs in the middle of the gap between them.
+fn at_the_gap(a: &[Sample], b: &[Sample], known: &Overhead) -> Option<(Flying, Flying)> {
+    let t = 0.5 * (a.last()?.t + b.first()?.t);
+    Some((Sums::of(*known, a).flying(t)?, Sums::of(*known, b).flying(t)?))
+}
+
+/// Whether the velocities of two neighbouring stretches differ as by an impact.
+fn parts_ways(a: &[Sample], b: &[Sample], known: &Overhead) -> bool {
+    let Some((before, after)) = at_the_gap(a, b, known) else {
+        return true;
+    };
+    let height = known.camera_height();
+    let turn = (after.ground.vr - before.ground.vr).hypot(after.ground.vh - before.ground.vh);
+    let jump = turn.hypot((after.rate - before.rate) * height);
+    jump > LEAST_JUMP * before.speed(height).max(after.speed(height))
+}
+
+/// Whether two neighbouring stretches can be before and after an impact on the floor: near it between them, and rising
+/// after it faster than before.
+fn may_meet(a: &[Sample], b: &[Sample], known: &Overhead) -> bool {
+    at_the_gap(a, b, known).is_none_or(|(before, after)| {
+        let low = 0.5 * (before.zeta + after.zeta) - known.touching() < FLOOR_PART;
+        low && after.rate > before.rate
+    })
+}
+
+/// Cuts the track, fits, sets points aside, finds impacts.
+pub(in crate::flight) fn build(
+    spots: &[Spot],
+    track: &Track,
+    sigma: f64,
+    known: Overhead,
+    interval_s: f64,
+) -> Option<Flight> {
+    if track.is_empty() {
+        return None;
+    }
+    let (samples, known) = samples_of(spots, track, sigma, known);
+    let ranges = longest_chain(&samples, arcs(&samples, known), interval_s);
+    let ranges = met_chain(&samples, ranges, &known);
+    let mut ranges = richest(ranges);
+    loop {
+        while ranges.first().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+            ranges.remove(0);
+        }
+        while ranges.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+            ranges.pop();
+        }
+        if ranges.is_empty() {
+            return None;
+        }
+        let mut uses = vec![SpotUse::NotFree; track.len()];
+        for (k, r) in ranges.iter().enumerate() {
+            uses[r.clone()].fill(SpotUse::Used(k));
+        }
+        let fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), Forces::Overhead(known))?;
+        let flight = finish(spots, track, uses, fit, interval_s);
+        let cut = flight
+            .impacts
+            .iter()
+            .position(Option::is_none)
+            .or_else(|| misfit(&flight, &samples, &ranges, sigma));
+        match cut {
+            None => return flight.is_convincing(&samples, &ranges, sigma).then_some(flight),
+            Some(cut) => ranges = larger_part(ranges, cut + 1),
+        }
+    }
+}
+
+/// The run of arcs with the most points in which each may meet the next on the floor.
+fn met_chain(samples: &[Sample], ranges: Vec<Range<usize>>, known: &Overhead) -> Vec<Range<usize>> {
+    let mut runs: Vec<Vec<Range<usize>>> = Vec::new();
+    for r in ranges {
+        match runs.last_mut() {
+            Some(run)
+                if run
+                    .last()
+                    .is_some_and(|l| may_meet(&samples[l.clone()], &samples[r.clone()], known)) =>
+            {
+                run.push(r);
+            }
+            _ => runs.push(vec![r]),
+        }
+    }
+    let points = |run: &[Range<usize>]| run.iter().map(ExactSizeIterator::len).sum::<usize>();
+    runs.into_iter().max_by_key(|run| points(run)).unwrap_or_default()
+}
+
+/// The successive arcs, at most [`MOST_ARCS`], that hold the most points.
+fn richest(ranges: Vec<Range<usize>>) -> Vec<Range<usize>> {
+    let points = |run: &[Range<usize>]| run.iter().map(ExactSizeIterator::len).sum::<usize>();
+    match ranges.windows(MOST_ARCS).max_by_key(|run| points(run)) {
+        Some(run) => run.to_vec(),
+        None => ranges,
+    }
+}
+
+/// Arcs `a` and `a + 1` meet in an impact when the fit has it between their points, from a fall to a rise, and the
+/// ball has not gained by it. What the fit is not sure of is no objection: a far camera hardly shows a fall.
+pub(in crate::flight) fn impact_between(
+    fit: &ArcFit,
+    known: &Overhead,
+    spans: &[(f64, f64)],
+    a: usize,
+    interval_s: f64,
+) -> Option<f64> {
+    let p = fit.parameters.as_slice();
+    let t = fit.impact_time(p, a)?;
+    let slack = 1.5 * interval_s;
+    let in_between = t > spans[a].1 - slack && t < spans[a + 1].0 + slack;
+    let (before, after) = (
+        flying(known, p, &fit.times, a, t),
+        flying(known, p, &fit.times, a + 1, t),
+    );
+    let doubt = |k: usize| {
+        let i = Layout::new(fit.arcs()).rise(k) + 1;
+        SURE_SIGMAS * fit.covariance[(i, i)].max(0.0).sqrt()
+    };
+    let turns = before.rate < doubt(a) && after.rate > -doubt(a + 1);
+    let height = known.camera_height();
+    let most = before.speed(height) + (doubt(a) + doubt(a + 1)) * height;
+    let loses = after.speed(height).powi(2) <= MOST_ENERGY_GAIN * most * most;
+    (in_between && turns && loses).then_some(t)
+}
+
+/// A rate of rise is what it is beyond this many standard uncertainties.
+const SURE_SIGMAS: f64 = 4.0;
+
+/// Where the chain breaks: beside the arc whose points lie worst about the common fit, if they lie worse than an arc's
+/// do; `None` where all fit.
+fn misfit(flight: &Flight, samples: &[Sample], ranges: &[Range<usize>], sigma: f64) -> Option<usize> {
+    let mut worst: Option<(usize, f64)> = None;
+    for (k, r) in ranges.iter().enumerate() {
+        let mut offs: Vec<f64> = samples[r.clone()]
+            .iter()
+            .map(|s| {
+                let m = flight.fit.motion(k, s.t);
+                (s.r - m.r).hypot(s.h - m.h)
+            })
+            .collect();
+        let off = median(&mut offs);
+        if off > MOST_SCATTER * sigma && worst.is_none_or(|w| off > w.1) {
+            worst = Some((k, off));
+        }
+    }
+    let last = ranges.len().checked_sub(2)?;
+    worst.map(|(k, _)| k.min(last))
+}

@@ -1,0 +1,481 @@
+//! The arcs of a flight seen from above, fitted together with the impacts between them.
+//!
+//! Parameters by [`Layout`]. Beside the points there are rows of what is known:
+//!
+//! * At the time of an impact both arcs are over one point of the floor, and their balls touch it, ζ = R/D: the one before
+//!   half a contact earlier, the one after half a contact later. That half is fitted, with a wide prior: a soft ball
+//!   takes milliseconds, a steel ball a tenth of one.
+//! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it; then
+//!   lift is no more than a part of drag.
+//! * No ball below the camera is out of its reach, nor faster than a fall from its height: a prior so wide that it
+//!   matters only where a far camera shows nothing of the fall.
+//!
+//! Gauss-Newton with steps halved until the squares fall. Each arc's points are first reduced to a few rows by QR, so that
+//! many frames cost nothing. The points' weights are lowered by the excess of their residuals and by their persistence
+//! before the last steps, so that the knowledge keeps its own.
+
+use super::{Layout, Overhead, flying, foot};
+use crate::flight::fit::{DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
+use nalgebra::{DMatrix, DVector};
+
+/// The result, in the terms of [`crate::flight::fit::ArcFit`].
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// Mean time of each arc, s.
+    pub times: Vec<f64>,
+    /// By [`Layout`].
+    pub parameters: DVector<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
+    /// Root mean square residual over stated uncertainty.
+    pub excess: f64,
+    /// Factor for errors that last from point to point.
+    pub persistence: f64,
+}
+
+/// Half of the contact time is 0 ± this, s: tennis balls take 5 ms, steel balls 0.1 ms.
+const HALF_CONTACT_STD_S: f64 = 1e-3;
+
+/// The arcs meet in the middle of the contact to about this, s: a tenth of a soft ball's, as it leaves more slowly than
+/// it came.
+const MIDDLE_STD_S: f64 = 1e-4;
+
+/// Steps of Gauss-Newton at most.
+const STEPS: usize = 40;
+
+/// A step that changes no residual by more than this part of its uncertainty is the last.
+const SETTLED: f64 = 1e-5;
+
+/// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the foot's two, the fall's.
+const LOCAL: usize = 13;
+
+/// Lift over drag is 0 ± this in each direction: it grows with the spin ratio, to about 2/3.
+const LIFT_OVER_DRAG_STD: f64 = 0.3;
+
+/// Fits `arcs` arcs to `points` (in time order); drag as `known` has it, or free when `drag_free`. `None` when an arc
+/// has too few points or the fit does not settle.
+#[must_use]
+pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) -> Option<Fitted> {
+    let times = mean_times(points, arcs)?;
+    let parts: Vec<&[FitPoint]> = points.chunk_by(|a, b| a.arc == b.arc).collect();
+    let in_order = parts.len() == arcs && parts.iter().enumerate().all(|(k, p)| p[0].arc == k);
+    if !in_order {
+        return None;
+    }
+    let mut job = Job {
+        known: *known,
+        drag_free,
+        layout: Layout::new(arcs),
+        times,
+        parts,
+        weight: 1.0,
+        impact_stds: Vec::new(),
+        lift_stds: Vec::new(),
+    };
+    let start = job.start()?;
+    job.lift_stds = (0..arcs).filter_map(|k| job.lift_std(&start, k)).collect();
+    job.impact_stds = (1..arcs).map(|k| job.impact_std(&start, k - 1)).collect();
+    let (settled, _) = job.settle(start)?;
+    let residuals = job.residuals(&settled);
+    let knowledge = job.knowledge(&settled);
+    let squares = residuals.norm_squared() + knowledge.iter().map(|row| row.left * row.left).sum::<f64>();
+    let freedom = (residuals.len() + knowledge.len() + job.held().len()).saturating_sub(settled.len());
+    let excess = if freedom > 0 {
+        (squares / freedom as f64).sqrt()
+    } else {
+        1.0
+    };
+    let persistence = persistence(points, &residuals);
+    job.weight = 1.0 / (excess.max(1.0) * persistence.sqrt());
+    let (parameters, mut covariance) = job.settle(settled)?;
+    for held in job.held() {
+        covariance.row_mut(held).fill(0.0);
+        covariance.column_mut(held).fill(0.0);
+    }
+    excess.is_finite().then_some(Fitted {
+        times: job.times,
+        parameters,
+        covariance,
+        excess,
+        persistence,
+    })
+}
+
+/// A row of what is known besides the points: derivatives by some parameters, what is left to explain.
+struct Row {
+    by: Vec<(usize, f64)>,
+    left: f64,
+}
+
+impl Row {
+    /// That parameter `i`, now `value`, is `expected` ± `std`.
+    fn prior(i: usize, value: f64, expected: f64, std: f64) -> Self {
+        Self {
+            by: vec![(i, 1.0 / std)],
+            left: (expected - value) / std,
+        }
+    }
+}
+
+struct Job<'a> {
+    known: Overhead,
+    drag_free: bool,
+    layout: Layout,
+    times: Vec<f64>,
+    parts: Vec<&'a [FitPoint]>,
+    /// Factor on the whitened rows of the points.
+    weight: f64,
+    /// How well the arcs before and after each impact meet: along the floor (plane units) and in height (ζ).
+    impact_stds: Vec<(f64, f64)>,
+    /// How large each arc's lift may be, 1/s; empty where it is left out.
+    lift_stds: Vec<f64>,
+}
+
+impl Job<'_> {
+    fn arcs(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Parameters that do not move.
+    fn held(&self) -> Vec<usize> {
+        let mut held = vec![GRAVITY];
+        if self.known.drag.is_none() && !self.drag_free {
+            held.push(DRAG);
+        }
+        if self.known.fall_relative_std.is_none() {
+            held.push(self.layout.fall());
+        }
+        if self.lift_stds.is_empty() {
+            held.extend(self.layout.lift(0)..self.layout.foot());
+        }
+        held
+    }
+
+    /// The first guess: impacts in the middle of the gaps, where the ball touches the floor; then each arc is linear
+    /// but for its rate of rise, and that enters linearly, too.
+    fn start(&self) -> Option<DVector<f64>> {
+        let layout = self.layout;
+        let mut p = DVector::zeros(layout.len());
+        p[DRAG] = self.known.drag.map_or(0.0, |d| d.0);
+        p[layout.foot()] = self.known.foot.right;
+        p[layout.foot() + 1] = self.known.foot.up;
+        let gap = |k: usize| -> Option<f64> {
+            Some(0.5 * (self.parts[k].last()?.sample.t + self.parts.get(k + 1)?.first()?.sample.t))
+        };
+        for k in 0..self.arcs() {
+            let (before, after) = (k.checked_sub(1).and_then(gap), gap(k));
+            if let Some(t) = after {
+                p[layout.impact(k)] = t;
+            }
+            let touch = before.or(after).unwrap_or(self.parts[k][0].sample.t);
+            let flight = before.zip(after).map(|(a, b)| b - a);
+            self.start_arc(&mut p, k, touch, flight)?;
+        }
+        Some(p)
+    }
+
+    /// Arc `k`, which touches the floor at `touch`, and `flight` later again.
+    fn start_arc(&self, p: &mut DVector<f64>, k: usize, touch: f64, flight: Option<f64>) -> Option<()> {
+        let (known, fall) = (&self.known, self.known.fall_per_s2);
+        let contact = known.touching();
+        let points = self.parts[k];
+        // c0r, c1r, c0h, c1h, ω at `touch`.
+        let mut matrix = DMatrix::zeros(2 * points.len() + 1, 5);
+        let mut right = DVector::zeros(2 * points.len() + 1);
+        for (i, point) in points.iter().enumerate() {
+            let s = &point.sample;
+            let (t, w) = (s.t - touch, s.weight.sqrt());
+            for (c, place) in [s.r - known.foot.right, s.h - known.foot.up]
+                .into_iter()
+                .enumerate()
+            {
+                matrix[(2 * i + c, 2 * c)] = w;
+                matrix[(2 * i + c, 2 * c + 1)] = w * t;
+                matrix[(2 * i + c, 4)] = w * place * t;
+                right[2 * i + c] = w * place * (1.0 - contact + 0.5 * fall * t * t);
+            }
+        }
+        // Between two impacts as fast as the time of flight says; else slower than a fall from the camera.
+        let (expected, std) = flight.map_or((0.0, known.fastest_per_s()), |t| {
+            (0.5 * fall * t, 0.01 * fall * t)
+        });
+        matrix[(2 * points.len(), 4)] = 1.0 / std;
+        right[2 * points.len()] = expected / std;
+        let (found, _) = solve(&matrix, &right)?;
+        let dt = self.times[k] - touch;
+        let ground = self.layout.ground(k);
+        p[ground] = known.foot.right + found[0] + found[1] * dt;
+        p[ground + 1] = found[1];
+        p[ground + 2] = known.foot.up + found[2] + found[3] * dt;
+        p[ground + 3] = found[3];
+        let rise = self.layout.rise(k);
+        // A first guess at the camera or behind it would have no way back.
+        p[rise] = (contact + (found[4] - 0.5 * fall * dt) * dt).clamp(-0.5, 0.8);
+        p[rise + 1] = found[4] - fall * dt;
+        Some(())
+    }
+
+    /// Whitened residuals of all points, two each.
+    fn residuals(&self, p: &DVector<f64>) -> DVector<f64> {
+        let at = foot(p.as_slice(), &self.times);
+        let all = self.parts.iter().flat_map(|part| part.iter()).flat_map(|point| {
+            let s = &point.sample;
+            let m = flying(&self.known, p.as_slice(), &self.times, point.arc, s.t);
+            let (seen, w) = (m.seen(at), s.weight.sqrt());
+            // Beyond the camera there is no picture.
+            let w = if m.zeta < 1.0 { w } else { f64::INFINITY };
+            [w * (s.r - seen.r), w * (s.h - seen.h)]
+        });
+        DVector::from_iterator(2 * self.parts.iter().map(|part| part.len()).sum::<usize>(), all)
+    }
+
+    /// What there is to minimise.
+    fn squares(&self, p: &DVector<f64>) -> f64 {
+        self.weight * self.weight * self.residuals(p).norm_squared()
+            + self
+                .knowledge(p)
+                .iter()
+                .map(|row| row.left * row.left)
+                .sum::<f64>()
+    }
+
+    /// Gauss-Newton from `p`; the parameters and their covariance.
+    fn settle(&self, mut p: DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let mut squares = self.squares(&p);
+        for _ in 0..STEPS {
+            let (matrix, right) = self.system(&p);
+            let (step, covariance) = solve(&matrix, &right)?;
+            let change = (&matrix * &step).amax();
+            let (mut part, mut better) = (1.0, None);
+            while part > 1e-3 {
+                let next = &p + part * &step;
+                let now = self.squares(&next);
+                if now.is_finite() && now <= squares * (1.0 + 1e-12) {
+                    better = Some((next, now));
+                    break;
+                }
+                part *= 0.5;
+            }
+            let Some((next, now)) = better else {
+                // At the bottom, to rounding.
+                return (change < 0.1).then_some((p, covariance));
+            };
+            (p, squares) = (next, now);
+            if change < SETTLED {
+                return Some((p, covariance));
+            }
+        }
+        None
+    }
+
+    /// All whitened rows and what is left to explain: each arc's points reduced to [`LOCAL`] rows, then the knowledge.
+    fn system(&self, p: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
+        let knowledge = self.knowledge(p);
+        let held = self.held();
+        let rows = LOCAL * self.arcs() + knowledge.len() + held.len();
+        let mut matrix = DMatrix::zeros(rows, p.len());
+        let mut right = DVector::zeros(rows);
+        for k in 0..self.arcs() {
+            let (local, left) = self.reduced(p, k);
+            let columns = self.local(k);
+            for i in 0..local.nrows() {
+                right[LOCAL * k + i] = left[i];
+                for (j, column) in columns.into_iter().enumerate() {
+                    matrix[(LOCAL * k + i, column)] = local[(i, j)];
+                }
+            }
+        }
+        let first = LOCAL * self.arcs();
+        for (i, row) in knowledge.iter().enumerate() {
+            right[first + i] = row.left;
+            for &(j, by) in &row.by {
+                matrix[(first + i, j)] = by;
+            }
+        }
+        for (i, &j) in held.iter().enumerate() {
+            matrix.column_mut(j).fill(0.0);
+            matrix[(first + knowledge.len() + i, j)] = 1.0;
+        }
+        (matrix, right)
+    }
+
+    /// The rows of arc `k`'s points by their own parameters, by QR no more than there are parameters.
+    fn reduced(&self, p: &DVector<f64>, k: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let points = self.parts[k];
+        let columns = self.local(k);
+        let seen = |p: &DVector<f64>| -> Vec<[f64; 2]> {
+            let at = foot(p.as_slice(), &self.times);
+            points
+                .iter()
+                .map(|point| {
+                    let m = flying(&self.known, p.as_slice(), &self.times, k, point.sample.t).seen(at);
+                    [m.r, m.h]
+                })
+                .collect()
+        };
+        let here = seen(p);
+        let mut matrix = DMatrix::zeros(2 * points.len(), LOCAL);
+        let mut right = DVector::zeros(2 * points.len());
+        for (i, (point, at)) in points.iter().zip(&here).enumerate() {
+            let s = &point.sample;
+            let w = self.weight * s.weight.sqrt();
+            right[2 * i] = w * (s.r - at[0]);
+            right[2 * i + 1] = w * (s.h - at[1]);
+        }
+        let held = self.held();
+        let mut moved = p.clone();
+        for (j, column) in columns.into_iter().enumerate() {
+            if held.contains(&column) {
+                continue;
+            }
+            let step = self.step(column);
+            moved[column] += step;
+            for (i, ((point, at), there)) in points.iter().zip(&here).zip(seen(&moved)).enumerate() {
+                let w = self.weight * point.sample.weight.sqrt() / step;
+                matrix[(2 * i, j)] = w * (there[0] - at[0]);
+                matrix[(2 * i + 1, j)] = w * (there[1] - at[1]);
+            }
+            moved[column] = p[column];
+        }
+        if matrix.nrows() <= LOCAL {
+            return (matrix, right);
+        }
+        let qr = matrix.qr();
+        qr.q_tr_mul(&mut right);
+        (qr.r(), right.rows(0, LOCAL).into_owned())
+    }
+
+    /// The parameters that arc `k`'s points depend on.
+    fn local(&self, k: usize) -> [usize; LOCAL] {
+        let (g, v, l) = (self.layout.ground(k), self.layout.rise(k), self.layout.lift(k));
+        let (f, fall) = (self.layout.foot(), self.layout.fall());
+        [
+            g,
+            g + 1,
+            g + 2,
+            g + 3,
+            v,
+            v + 1,
+            l,
+            l + 1,
+            l + 2,
+            DRAG,
+            f,
+            f + 1,
+            fall,
+        ]
+    }
+
+    /// A step of parameter `i` for differences: a millionth of what matters in it, far above rounding.
+    fn step(&self, i: usize) -> f64 {
+        const PART: f64 = 1e-6;
+        let height = self.known.camera_height();
+        let (layout, fast) = (self.layout, self.known.fastest_per_s());
+        if i == DRAG {
+            PART / height
+        } else if i < layout.rise(0) {
+            // Place and speed by turns.
+            let speed = (i - layout.ground(0)) % 2 == 1;
+            PART * height * if speed { fast } else { 1.0 }
+        } else if i < layout.lift(0) {
+            let rate = (i - layout.rise(0)) % 2 == 1;
+            PART * if rate { fast } else { 1.0 }
+        } else if i < layout.foot() {
+            // s is what turns the path in a second.
+            PART * fast
+        } else if i < layout.fall() {
+            PART * height
+        } else if i == layout.fall() {
+            PART
+        } else {
+            // Times.
+            PART / fast
+        }
+    }
+
+    fn knowledge(&self, p: &DVector<f64>) -> Vec<Row> {
+        let (known, layout) = (&self.known, self.layout);
+        let mut rows = Vec::new();
+        for (i, expected) in [known.foot.right, known.foot.up].into_iter().enumerate() {
+            rows.push(Row::prior(
+                layout.foot() + i,
+                p[layout.foot() + i],
+                expected,
+                known.foot_std,
+            ));
+        }
+        if let Some(std) = known.fall_relative_std {
+            rows.push(Row::prior(layout.fall(), p[layout.fall()], 0.0, std));
+        }
+        if let Some((drag, std)) = known.drag {
+            rows.push(Row::prior(DRAG, p[DRAG], drag, std));
+        }
+        let half = layout.half_contact();
+        rows.push(Row::prior(half, p[half], 0.0, HALF_CONTACT_STD_S));
+        for k in 0..self.arcs() {
+            let rise = layout.rise(k);
+            rows.push(Row::prior(rise, p[rise], known.touching(), 1.0));
+            rows.push(Row::prior(rise + 1, p[rise + 1], 0.0, known.fastest_per_s()));
+        }
+        for (k, &std) in self.lift_stds.iter().enumerate() {
+            let lift = layout.lift(k);
+            rows.extend((lift..lift + 3).map(|i| Row::prior(i, p[i], 0.0, std)));
+        }
+        for k in 0..self.arcs() - 1 {
+            self.impact(p, k, &mut rows);
+        }
+        rows
+    }
+
+    /// How far the ball gets in the doubt about the contact's middle; at least what the slowest of falls makes.
+    fn impact_std(&self, p: &DVector<f64>, k: usize) -> (f64, f64) {
+        let t = p[self.layout.impact(k)];
+        let a = flying(&self.known, p.as_slice(), &self.times, k, t);
+        let b = flying(&self.known, p.as_slice(), &self.times, k + 1, t);
+        let turn = (b.ground.vr - a.ground.vr).hypot(b.ground.vh - a.ground.vh);
+        let slow = 0.1 * self.known.fastest_per_s();
+        (
+            MIDDLE_STD_S * turn.max(slow * self.known.camera_height()),
+            MIDDLE_STD_S * a.rate.abs().max(b.rate.abs()).max(slow),
+        )
+    }
+
+    /// Standard deviation of arc `k`'s lift: a part of drag at its middle; `None` where drag is not known.
+    fn lift_std(&self, p: &DVector<f64>, k: usize) -> Option<f64> {
+        let (drag, _) = self.known.drag?;
+        let m = flying(&self.known, p.as_slice(), &self.times, k, self.times[k]);
+        let speed = m.speed(self.known.camera_height());
+        Some(LIFT_OVER_DRAG_STD * drag * speed).filter(|s| *s > 0.0)
+    }
+
+    /// Arcs `k` and `k + 1` are in one place in the middle of the contact, and touch the floor when it begins and ends.
+    fn impact(&self, p: &DVector<f64>, k: usize, rows: &mut Vec<Row>) {
+        let layout = self.layout;
+        let (along, up) = self.impact_stds[k];
+        let left = |p: &DVector<f64>| -> [f64; 4] {
+            let (t, half) = (p[layout.impact(k)], p[layout.half_contact()]);
+            let at = |k: usize, t: f64| flying(&self.known, p.as_slice(), &self.times, k, t);
+            let (a, b) = (at(k, t).ground, at(k + 1, t).ground);
+            [
+                (a.r - b.r) / along,
+                (a.h - b.h) / along,
+                (self.known.touching() - at(k, t - half).zeta) / up,
+                (self.known.touching() - at(k + 1, t + half).zeta) / up,
+            ]
+        };
+        let here = left(p);
+        let mut new = here.map(|left| Row { by: Vec::new(), left });
+        let (g, v, l) = (layout.ground(k), layout.rise(k), layout.lift(k));
+        let others = [DRAG, layout.fall(), layout.half_contact(), layout.impact(k)];
+        let mut moved = p.clone();
+        for i in (g..g + 8).chain(v..v + 4).chain(l..l + 6).chain(others) {
+            let step = self.step(i);
+            moved[i] += step;
+            for ((row, there), here) in new.iter_mut().zip(left(&moved)).zip(here) {
+                row.by.push((i, (here - there) / step));
+            }
+            moved[i] = p[i];
+        }
+        rows.extend(new);
+    }
+}
