@@ -207,9 +207,12 @@ impl ArcFit {
     pub fn motion(&self, k: usize, t: f64) -> Motion {
         let p = self.parameters.as_slice();
         match &self.forces {
-            Forces::Overhead(known) => {
-                overhead::flying(known, p, &self.times, k, t).seen(overhead::foot(p, &self.times))
-            }
+            Forces::Overhead(known) => overhead::seen(
+                known,
+                p,
+                &self.times,
+                &overhead::flying(known, p, &self.times, k, t),
+            ),
             _ => motion(p, &self.times, k, t),
         }
     }

@@ -111,6 +111,13 @@ const SPHERE_DRAG_DOUBT: f64 = 0.2;
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
 const AXIS_PART: f64 = 0.01;
 
+/// How far the shadow of a ball close to the floor pulls its centre, px: a shadow a third as dark as the floor does so
+/// by 0.06.
+const SHADE_STD_PX: f64 = 0.05;
+
+/// How much the error that light and shade make changes along an arc, px, on shaded balls with a highlight.
+const LASTING_STD_PX: f64 = 0.006;
+
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
 
@@ -399,6 +406,8 @@ impl<'a> Work<'a> {
                 .then(|| distance.unwrap_or(0.0).hypot(gravity.unwrap_or(0.0))),
             height: scale.map(|_| camera.height),
             contact: c.ball.radius_m.map(|r| r / height_m),
+            shade_std: SHADE_STD_PX * self.units_per_px(),
+            lasting_std: LASTING_STD_PX * self.units_per_px(),
             drag: self.drag(scale),
         })
     }

@@ -149,7 +149,14 @@ pub(in crate::flight) fn build(
         for (k, r) in ranges.iter().enumerate() {
             uses[r.clone()].fill(SpotUse::Used(k));
         }
-        let fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), Forces::Overhead(known))?;
+        let forces = Forces::Overhead(known);
+        let mut fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+        for _ in 0..SHARES {
+            if !share_out(&samples, &mut uses, &fit, interval_s) {
+                break;
+            }
+            fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+        }
         let flight = finish(spots, track, uses, fit, interval_s);
         let cut = flight
             .impacts
@@ -161,6 +168,36 @@ pub(in crate::flight) fn build(
             Some(cut) => ranges = larger_part(ranges, cut + 1),
         }
     }
+}
+
+/// Times that the points beside an impact may change hands.
+const SHARES: usize = 4;
+
+/// Frames this near to an impact serve neither arc, frame intervals: the shutter may have been open during the contact.
+const CONTACT_INTERVALS: f64 = 0.5;
+
+/// Gives the points between the middles of neighbouring arcs to the arc on whose side of the impact they are: seen from
+/// above the path may hardly turn there, and segmentation is a frame off now and then. Whether any changed hands.
+fn share_out(samples: &[Sample], uses: &mut [SpotUse], fit: &ArcFit, interval_s: f64) -> bool {
+    let mut changed = false;
+    for (s, use_) in samples.iter().zip(uses) {
+        let gap = (1..fit.arcs()).find(|&k| s.t > fit.times[k - 1] && s.t < fit.times[k]);
+        let Some((k, t)) = gap.and_then(|k| Some((k, fit.impact_time(fit.parameters.as_slice(), k - 1)?)))
+        else {
+            continue;
+        };
+        let share = if (s.t - t).abs() < CONTACT_INTERVALS * interval_s {
+            SpotUse::NotFree
+        } else {
+            SpotUse::Used(if s.t < t { k - 1 } else { k })
+        };
+        let stays = *use_ == share || matches!(use_, SpotUse::Off(_));
+        if !stays {
+            *use_ = share;
+            changed = true;
+        }
+    }
+    changed
 }
 
 /// The run of arcs with the most points in which each may meet the next on the floor.

@@ -11,10 +11,10 @@
 //!   matters only where a far camera shows nothing of the fall.
 //!
 //! Gauss-Newton with steps halved until the squares fall. Each arc's points are first reduced to a few rows by QR, so that
-//! many frames cost nothing. The points' weights are lowered by the excess of their residuals and by their persistence
-//! before the last steps, so that the knowledge keeps its own.
+//! many frames cost nothing. The points' weights are lowered by the excess of their residuals, by their persistence and by
+//! what they may share before the last steps, so that the knowledge keeps its own.
 
-use super::{Layout, Overhead, flying, foot};
+use super::{Layout, Overhead, flying, seen};
 use crate::flight::fit::{DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
 use nalgebra::{DMatrix, DVector};
 
@@ -46,11 +46,12 @@ const STEPS: usize = 40;
 /// A step that changes no residual by more than this part of its uncertainty is the last.
 const SETTLED: f64 = 1e-5;
 
-/// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the foot's two, the fall's.
-const LOCAL: usize = 13;
+/// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the foot's two, the fall's, the
+/// shadow's two.
+const LOCAL: usize = 15;
 
 /// Lift over drag is 0 ± this in each direction: it grows with the spin ratio, to about 2/3.
-const LIFT_OVER_DRAG_STD: f64 = 0.3;
+const LIFT_OVER_DRAG_STD: f64 = 0.5;
 
 /// Fits `arcs` arcs to `points` (in time order); drag as `known` has it, or free when `drag_free`. `None` when an arc
 /// has too few points or the fit does not settle.
@@ -68,7 +69,7 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
         layout: Layout::new(arcs),
         times,
         parts,
-        weight: 1.0,
+        weights: vec![1.0; arcs],
         impact_stds: Vec::new(),
         lift_stds: Vec::new(),
     };
@@ -86,7 +87,16 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
         1.0
     };
     let persistence = persistence(points, &residuals);
-    job.weight = 1.0 / (excess.max(1.0) * persistence.sqrt());
+    let common = excess.max(1.0).powi(2) * persistence;
+    job.weights = job
+        .parts
+        .iter()
+        .map(|part| {
+            // As much as all points of the arc off by that: many points do not average out what they share.
+            let information: f64 = part.iter().map(|p| p.sample.weight).sum();
+            1.0 / (common + information * known.lasting_std * known.lasting_std).sqrt()
+        })
+        .collect();
     let (parameters, mut covariance) = job.settle(settled)?;
     for held in job.held() {
         covariance.row_mut(held).fill(0.0);
@@ -123,8 +133,8 @@ struct Job<'a> {
     layout: Layout,
     times: Vec<f64>,
     parts: Vec<&'a [FitPoint]>,
-    /// Factor on the whitened rows of the points.
-    weight: f64,
+    /// Factor on the whitened rows of each arc's points.
+    weights: Vec<f64>,
     /// How well the arcs before and after each impact meet: along the floor (plane units) and in height (ζ).
     impact_stds: Vec<(f64, f64)>,
     /// How large each arc's lift may be, 1/s; empty where it is left out.
@@ -217,11 +227,10 @@ impl Job<'_> {
 
     /// Whitened residuals of all points, two each.
     fn residuals(&self, p: &DVector<f64>) -> DVector<f64> {
-        let at = foot(p.as_slice(), &self.times);
         let all = self.parts.iter().flat_map(|part| part.iter()).flat_map(|point| {
             let s = &point.sample;
             let m = flying(&self.known, p.as_slice(), &self.times, point.arc, s.t);
-            let (seen, w) = (m.seen(at), s.weight.sqrt());
+            let (seen, w) = (seen(&self.known, p.as_slice(), &self.times, &m), s.weight.sqrt());
             // Beyond the camera there is no picture.
             let w = if m.zeta < 1.0 { w } else { f64::INFINITY };
             [w * (s.r - seen.r), w * (s.h - seen.h)]
@@ -231,7 +240,14 @@ impl Job<'_> {
 
     /// What there is to minimise.
     fn squares(&self, p: &DVector<f64>) -> f64 {
-        self.weight * self.weight * self.residuals(p).norm_squared()
+        let residuals = self.residuals(p);
+        let mut first = 0;
+        let mut points = 0.0;
+        for (part, weight) in self.parts.iter().zip(&self.weights) {
+            points += weight * weight * residuals.rows(first, 2 * part.len()).norm_squared();
+            first += 2 * part.len();
+        }
+        points
             + self
                 .knowledge(p)
                 .iter()
@@ -304,11 +320,12 @@ impl Job<'_> {
         let points = self.parts[k];
         let columns = self.local(k);
         let seen = |p: &DVector<f64>| -> Vec<[f64; 2]> {
-            let at = foot(p.as_slice(), &self.times);
+            let p = p.as_slice();
             points
                 .iter()
                 .map(|point| {
-                    let m = flying(&self.known, p.as_slice(), &self.times, k, point.sample.t).seen(at);
+                    let m = flying(&self.known, p, &self.times, k, point.sample.t);
+                    let m = seen(&self.known, p, &self.times, &m);
                     [m.r, m.h]
                 })
                 .collect()
@@ -318,7 +335,7 @@ impl Job<'_> {
         let mut right = DVector::zeros(2 * points.len());
         for (i, (point, at)) in points.iter().zip(&here).enumerate() {
             let s = &point.sample;
-            let w = self.weight * s.weight.sqrt();
+            let w = self.weights[k] * s.weight.sqrt();
             right[2 * i] = w * (s.r - at[0]);
             right[2 * i + 1] = w * (s.h - at[1]);
         }
@@ -331,7 +348,7 @@ impl Job<'_> {
             let step = self.step(column);
             moved[column] += step;
             for (i, ((point, at), there)) in points.iter().zip(&here).zip(seen(&moved)).enumerate() {
-                let w = self.weight * point.sample.weight.sqrt() / step;
+                let w = self.weights[k] * point.sample.weight.sqrt() / step;
                 matrix[(2 * i, j)] = w * (there[0] - at[0]);
                 matrix[(2 * i + 1, j)] = w * (there[1] - at[1]);
             }
@@ -348,7 +365,7 @@ impl Job<'_> {
     /// The parameters that arc `k`'s points depend on.
     fn local(&self, k: usize) -> [usize; LOCAL] {
         let (g, v, l) = (self.layout.ground(k), self.layout.rise(k), self.layout.lift(k));
-        let (f, fall) = (self.layout.foot(), self.layout.fall());
+        let (f, fall, shade) = (self.layout.foot(), self.layout.fall(), self.layout.shade());
         [
             g,
             g + 1,
@@ -363,6 +380,8 @@ impl Job<'_> {
             f,
             f + 1,
             fall,
+            shade,
+            shade + 1,
         ]
     }
 
@@ -383,7 +402,7 @@ impl Job<'_> {
         } else if i < layout.foot() {
             // s is what turns the path in a second.
             PART * fast
-        } else if i < layout.fall() {
+        } else if i < layout.fall() || i == layout.shade() || i == layout.shade() + 1 {
             PART * height
         } else if i == layout.fall() {
             PART
@@ -409,6 +428,9 @@ impl Job<'_> {
         }
         if let Some((drag, std)) = known.drag {
             rows.push(Row::prior(DRAG, p[DRAG], drag, std));
+        }
+        for i in layout.shade()..layout.shade() + 2 {
+            rows.push(Row::prior(i, p[i], 0.0, known.shade_std));
         }
         let half = layout.half_contact();
         rows.push(Row::prior(half, p[half], 0.0, HALF_CONTACT_STD_S));

@@ -41,6 +41,11 @@ pub struct Overhead {
     pub height: Option<f64>,
     /// R/D; `None` where only the picture tells R.
     pub contact: Option<f64>,
+    /// Near the floor the ball's own shadow lies against its outline and pulls its centre by 0 ± this in each direction,
+    /// plane units.
+    pub shade_std: f64,
+    /// Standard deviation of what a centre's error changes by over an arc without showing in its residuals, plane units.
+    pub lasting_std: f64,
     /// β and its standard uncertainty, 1 / plane unit, where the ball's mass and size are known.
     pub drag: Option<(f64, f64)>,
 }
@@ -155,10 +160,16 @@ impl Layout {
         self.foot() + 3
     }
 
+    /// How far the shadow of a ball that touches the floor pulls its centre: right, then up, plane units.
+    #[must_use]
+    pub const fn shade(self) -> usize {
+        self.foot() + 4
+    }
+
     /// Time of the impact between arcs `k` and `k + 1`, s.
     #[must_use]
     pub const fn impact(self, k: usize) -> usize {
-        self.foot() + 4 + k
+        self.foot() + 6 + k
     }
 
     /// Number of parameters.
@@ -214,6 +225,25 @@ struct Air {
     lift: [f64; 3],
     height: f64,
 }
+
+/// What the picture shows of `flying`: seen from where the parameters have the camera, with the pull of the shadow.
+#[must_use]
+pub fn seen(known: &Overhead, parameters: &[f64], times: &[f64], flying: &Flying) -> Motion {
+    let at = Layout::new(times.len()).shade();
+    let m = flying.seen(foot(parameters, times));
+    // Heights over the floor in the ball's size.
+    let contact = known.touching();
+    let height = (flying.zeta - contact).max(0.0) / (SHADOW_RADII * contact).max(f64::MIN_POSITIVE);
+    let pull = (-height).exp();
+    Motion {
+        r: m.r + parameters[at] * pull,
+        h: m.h + parameters[at + 1] * pull,
+        ..m
+    }
+}
+
+/// The shadow has let go of the outline when the ball is some of its radii up: 1/e at this many.
+const SHADOW_RADII: f64 = 3.0;
 
 /// The foot as the parameters have it.
 #[must_use]
