@@ -273,8 +273,10 @@ fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
 /// same size, not at the same time, with arcs of the same fall that lead to it.
 fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, forces: Forces) -> Track {
     let mut whole = best.track.clone();
-    if !forces.falls() {
-        return whole;
+    match forces {
+        Forces::Fall | Forces::FallWithDrag(..) => {}
+        Forces::Overhead(_) => return overhead::find::with_continuations(spots, tracks, whole),
+        Forces::None => return whole,
     }
     let radius = {
         let mut radii: Vec<f64> = whole.iter().map(|&i| spots[i].radius).collect();

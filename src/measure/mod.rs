@@ -111,12 +111,11 @@ const SPHERE_DRAG_DOUBT: f64 = 0.2;
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
 const AXIS_PART: f64 = 0.01;
 
-/// How far the shadow of a ball close to the floor pulls its centre, px: a shadow a third as dark as the floor does so
-/// by 0.06.
-const SHADE_STD_PX: f64 = 0.05;
+/// Less than this part of an outline on one circle is no outline.
+const WHOLE_OUTLINE: f64 = 0.6;
 
-/// How much the error that light and shade make changes along an arc, px, on shaded balls with a highlight.
-const LASTING_STD_PX: f64 = 0.006;
+/// How well the middle of a region that is no disc tells the ball's centre, in its radii.
+const OVAL_DOUBT: f64 = 0.15;
 
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
@@ -259,7 +258,15 @@ impl<'a> Work<'a> {
             .iter()
             .enumerate()
             .filter(|(_, s)| !self.repeats[s.frame])
-            .filter_map(|(i, s)| self.spot(i, &s.centre?))
+            .filter_map(|(i, s)| {
+                let centre = s.centre?;
+                let spot = self.spot(i, &centre)?;
+                // The middle of an oval may be that of a ball and its shadow: what bends a path seen from above, and
+                // makes the ball larger, has to tell those from others.
+                let oval = !self.falls() && centre.outline_used < WHOLE_OUTLINE;
+                let std = if oval { OVAL_DOUBT * spot.radius } else { spot.std };
+                Some(Spot { std, ..spot })
+            })
             .collect()
     }
 
@@ -406,8 +413,6 @@ impl<'a> Work<'a> {
                 .then(|| distance.unwrap_or(0.0).hypot(gravity.unwrap_or(0.0))),
             height: scale.map(|_| camera.height),
             contact: c.ball.radius_m.map(|r| r / height_m),
-            shade_std: SHADE_STD_PX * self.units_per_px(),
-            lasting_std: LASTING_STD_PX * self.units_per_px(),
             drag: self.drag(scale),
         })
     }

@@ -12,10 +12,11 @@ use crate::detect::centre::edge_band::{Effort, Freedom};
 use crate::detect::centre::{Centre, Disc};
 use crate::flight::fit::Forces;
 use crate::flight::{Flight, FlightPoint, SpotUse};
+use crate::geometry::PixelPoint;
 use crate::quantity::{Quantity, median};
 
-/// A radius further than this part from the one expected is another thing's, or spoilt.
-const RADIUS_GATE: f64 = 0.2;
+/// A radius further than this part from the one expected is that of the ball with its shadow, or another thing's.
+const RADIUS_GATE: f64 = 0.05;
 
 /// Frames beyond the flight's ends that are looked at.
 const BEYOND_FRAMES: f64 = 5.5;
@@ -146,25 +147,27 @@ impl View<'_> {
             return None;
         }
         let gate = 0.5 * radius_px + 2.0;
-        let start = s
-            .centre
-            .map(|c| c.disc.centre)
-            .filter(|c| c.distance_px(there) < gate)
-            .unwrap_or(there);
-        let disc = Disc {
-            centre: start,
-            radius_px,
-            swept_px: self.swept_px(flight, t, shared.exposure_s)?,
+        let swept_px = self.swept_px(flight, t, shared.exposure_s)?;
+        let fit = |centre: PixelPoint, radius: bool| {
+            let start = Disc {
+                centre,
+                radius_px,
+                swept_px,
+            };
+            let freedom = Freedom {
+                radius,
+                blur_px: Some(shared.blur_px),
+                swept: false,
+                effort,
+            };
+            self.centre(s, &start, freedom)
+                .filter(|c| c.disc.centre.distance_px(there) < gate)
         };
-        let freedom = Freedom {
-            radius: true,
-            blur_px: Some(shared.blur_px),
-            swept: false,
-            effort,
-        };
-        let centre = self.centre(s, &disc, freedom)?;
-        let alike = (centre.disc.radius_px / radius_px - 1.0).abs() < RADIUS_GATE;
-        (alike && centre.disc.centre.distance_px(there) < gate).then_some(centre)
+        let alike = |c: &Centre| (c.disc.radius_px / radius_px - 1.0).abs() < RADIUS_GATE;
+        let first = s.centre.map(|c| c.disc.centre);
+        let start = first.filter(|c| c.distance_px(there) < gate).unwrap_or(there);
+        // With its shadow the ball may look larger, and its centre be off: then its size is what it must be.
+        fit(start, true).filter(alike).or_else(|| fit(there, false))
     }
 
     /// The centre near `start`: of the outline as it is, or, where perspective draws it out, of the circle that it is

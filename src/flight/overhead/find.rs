@@ -43,7 +43,7 @@ fn samples_of(spots: &[Spot], track: &Track, sigma: f64, known: Overhead) -> (Ve
             t: s.time_s,
             r: s.place.right,
             h: s.place.up,
-            weight: 1.0 / (sigma * sigma),
+            weight: 1.0 / (sigma * sigma + s.std * s.std),
             near: 1.0 - (1.0 - known.touching()) * smallest / s.radius,
             near_weight: 1.0 / (doubt * doubt),
         }
@@ -66,6 +66,32 @@ pub(in crate::flight) fn evidence(spots: &[Spot], track: &Track, sigma: f64, kno
         .sum();
     (covered >= 6 && way > 10.0 * sigma).then_some(covered as f64 * way / sigma)
 }
+
+/// The track with others before and after it that may be the same ball: lost at an impact, where its shadow lies against
+/// it. What is something else makes no arc, or none that meets the ball's.
+pub(in crate::flight) fn with_continuations(spots: &[Spot], tracks: &[Track], mut whole: Track) -> Track {
+    let mut radii: Vec<f64> = whole.iter().map(|&i| spots[i].radius).collect();
+    let radius = median(&mut radii);
+    for track in tracks.iter().filter(|t| t.len() >= LEAST_END_POINTS) {
+        let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
+        let alike = (median(&mut radii) / radius - 1.0).abs() < ALIKE_PART;
+        let (Some(&first), Some(&last)) = (track.first(), track.last()) else {
+            continue;
+        };
+        let (Some(&from), Some(&to)) = (whole.first(), whole.last()) else {
+            continue;
+        };
+        if alike && spots[last].frame < spots[from].frame {
+            whole.splice(0..0, track.iter().copied());
+        } else if alike && spots[first].frame > spots[to].frame {
+            whole.extend(track);
+        }
+    }
+    whole
+}
+
+/// Tracks whose radii differ by less than this part may be one ball, nearer to the camera and farther from it.
+const ALIKE_PART: f64 = 0.35;
 
 /// The arcs that fall as they should, none cut in two.
 fn arcs(samples: &[Sample], known: Overhead) -> Vec<Range<usize>> {

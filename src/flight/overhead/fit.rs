@@ -10,7 +10,7 @@
 //! * No ball below the camera is out of its reach, nor faster than a fall from its height: a prior so wide that it
 //!   matters only where a far camera shows nothing of the fall.
 //!
-//! Gauss-Newton with steps halved until the squares fall. Each arc's points are first reduced to a few rows by QR, so that
+//! Levenberg-Marquardt. Each arc's points are first reduced to a few rows by QR, so that
 //! many frames cost nothing. The points' weights are lowered by the excess of their residuals, by their persistence and by
 //! what they may share before the last steps, so that the knowledge keeps its own.
 
@@ -40,11 +40,24 @@ const HALF_CONTACT_STD_S: f64 = 1e-3;
 /// it came.
 const MIDDLE_STD_S: f64 = 1e-4;
 
-/// Steps of Gauss-Newton at most.
-const STEPS: usize = 40;
+/// Close to the floor the ball's own shadow lies against its outline and pulls its centre by 0 ± this part of its radius in
+/// each direction: a shadow a third darker than the floor does so by that.
+const SHADE_PART: f64 = 0.01;
 
-/// A step that changes no residual by more than this part of its uncertainty is the last.
-const SETTLED: f64 = 1e-5;
+/// How much a centre's error (the light's side, a highlight) changes over an arc without showing in its residuals, as a
+/// part of the radius.
+const LASTING_PART: f64 = 0.001;
+
+/// Steps at most.
+const STEPS: usize = 200;
+
+/// Damping of a step, as a part of each parameter's own information: at first, and where it is of no more use.
+const FIRST_DAMPING: f64 = 1e-8;
+const MOST_DAMPING: f64 = 1e4;
+
+/// The fit has settled when a step would lower the squares by less than this part: parameters then move by less than a
+/// thousandth of their uncertainties.
+const SETTLED: f64 = 1e-8;
 
 /// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the foot's two, the fall's, the
 /// shadow's two.
@@ -94,7 +107,7 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
         .map(|part| {
             // As much as all points of the arc off by that: many points do not average out what they share.
             let information: f64 = part.iter().map(|p| p.sample.weight).sum();
-            1.0 / (common + information * known.lasting_std * known.lasting_std).sqrt()
+            1.0 / (common + information * (LASTING_PART * known.radius()).powi(2)).sqrt()
         })
         .collect();
     let (parameters, mut covariance) = job.settle(settled)?;
@@ -109,6 +122,17 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
         excess,
         persistence,
     })
+}
+
+/// A step shortened most in what the rows say least about.
+fn damped(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
+    let (m, n) = matrix.shape();
+    let mut rows = matrix.clone().resize_vertically(m + n, 0.0);
+    for (j, column) in matrix.column_iter().enumerate() {
+        rows[(m + j, j)] = damping.sqrt() * column.norm();
+    }
+    let (step, _) = solve(&rows, &right.clone().resize_vertically(m + n, 0.0))?;
+    Some(step)
 }
 
 /// A row of what is known besides the points: derivatives by some parameters, what is left to explain.
@@ -255,30 +279,36 @@ impl Job<'_> {
                 .sum::<f64>()
     }
 
-    /// Gauss-Newton from `p`; the parameters and their covariance.
+    /// Levenberg-Marquardt from `p`, damped by Nielsen's rule (1999); the parameters and their covariance.
     fn settle(&self, mut p: DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let mut squares = self.squares(&p);
+        let (mut damping, mut harder) = (FIRST_DAMPING, 2.0);
+        let (mut matrix, mut right) = self.system(&p);
         for _ in 0..STEPS {
-            let (matrix, right) = self.system(&p);
-            let (step, covariance) = solve(&matrix, &right)?;
-            let change = (&matrix * &step).amax();
-            let (mut part, mut better) = (1.0, None);
-            while part > 1e-3 {
-                let next = &p + part * &step;
-                let now = self.squares(&next);
-                if now.is_finite() && now <= squares * (1.0 + 1e-12) {
-                    better = Some((next, now));
-                    break;
+            let step = damped(&matrix, &right, damping)?;
+            let gain = (&matrix * &step).norm_squared();
+            // Without damping the same, or it is only the damping that holds it.
+            if gain < SETTLED * squares.max(1.0) {
+                let (free, covariance) = solve(&matrix, &right)?;
+                if (&matrix * free).norm_squared() < SETTLED * squares.max(1.0) {
+                    return Some((p, covariance));
                 }
-                part *= 0.5;
+                damping *= 0.1;
             }
-            let Some((next, now)) = better else {
-                // At the bottom, to rounding.
-                return (change < 0.1).then_some((p, covariance));
-            };
-            (p, squares) = (next, now);
-            if change < SETTLED {
-                return Some((p, covariance));
+            let next = &p + &step;
+            let now = self.squares(&next);
+            if now.is_finite() && now <= squares * (1.0 + 1e-12) {
+                let as_expected = (squares - now) / gain;
+                damping *= (1.0 - (2.0 * as_expected - 1.0).powi(3)).clamp(0.1, 2.0);
+                harder = 2.0;
+                (p, squares) = (next, now);
+                (matrix, right) = self.system(&p);
+            } else {
+                damping *= harder;
+                harder *= 2.0;
+                if damping > MOST_DAMPING {
+                    return None;
+                }
             }
         }
         None
@@ -430,7 +460,7 @@ impl Job<'_> {
             rows.push(Row::prior(DRAG, p[DRAG], drag, std));
         }
         for i in layout.shade()..layout.shade() + 2 {
-            rows.push(Row::prior(i, p[i], 0.0, known.shade_std));
+            rows.push(Row::prior(i, p[i], 0.0, SHADE_PART * known.radius()));
         }
         let half = layout.half_contact();
         rows.push(Row::prior(half, p[half], 0.0, HALF_CONTACT_STD_S));

@@ -41,11 +41,6 @@ pub struct Overhead {
     pub height: Option<f64>,
     /// R/D; `None` where only the picture tells R.
     pub contact: Option<f64>,
-    /// Near the floor the ball's own shadow lies against its outline and pulls its centre by 0 ± this in each direction,
-    /// plane units.
-    pub shade_std: f64,
-    /// Standard deviation of what a centre's error changes by over an arc without showing in its residuals, plane units.
-    pub lasting_std: f64,
     /// β and its standard uncertainty, 1 / plane unit, where the ball's mass and size are known.
     pub drag: Option<(f64, f64)>,
 }
@@ -64,6 +59,11 @@ impl Overhead {
     /// D, plane units; 1 where nothing tells it.
     fn camera_height(&self) -> f64 {
         self.height.unwrap_or(1.0)
+    }
+
+    /// R, plane units.
+    fn radius(&self) -> f64 {
+        self.touching() * self.camera_height()
     }
 
     /// ζ of the ball's centre when it touches the floor.
@@ -231,10 +231,10 @@ struct Air {
 pub fn seen(known: &Overhead, parameters: &[f64], times: &[f64], flying: &Flying) -> Motion {
     let at = Layout::new(times.len()).shade();
     let m = flying.seen(foot(parameters, times));
-    // Heights over the floor in the ball's size.
+    // Height over the floor in the ball's size.
     let contact = known.touching();
-    let height = (flying.zeta - contact).max(0.0) / (SHADOW_RADII * contact).max(f64::MIN_POSITIVE);
-    let pull = (-height).exp();
+    let height = (flying.zeta - contact) / (SHADOW_RADII * contact).max(f64::MIN_POSITIVE);
+    let pull = 1.0 / (1.0 + height * height);
     Motion {
         r: m.r + parameters[at] * pull,
         h: m.h + parameters[at + 1] * pull,
@@ -242,7 +242,7 @@ pub fn seen(known: &Overhead, parameters: &[f64], times: &[f64], flying: &Flying
     }
 }
 
-/// The shadow has let go of the outline when the ball is some of its radii up: 1/e at this many.
+/// The shadow lets go of the outline when the ball is some of its radii up: half at this many.
 const SHADOW_RADII: f64 = 3.0;
 
 /// The foot as the parameters have it.

@@ -189,8 +189,6 @@ mod tests {
         fall_relative_std: None,
         height: Some(2500.0),
         contact: Some(0.006),
-        shade_std: 0.1,
-        lasting_std: 0.0,
         drag: None,
     };
 
