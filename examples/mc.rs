@@ -3,10 +3,18 @@ use track::calibration::Calibration;
 use track::measure::{Outcome, measure};
 use track::simulate::{Recording, Scene, write};
 struct R(u64);
-impl R { fn f(&mut self, a: f64, b: f64) -> f64 { self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407); a + (b-a)*((self.0>>11) as f64/(1u64<<53) as f64) } }
+impl R {
+    fn f(&mut self, a: f64, b: f64) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        a + (b - a) * ((self.0 >> 11) as f64 / (1u64 << 53) as f64)
+    }
+}
 fn main() {
     let a: Vec<String> = std::env::args().collect();
-    let (from, to): (u64,u64) = (a[1].parse().unwrap(), a[2].parse().unwrap());
+    let (from, to): (u64, u64) = (a[1].parse().unwrap(), a[2].parse().unwrap());
     let strip = a.get(3).map(|s| s.as_str()).unwrap_or("");
     (from..to).for_each(|seed| {
         let mut r = R((seed+12345).wrapping_mul(0xD1342543DE82EF95)); for _ in 0..50 { r.0 ^= r.0 >> 29; r.f(0.,1.); }

@@ -108,7 +108,8 @@ pub struct Calibration {
     /// Distance of the camera (its pinhole) from the calibrated plane along the optical axis, m; `None`: not known, the
     /// picture is taken as that of a camera far away.
     pub distance_m: Option<f64>,
-    /// Its standard uncertainty, m; `None`: taken as exact.
+    /// Its standard uncertainty, m; `None`: 1 % where it matters, as where in its lens a camera has its pinhole is not
+    /// known to better.
     pub distance_std_m: Option<f64>,
     /// Lens distortion.
     pub lens: Option<Lens>,

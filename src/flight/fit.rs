@@ -103,38 +103,25 @@ impl ArcFit {
             Forces::FallWithDrag(..) => Self::with(points, arcs, forces, Some(&plain)),
             Forces::Fall => {
                 let dragged = Self::with(points, arcs, forces, Some(&plain));
-                Some(plain.or_with_drag(dragged))
+                let shows = |f: &Self| {
+                    let std = f.covariance[(DRAG, DRAG)].max(0.0).sqrt();
+                    f.drag() > DRAG_SIGMAS * std && f.excess < plain.excess
+                };
+                Some(dragged.filter(shows).unwrap_or(plain))
             }
         }
     }
 
-    /// `dragged`, where drag stands out in it; else this.
-    fn or_with_drag(self, dragged: Option<Self>) -> Self {
-        let shows = |f: &Self| {
-            let std = f.covariance[(DRAG, DRAG)].max(0.0).sqrt();
-            f.drag() > DRAG_SIGMAS * std && f.excess < self.excess
-        };
-        dragged.filter(shows).unwrap_or(self)
-    }
-
     /// Seen by a camera above.
     fn overhead(points: &[FitPoint], arcs: usize, known: Overhead) -> Option<Self> {
-        let with = |drag_free: bool| {
-            let found = overhead::fit::fit(points, arcs, &known, drag_free)?;
-            Some(Self {
-                times: found.times,
-                parameters: found.parameters,
-                covariance: found.covariance,
-                excess: found.excess,
-                persistence: found.persistence,
-                forces: Forces::Overhead(known),
-            })
-        };
-        let plain = with(false)?;
-        Some(if known.drag.is_some() {
-            plain
-        } else {
-            plain.or_with_drag(with(true))
+        let found = overhead::fit::fit(points, arcs, &known)?;
+        Some(Self {
+            times: found.times,
+            parameters: found.parameters,
+            covariance: found.covariance,
+            excess: found.excess,
+            persistence: found.persistence,
+            forces: Forces::Overhead(known),
         })
     }
 

@@ -649,6 +649,18 @@ fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
     }
 }
 
+/// A spot as a sample for the fit.
+fn sample_of(spot: &Spot) -> Sample {
+    Sample {
+        t: spot.time_s,
+        r: spot.place.right,
+        h: spot.place.up,
+        weight: 1.0 / (spot.std * spot.std),
+        near: 0.0,
+        near_weight: 0.0,
+    }
+}
+
 fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse]) -> Vec<FitPoint> {
     track
         .iter()
@@ -656,14 +668,7 @@ fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse]) -> Vec<FitPoint> 
         .filter_map(|(&i, u)| match u {
             SpotUse::Used(arc) => Some(FitPoint {
                 arc: *arc,
-                sample: Sample {
-                    t: spots[i].time_s,
-                    r: spots[i].place.right,
-                    h: spots[i].place.up,
-                    weight: 1.0 / (spots[i].std * spots[i].std),
-                    near: 0.0,
-                    near_weight: 0.0,
-                },
+                sample: sample_of(&spots[i]),
             }),
             _ => None,
         })

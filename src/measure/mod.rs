@@ -111,6 +111,9 @@ const SPHERE_DRAG_DOUBT: f64 = 0.2;
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
 const AXIS_PART: f64 = 0.01;
 
+/// Doubt of a distance given without one: where in its lens a camera has its pinhole is not known to better.
+const DISTANCE_PART: f64 = 0.01;
+
 /// Less than this part of an outline on one circle is no outline.
 const WHOLE_OUTLINE: f64 = 0.6;
 
@@ -402,15 +405,13 @@ impl<'a> Work<'a> {
         let unit = scale.unwrap_or(1.0);
         let camera = self.viewpoint(unit)?;
         let height_m = camera.height * unit;
-        let relative = |std: Option<f64>, value: f64| std.map(|s| s / value);
-        let distance = c.distance_m.and_then(|d| relative(c.distance_std_m, d));
-        let gravity = relative(c.gravity_std_m_s2, c.gravity_m_s2);
+        let distance = c.distance_std_m.map_or(DISTANCE_PART, |s| s / height_m);
+        let gravity = c.gravity_std_m_s2.map_or(0.0, |s| s / c.gravity_m_s2);
         Some(Overhead {
             foot: camera.foot,
             foot_std: AXIS_PART * self.seen.info.width_px as f64 * self.units_per_px(),
             fall_per_s2: c.gravity_m_s2 / height_m,
-            fall_relative_std: (distance.is_some() || gravity.is_some())
-                .then(|| distance.unwrap_or(0.0).hypot(gravity.unwrap_or(0.0))),
+            fall_relative_std: distance.hypot(gravity),
             height: scale.map(|_| camera.height),
             contact: c.ball.radius_m.map(|r| r / height_m),
             drag: self.drag(scale),

@@ -7,6 +7,7 @@ use crate::bounce::Bounce;
 use crate::bounce::impacts::Scene;
 use crate::calibration::{Calibration, Scale, View};
 use crate::detect::registration::Registration;
+use crate::flight::overhead::find;
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
 use crate::quantity::Quantity;
@@ -170,6 +171,7 @@ pub struct Judged<'a> {
 pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(j.gravity.and_then(|g| gravity(g, j)));
+    out.extend(distance_against_fall(j));
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
     out.extend(different_heights(j));
@@ -243,6 +245,35 @@ fn gravity(g: Quantity, j: &Judged<'_>) -> Option<Warning> {
         ),
     ))
 }
+
+/// The self-check of a top view: the bend of the path tells g over the camera's distance.
+fn distance_against_fall(j: &Judged<'_>) -> Option<Warning> {
+    let distance_m = j.calibration.distance_m?;
+    let seen = find::fall_seen(j.flight)?;
+    let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
+    let std = seen.std_uncertainty? / seen.value;
+    let off = seen.value.ln().abs();
+    if !(off > DISTANCE_SIGMAS * std.hypot(given) && off > DISTANCE_PART) {
+        return None;
+    }
+    let time = time_factor(1.0 / seen.value).map_or(String::new(), |n| {
+        let (given, meant) = (rounded(1.0 / j.interval_s), rounded(n / j.interval_s));
+        format!(" Or the clock is wrong: it fits a capture rate of {meant} Hz in place of {given} Hz (\"frame_rate_hz\").")
+    });
+    Some(warning(
+        "distance_mismatch",
+        format!(
+            "the ball's path bends as for a camera {:.2} ± {:.2} m above the floor, not {distance_m} m: directions and speeds are not to be trusted before this is explained. Check \"distance_m\": from the lens to the floor, in metres, along the line of sight.{time}",
+            distance_m / seen.value,
+            distance_m / seen.value * std,
+        ),
+    ))
+}
+
+/// A distance is off when it is by this part, which turns directions by less than the tracking does, and by so many
+/// standard uncertainties.
+const DISTANCE_PART: f64 = 0.04;
+const DISTANCE_SIGMAS: f64 = 4.0;
 
 /// Whole factors between stored and true frame rates that phones and editors make.
 fn time_factor(ratio: f64) -> Option<f64> {

@@ -3,12 +3,13 @@
 use super::super::segment::{self, Fall, Sample};
 use super::super::{
     Flight, LEAST_JUMP, MOST_ENERGY_GAIN, MOST_SCATTER, SpotUse, Track, finish, fit_and_set_aside,
-    larger_part, longest_chain, median,
+    larger_part, longest_chain, median, sample_of,
 };
 use super::segment::Sums;
 use super::{Flying, Layout, Overhead, flying};
-use crate::flight::fit::{ArcFit, Forces};
+use crate::flight::fit::{ArcFit, FitPoint, Forces};
 use crate::flight::linking::Spot;
+use crate::quantity::Quantity;
 use std::ops::Range;
 
 /// A first centre's radius is known to about this part; it also changes by a part of this with the light and the
@@ -195,6 +196,38 @@ pub(in crate::flight) fn build(
         }
     }
 }
+
+/// The fall γ as the flight itself shows it, over the one given: a check on the camera's distance and the clock. `None`
+/// where the flight was not seen from above, or does not tell.
+#[must_use]
+pub fn fall_seen(flight: &Flight) -> Option<Quantity> {
+    let Forces::Overhead(known) = flight.fit.forces else {
+        return None;
+    };
+    let points: Vec<FitPoint> = flight
+        .points
+        .iter()
+        .filter_map(|p| {
+            let SpotUse::Used(arc) = p.use_ else { return None };
+            let sample = sample_of(&p.spot);
+            Some(FitPoint { arc, sample })
+        })
+        .collect();
+    let open = Overhead {
+        fall_relative_std: OPEN_FALL,
+        ..known
+    };
+    let fit = ArcFit::new(&points, flight.fit.arcs(), Forces::Overhead(open))?;
+    let i = Layout::new(fit.arcs()).fall();
+    let (ratio, std) = (fit.parameters[i].exp(), fit.covariance[(i, i)].max(0.0).sqrt());
+    // Hardly better than what was assumed: the flight does not tell.
+    (std < 0.5 * OPEN_FALL)
+        .then(|| Quantity::new(ratio, ratio * std))
+        .flatten()
+}
+
+/// Relative standard deviation of a fall that is as good as unknown.
+const OPEN_FALL: f64 = 1.0;
 
 /// Times that the points beside an impact may change hands.
 const SHARES: usize = 4;

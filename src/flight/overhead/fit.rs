@@ -5,8 +5,9 @@
 //! * At the time of an impact both arcs are over one point of the floor, and their balls touch it, ζ = R/D: the one before
 //!   half a contact earlier, the one after half a contact later. That half is fitted, with a wide prior: a soft ball
 //!   takes milliseconds, a steel ball a tenth of one.
-//! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it; then
-//!   lift is no more than a part of drag.
+//! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it. A
+//!   ball of unknown mass may be as light as a table tennis ball, or as heavy as the flight says. Lift is about a part of
+//!   drag.
 //! * No ball below the camera is out of its reach, nor faster than a fall from its height: a prior so wide that it
 //!   matters only where a far camera shows nothing of the fall.
 //!
@@ -46,7 +47,7 @@ const SHADE_PART: f64 = 0.01;
 
 /// How much a centre's error (the light's side, a highlight) changes over an arc without showing in its residuals, as a
 /// part of the radius.
-const LASTING_PART: f64 = 0.001;
+const LASTING_PART: f64 = 0.0005;
 
 /// Steps at most.
 const STEPS: usize = 200;
@@ -64,12 +65,32 @@ const SETTLED: f64 = 1e-8;
 const LOCAL: usize = 15;
 
 /// Lift over drag is 0 ± this in each direction: it grows with the spin ratio, to about 2/3.
-const LIFT_OVER_DRAG_STD: f64 = 0.5;
+const LIFT_OVER_DRAG_STD: f64 = 0.4;
 
-/// Fits `arcs` arcs to `points` (in time order); drag as `known` has it, or free when `drag_free`. `None` when an arc
-/// has too few points or the fit does not settle.
+/// Drag β of the lightest ball, times its radius: 3 ρ_air C_d/(8 ρ_ball) with C_d = 0.45 and a table tennis ball's 84 kg/m³.
+const LIGHTEST_DRAG: f64 = 0.0024;
+
+/// Fits `arcs` arcs to `points` (in time order). `None` when an arc has too few points or the fit does not settle.
 #[must_use]
-pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) -> Option<Fitted> {
+pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead) -> Option<Fitted> {
+    if let Some(drag) = known.drag {
+        return fit_with(points, arcs, known, drag, drag.0);
+    }
+    let light = LIGHTEST_DRAG / known.radius();
+    let open = fit_with(points, arcs, known, (0.0, light), light)?;
+    // Lift may be a part of as much drag as there can be by what the flight shows.
+    let most = open.parameters[DRAG].max(0.0) + 2.0 * open.covariance[(DRAG, DRAG)].max(0.0).sqrt();
+    fit_with(points, arcs, known, (0.0, light), most.min(light))
+}
+
+/// The fit with a prior of drag, and lifts that are parts of `lift_drag`.
+fn fit_with(
+    points: &[FitPoint],
+    arcs: usize,
+    known: &Overhead,
+    drag: (f64, f64),
+    lift_drag: f64,
+) -> Option<Fitted> {
     let times = mean_times(points, arcs)?;
     let parts: Vec<&[FitPoint]> = points.chunk_by(|a, b| a.arc == b.arc).collect();
     let in_order = parts.len() == arcs && parts.iter().enumerate().all(|(k, p)| p[0].arc == k);
@@ -78,7 +99,7 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
     }
     let mut job = Job {
         known: *known,
-        drag_free,
+        drag,
         layout: Layout::new(arcs),
         times,
         parts,
@@ -87,13 +108,13 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
         lift_stds: Vec::new(),
     };
     let start = job.start()?;
-    job.lift_stds = (0..arcs).filter_map(|k| job.lift_std(&start, k)).collect();
+    job.lift_stds = (0..arcs).map(|k| job.lift_std(&start, k, lift_drag)).collect();
     job.impact_stds = (1..arcs).map(|k| job.impact_std(&start, k - 1)).collect();
     let (settled, _) = job.settle(start)?;
     let residuals = job.residuals(&settled);
     let knowledge = job.knowledge(&settled);
     let squares = residuals.norm_squared() + knowledge.iter().map(|row| row.left * row.left).sum::<f64>();
-    let freedom = (residuals.len() + knowledge.len() + job.held().len()).saturating_sub(settled.len());
+    let freedom = (residuals.len() + knowledge.len()).saturating_sub(settled.len());
     let excess = if freedom > 0 {
         (squares / freedom as f64).sqrt()
     } else {
@@ -111,10 +132,7 @@ pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead, drag_free: bool) 
         })
         .collect();
     let (parameters, mut covariance) = job.settle(settled)?;
-    for held in job.held() {
-        covariance.row_mut(held).fill(0.0);
-        covariance.column_mut(held).fill(0.0);
-    }
+    covariance[(GRAVITY, GRAVITY)] = 0.0;
     excess.is_finite().then_some(Fitted {
         times: job.times,
         parameters,
@@ -153,7 +171,8 @@ impl Row {
 
 struct Job<'a> {
     known: Overhead,
-    drag_free: bool,
+    /// β and its standard deviation.
+    drag: (f64, f64),
     layout: Layout,
     times: Vec<f64>,
     parts: Vec<&'a [FitPoint]>,
@@ -161,7 +180,7 @@ struct Job<'a> {
     weights: Vec<f64>,
     /// How well the arcs before and after each impact meet: along the floor (plane units) and in height (ζ).
     impact_stds: Vec<(f64, f64)>,
-    /// How large each arc's lift may be, 1/s; empty where it is left out.
+    /// How large each arc's lift may be, 1/s.
     lift_stds: Vec<f64>,
 }
 
@@ -170,27 +189,12 @@ impl Job<'_> {
         self.times.len()
     }
 
-    /// Parameters that do not move.
-    fn held(&self) -> Vec<usize> {
-        let mut held = vec![GRAVITY];
-        if self.known.drag.is_none() && !self.drag_free {
-            held.push(DRAG);
-        }
-        if self.known.fall_relative_std.is_none() {
-            held.push(self.layout.fall());
-        }
-        if self.lift_stds.is_empty() {
-            held.extend(self.layout.lift(0)..self.layout.foot());
-        }
-        held
-    }
-
     /// The first guess: impacts in the middle of the gaps, where the ball touches the floor; then each arc is linear
     /// but for its rate of rise, and that enters linearly, too.
     fn start(&self) -> Option<DVector<f64>> {
         let layout = self.layout;
         let mut p = DVector::zeros(layout.len());
-        p[DRAG] = self.known.drag.map_or(0.0, |d| d.0);
+        p[DRAG] = self.drag.0;
         p[layout.foot()] = self.known.foot.right;
         p[layout.foot() + 1] = self.known.foot.up;
         let gap = |k: usize| -> Option<f64> {
@@ -317,8 +321,7 @@ impl Job<'_> {
     /// All whitened rows and what is left to explain: each arc's points reduced to [`LOCAL`] rows, then the knowledge.
     fn system(&self, p: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
         let knowledge = self.knowledge(p);
-        let held = self.held();
-        let rows = LOCAL * self.arcs() + knowledge.len() + held.len();
+        let rows = LOCAL * self.arcs() + knowledge.len();
         let mut matrix = DMatrix::zeros(rows, p.len());
         let mut right = DVector::zeros(rows);
         for k in 0..self.arcs() {
@@ -337,10 +340,6 @@ impl Job<'_> {
             for &(j, by) in &row.by {
                 matrix[(first + i, j)] = by;
             }
-        }
-        for (i, &j) in held.iter().enumerate() {
-            matrix.column_mut(j).fill(0.0);
-            matrix[(first + knowledge.len() + i, j)] = 1.0;
         }
         (matrix, right)
     }
@@ -369,12 +368,8 @@ impl Job<'_> {
             right[2 * i] = w * (s.r - at[0]);
             right[2 * i + 1] = w * (s.h - at[1]);
         }
-        let held = self.held();
         let mut moved = p.clone();
         for (j, column) in columns.into_iter().enumerate() {
-            if held.contains(&column) {
-                continue;
-            }
             let step = self.step(column);
             moved[column] += step;
             for (i, ((point, at), there)) in points.iter().zip(&here).zip(seen(&moved)).enumerate() {
@@ -444,7 +439,8 @@ impl Job<'_> {
 
     fn knowledge(&self, p: &DVector<f64>) -> Vec<Row> {
         let (known, layout) = (&self.known, self.layout);
-        let mut rows = Vec::new();
+        // There is no gravity in the plane.
+        let mut rows = vec![Row::prior(GRAVITY, p[GRAVITY], 0.0, 1.0)];
         for (i, expected) in [known.foot.right, known.foot.up].into_iter().enumerate() {
             rows.push(Row::prior(
                 layout.foot() + i,
@@ -453,12 +449,13 @@ impl Job<'_> {
                 known.foot_std,
             ));
         }
-        if let Some(std) = known.fall_relative_std {
-            rows.push(Row::prior(layout.fall(), p[layout.fall()], 0.0, std));
-        }
-        if let Some((drag, std)) = known.drag {
-            rows.push(Row::prior(DRAG, p[DRAG], drag, std));
-        }
+        rows.push(Row::prior(
+            layout.fall(),
+            p[layout.fall()],
+            0.0,
+            known.fall_relative_std,
+        ));
+        rows.push(Row::prior(DRAG, p[DRAG], self.drag.0, self.drag.1));
         for i in layout.shade()..layout.shade() + 2 {
             rows.push(Row::prior(i, p[i], 0.0, SHADE_PART * known.radius()));
         }
@@ -492,12 +489,13 @@ impl Job<'_> {
         )
     }
 
-    /// Standard deviation of arc `k`'s lift: a part of drag at its middle; `None` where drag is not known.
-    fn lift_std(&self, p: &DVector<f64>, k: usize) -> Option<f64> {
-        let (drag, _) = self.known.drag?;
+    /// Standard deviation of arc `k`'s lift: a part of drag at its middle. A ball that hardly moves has some, too, so that
+    /// it is determined.
+    fn lift_std(&self, p: &DVector<f64>, k: usize, drag: f64) -> f64 {
+        let height = self.known.camera_height();
         let m = flying(&self.known, p.as_slice(), &self.times, k, self.times[k]);
-        let speed = m.speed(self.known.camera_height());
-        Some(LIFT_OVER_DRAG_STD * drag * speed).filter(|s| *s > 0.0)
+        let speed = m.speed(height).max(0.01 * self.known.fastest_per_s() * height);
+        LIFT_OVER_DRAG_STD * drag * speed
     }
 
     /// Arcs `k` and `k + 1` are in one place in the middle of the contact, and touch the floor when it begins and ends.

@@ -15,9 +15,9 @@
 //! * [`fit`] fits all arcs together with the impacts between them.
 //! * [`find`] is the way from a track to a [`super::Flight`].
 //!
-//! Drag β (Newton's) is taken as known where the ball's mass and size are, fitted where the flight shows it, and zero
-//! elsewhere: it slows the ball along its path and hardly turns it. Lift s × v (Magnus; s along the spin) does turn it:
-//! each arc has an s of its own, zero but for what drag says lift may be; without mass and size it is left out.
+//! Drag β (Newton's) is taken as known where the ball's mass and size are, and fitted elsewhere: it slows the ball along its
+//! path and hardly turns it. Lift s × v (Magnus; s along the spin) does turn it: each arc has an s of its own, zero but for
+//! what drag says lift may be.
 
 pub mod find;
 pub mod fit;
@@ -35,8 +35,8 @@ pub struct Overhead {
     pub foot_std: f64,
     /// γ = g/D, 1/s².
     pub fall_per_s2: f64,
-    /// Relative standard uncertainty of γ; `None`: exact.
-    pub fall_relative_std: Option<f64>,
+    /// Relative standard uncertainty of γ.
+    pub fall_relative_std: f64,
     /// D, plane units; `None` where the ball is the scale and has not been seen yet.
     pub height: Option<f64>,
     /// R/D; `None` where only the picture tells R.

@@ -186,7 +186,7 @@ mod tests {
         foot: PlanePoint::new(540.0, 60.0),
         foot_std: 1.0,
         fall_per_s2: 4.9,
-        fall_relative_std: None,
+        fall_relative_std: 0.01,
         height: Some(2500.0),
         contact: Some(0.006),
         drag: None,
