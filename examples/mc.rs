@@ -55,6 +55,7 @@ fn main() {
             let m = measure(&wr.video, &c, "c", &mut |_|{}).unwrap();
             let mut s = format!("{seed} {} D {d:.2} q {:.2} drop {drop:.2} v {speed:.2} R {:.1}px ", b.3, q*1e3, b.0/q);
             if let Outcome::Rejected{reason} = &m.outcome { s += &format!("REJECTED {}", &reason[..60]); }
+            for w in &m.warnings { if w.code != "scale_uncertainty_unknown" { s += &format!(" !{}", w.code); if w.code == "distance_mismatch" { s += &w.message[40..90]; } } }
             let tb = truth["bounces"].as_array().unwrap();
             for b in &m.bounces {
                 let t = b.time_s.unwrap().value;

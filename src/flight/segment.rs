@@ -62,15 +62,23 @@ const HOPELESS: f64 = 3.0;
 /// The arcs of a track: half-open index ranges, in time order. `samples` are in time order.
 #[must_use]
 pub fn arcs(samples: &[Sample], fall: Fall) -> Vec<std::ops::Range<usize>> {
+    divided(samples, fall).0
+}
+
+/// What the best division of a track costs: squared residuals in variances, and the prices of arcs and dropped points.
+#[must_use]
+pub fn cost(samples: &[Sample], fall: Fall) -> f64 {
+    divided(samples, fall).1
+}
+
+fn divided(samples: &[Sample], fall: Fall) -> (Vec<std::ops::Range<usize>>, f64) {
+    let falling = |first: &Sample| FallSums {
+        sums: Sums::new(*first),
+        fall,
+    };
     match fall {
-        Fall::Free => cut(samples, 5, |first| FallSums {
-            sums: Sums::new(*first),
-            fall,
-        }),
-        Fall::Known(_) => cut(samples, 3, |first| FallSums {
-            sums: Sums::new(*first),
-            fall,
-        }),
+        Fall::Free => cut(samples, 5, falling),
+        Fall::Known(_) => cut(samples, 3, falling),
         Fall::Overhead(known) => cut(samples, 4, |first| overhead::segment::Sums::new(known, first.t)),
     }
 }
@@ -102,7 +110,7 @@ fn cut<S: ArcSums>(
     samples: &[Sample],
     least: usize,
     begin: impl Fn(&Sample) -> S,
-) -> Vec<std::ops::Range<usize>> {
+) -> (Vec<std::ops::Range<usize>>, f64) {
     let n = samples.len();
     let mut best = vec![f64::INFINITY; n + 1];
     let mut from: Vec<Option<usize>> = vec![None; n + 1];
@@ -143,7 +151,7 @@ fn cut<S: ArcSums>(
         }
     }
     found.reverse();
-    found
+    (found, best[n])
 }
 
 /// Own fall of a stretch of samples: (g, its standard deviation), from a free parabola; `None` below 4 points.

@@ -385,10 +385,10 @@ pub fn no_flight(reason: &NoFlight, seen: &Observation, calibration: &Calibratio
             );
             match calibration.distance_m {
                 Some(distance_m) => format!(
-                    "nothing bounces as seen from above: {all} follows the arcs of a bouncing ball as a camera {distance_m} m over the floor sees them. Are \"distance_m\" (lens to floor, in metres), the scale and the frame rate right, and does the camera look straight down?"
+                    "nothing bounces as seen from above: {all} follows the path of a bouncing ball as a camera {distance_m} m above it shows it. Are \"distance_m\" (from the lens to the calibrated plane, in metres), the scale and the frame rate right, and does the camera look straight down?"
                 ),
                 None => format!(
-                    "nothing moves in straight lines as seen from above: {all} is made of straight lines with turns between. A camera that is near sees them bent, because the ball nears it as it rises: set \"distance_m\" to the distance from the lens to the floor."
+                    "nothing moves in straight lines as seen from above: {all} is made of straight lines with turns between. A camera that is near sees them bent, because the ball nears it as it rises: set \"distance_m\" to the distance from the lens to the calibrated plane."
                 ),
             }
         }

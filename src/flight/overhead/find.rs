@@ -65,8 +65,28 @@ pub(in crate::flight) fn evidence(spots: &[Spot], track: &Track, sigma: f64, kno
             (b.r - a.r).hypot(b.h - a.h)
         })
         .sum();
-    (covered >= 6 && way > 10.0 * sigma).then_some(covered as f64 * way / sigma)
+    let moves = covered >= 6 && way > 10.0 * sigma;
+    (moves && !another_fall_is_better(&samples, known)).then_some(covered as f64 * way / sigma)
 }
+
+/// Whether the track is explained far better by quite another fall than the given one. Enough short arcs fit anything: a
+/// camera said to be much too near would see a ball that hops about.
+fn another_fall_is_better(samples: &[Sample], known: Overhead) -> bool {
+    let cost = |factor: f64| {
+        let fall_per_s2 = factor * known.fall_per_s2;
+        segment::cost(samples, Fall::Overhead(Overhead { fall_per_s2, ..known }))
+    };
+    let given = cost(1.0);
+    OTHER_FALLS
+        .iter()
+        .any(|&factor| cost(factor) + FAR_BETTER < given)
+}
+
+/// Factors on the fall: what is nearer than these may be a distance that is somewhat off, of which a warning tells.
+const OTHER_FALLS: [f64; 4] = [1.0 / 16.0, 1.0 / 4.0, 4.0, 16.0];
+
+/// By as much as three arcs and their margins cost.
+const FAR_BETTER: f64 = 108.0;
 
 /// The track with others before and after it that may be the same ball: lost at an impact, where its shadow lies against
 /// it. What is something else makes no arc, or none that meets the ball's.
