@@ -2,6 +2,7 @@
 //! place in the picture and the camera's distance; what an uncorrected perspective is called; what stays unknown.
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
+#![allow(clippy::print_stdout)] // the figures, with --nocapture
 
 use assert_cmd::Command;
 use serde_json::{Value, json};
@@ -94,6 +95,12 @@ fn usual() -> &'static Rendered {
         };
         render(&top.scene(1))
     })
+}
+
+/// What is measured on it.
+fn usual_measured() -> &'static Measurement {
+    static MEASURED: OnceLock<Measurement> = OnceLock::new();
+    MEASURED.get_or_init(|| measured(&usual().video, &usual().calibration))
 }
 
 fn azimuth_deg(bounce: &Bounce) -> Quantity {
@@ -214,10 +221,20 @@ fn near_cameras_give_the_azimuth_of_gripping_balls() {
 }
 
 #[test]
+fn the_sample_scene_is_measured() {
+    let scene: Value =
+        serde_json::from_str(&std::fs::read_to_string("fixtures/scenes/top_sidespin.scene.json").unwrap())
+            .unwrap();
+    let r = render(&scene);
+    let m = measured(&r.video, &r.calibration);
+    assert_first_bounce(&m, &r.truth, "top_sidespin");
+}
+
+#[test]
 fn what_needs_the_height_stays_unknown() {
     let r = usual();
-    let m = measured(&r.video, &r.calibration);
-    assert_first_bounce(&m, &r.truth, "usual");
+    let m = usual_measured();
+    assert_first_bounce(m, &r.truth, "usual");
     let x0 = r.truth["x0_m"].as_f64().unwrap();
     assert_near(m.distances.x0_m.unwrap(), x0, 0.001, "x0");
     let output = Command::cargo_bin("track")
@@ -283,7 +300,7 @@ fn without_the_distance_the_perspective_is_named_as_a_limit() {
         "{reason}"
     );
     assert!(!reason.contains("fall") && !reason.contains("floor"), "{reason}");
-    let known = measured(&r.video, &r.calibration);
+    let known = usual_measured();
     assert!(known.warnings.iter().all(|w| w.code != "perspective_uncorrected"));
 }
 
@@ -335,7 +352,7 @@ fn mirrored(r: &Rendered) -> (PathBuf, Calibration) {
 fn a_mirrored_launch_deviates_to_the_other_side() {
     let r = usual();
     let (video, calibration) = mirrored(r);
-    let (right, left) = (measured(&r.video, &r.calibration), measured(&video, &calibration));
+    let (right, left) = (usual_measured(), &measured(&video, &calibration));
     let (a, b) = (azimuth_deg(&right.bounces[0]), azimuth_deg(&left.bounces[0]));
     let std = a.std_uncertainty.unwrap();
     assert!(
@@ -347,7 +364,7 @@ fn a_mirrored_launch_deviates_to_the_other_side() {
     let truth = r.truth["bounces"][0]["azimuth_deg"].as_f64().unwrap();
     assert_near(b, -truth, AZIMUTH_LIMIT_DEG, "to the left");
     let speed = |m: &Measurement| m.bounces[0].incident.vx_m_s.unwrap().value;
-    assert!(speed(&left) > 0.0 && (speed(&left) - speed(&right)).abs() < 0.003);
+    assert!(speed(left) > 0.0 && (speed(left) - speed(right)).abs() < 0.003);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! observe → repeats → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
 //! bounces → readings → warnings → drawing.
 
+mod camera;
 mod drawing;
 mod nearing;
 mod observe;
@@ -13,19 +14,19 @@ mod warn;
 
 pub use result::*;
 
-use crate::bounce::impacts::{AIR_DENSITY_KG_M3, ImpactKind, Scene};
+use crate::bounce::impacts::{ImpactKind, Scene};
 use crate::bounce::reading;
 use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence, Viewpoint};
 use crate::detect::centre::Centre;
 use crate::detect::centre::edge_band::Effort;
 use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
-use crate::flight::overhead::Overhead;
-use crate::flight::{self, Flight, FlightPoint, NoFlight, SpotUse};
+use crate::flight::{self, Flight, NoFlight, SpotUse};
 use crate::frames::timebase::TimeBase;
 use crate::frames::{FrameError, LumaRange};
-use crate::geometry::{PixelPoint, PlanePoint, WorldPoint};
+use crate::geometry::{PixelPoint, WorldPoint};
 use crate::quantity::{Quantity, median};
+use camera::in_plane;
 use observe::Observation;
 use refine::{Found, Shared};
 use std::path::{Path, PathBuf};
@@ -99,26 +100,6 @@ const BALL_PART: f64 = 0.5;
 
 /// Balls smaller than this may be measured by their outline alone, px.
 const SMALL_BALL_PX: f64 = 6.0;
-
-/// Drag coefficient of a smooth sphere between Reynolds numbers of 1e3 and 2e5 (Clift, Grace and Weber 1978), where
-/// balls of 1 to 10 cm at 0.5 to 20 m/s are.
-const SPHERE_DRAG: f64 = 0.45;
-
-/// Relative doubt of that drag: felt, seams, slower or smaller balls, thinner air.
-const SPHERE_DRAG_DOUBT: f64 = 0.2;
-
-/// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
-/// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
-const AXIS_PART: f64 = 0.01;
-
-/// Doubt of a distance given without one: where in its lens a camera has its pinhole is not known to better.
-const DISTANCE_PART: f64 = 0.01;
-
-/// Less than this part of an outline on one circle is no outline.
-const WHOLE_OUTLINE: f64 = 0.6;
-
-/// How well the middle of a region that is no disc tells the ball's centre, in its radii.
-const OVAL_DOUBT: f64 = 0.15;
 
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
@@ -221,26 +202,6 @@ impl<'a> Work<'a> {
         work
     }
 
-    /// Where the camera stands over the plane, as far as `metres_per_unit` is known.
-    fn viewpoint(&self, metres_per_unit: f64) -> Option<Viewpoint> {
-        let info = &self.seen.info;
-        self.calibration
-            .viewpoint(metres_per_unit, (info.width_px, info.height_px))
-            .ok()
-            .flatten()
-    }
-
-    /// The spot of a centre: the ball's centre, which is not that of its outline where the camera is near.
-    fn spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
-        let s = &self.seen.sightings[id];
-        let spot = refine::spot(&self.map, s, centre, id, self.base.times_s[s.frame])?;
-        let place = self
-            .camera
-            .and_then(|v| v.centre_of_outline(&self.map, spot.place, centre.disc.radius_px))
-            .unwrap_or(spot.place);
-        Some(Spot { place, ..spot })
-    }
-
     fn falls(&self) -> bool {
         self.calibration.view == View::Side
     }
@@ -261,15 +222,7 @@ impl<'a> Work<'a> {
             .iter()
             .enumerate()
             .filter(|(_, s)| !self.repeats[s.frame])
-            .filter_map(|(i, s)| {
-                let centre = s.centre?;
-                let spot = self.spot(i, &centre)?;
-                // The middle of an oval may be that of a ball and its shadow: what bends a path seen from above, and
-                // makes the ball larger, has to tell those from others.
-                let oval = !self.falls() && centre.outline_used < WHOLE_OUTLINE;
-                let std = if oval { OVAL_DOUBT * spot.radius } else { spot.std };
-                Some(Spot { std, ..spot })
-            })
+            .filter_map(|(i, s)| self.first_spot(i, &s.centre?))
             .collect()
     }
 
@@ -383,39 +336,6 @@ impl<'a> Work<'a> {
         }
         self.drag(scale)
             .map_or(Forces::Fall, |(drag, std)| Forces::FallWithDrag(drag, std))
-    }
-
-    /// Drag β and its standard uncertainty, 1 / plane unit, where the ball's size and mass tell it.
-    fn drag(&self, metres_per_unit: Option<f64>) -> Option<(f64, f64)> {
-        let ball = &self.calibration.ball;
-        let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
-        let beta =
-            AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m / (2.0 * mass_kg);
-        // Metres a unit turn 1/m into 1/unit.
-        let per_unit = beta * metres_per_unit?;
-        Some((per_unit, SPHERE_DRAG_DOUBT * per_unit))
-    }
-
-    /// The camera above the floor, where its distance is known; without `metres_per_unit` as far as other scales tell.
-    fn overhead(&self, metres_per_unit: Option<f64>) -> Option<Overhead> {
-        let c = self.calibration;
-        let told = || Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
-        let scale = metres_per_unit.or_else(told);
-        // Foot and height in metres are the same whatever a pixel measures.
-        let unit = scale.unwrap_or(1.0);
-        let camera = self.viewpoint(unit)?;
-        let height_m = camera.height * unit;
-        let distance = c.distance_std_m.map_or(DISTANCE_PART, |s| s / height_m);
-        let gravity = c.gravity_std_m_s2.map_or(0.0, |s| s / c.gravity_m_s2);
-        Some(Overhead {
-            foot: camera.foot,
-            foot_std: AXIS_PART * self.seen.info.width_px as f64 * self.units_per_px(),
-            fall_per_s2: c.gravity_m_s2 / height_m,
-            fall_relative_std: distance.hypot(gravity),
-            height: scale.map(|_| camera.height),
-            contact: c.ball.radius_m.map(|r| r / height_m),
-            drag: self.drag(scale),
-        })
     }
 
     fn spots_of(&self, found: &[Found]) -> Vec<Spot> {
@@ -565,14 +485,6 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// The image of the ball's centre in its frame, where that is not the centre of its outline.
-    fn centre_px(&self, p: &FlightPoint) -> Option<PixelPoint> {
-        self.camera?;
-        let reference = self.map.pixel_from_plane(p.spot.place)?;
-        let s = &self.seen.sightings[p.spot.id];
-        Some(s.registration.frame_from_reference(reference))
-    }
-
     fn track(&self, flight: &Flight, frame: &WorldFrame) -> Track {
         let excess = flight.fit.excess.max(1.0);
         let centre =
@@ -606,17 +518,6 @@ impl<'a> Work<'a> {
             points,
         }
     }
-}
-
-/// The point of the calibrated plane that a spot is at; `None` where only a fit would tell and there is none.
-fn in_plane(flight: &Flight, p: &FlightPoint) -> Option<PlanePoint> {
-    let above = matches!(flight.fit.forces, Forces::Overhead(_));
-    let t = p.spot.time_s;
-    (!above || p.use_ != SpotUse::NotFree).then(|| {
-        flight
-            .fit
-            .place_in_plane(p.spot.place, refine::arc_at(flight, t), t)
-    })
 }
 
 /// From the plane to the world, for points and drawing (values only; uncertainties are [`Scene`]'s).

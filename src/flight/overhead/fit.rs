@@ -8,6 +8,7 @@
 //! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it. A
 //!   ball of unknown mass may be as light as a table tennis ball, or as heavy as the flight says. Lift is about a part of
 //!   drag.
+//! * Close to the floor the ball's shadow pulls its centre by a small part of its radius, the same way at every impact.
 //! * No ball below the camera is out of its reach, nor faster than a fall from its height: a prior so wide that it
 //!   matters only where a far camera shows nothing of the fall.
 //!
@@ -193,7 +194,7 @@ impl Job<'_> {
     /// but for its rate of rise, and that enters linearly, too.
     fn start(&self) -> Option<DVector<f64>> {
         let layout = self.layout;
-        let mut p = DVector::zeros(layout.len());
+        let mut p = DVector::zeros(layout.count());
         p[DRAG] = self.drag.0;
         p[layout.foot()] = self.known.foot.right;
         p[layout.foot() + 1] = self.known.foot.up;
@@ -311,11 +312,14 @@ impl Job<'_> {
                 damping *= harder;
                 harder *= 2.0;
                 if damping > MOST_DAMPING {
-                    return None;
+                    break;
                 }
             }
         }
-        None
+        // Points that are not of these arcs make a crooked valley. Where it has got to is good enough to tell them, and
+        // their excess goes into the covariance.
+        let (_, covariance) = solve(&matrix, &right)?;
+        squares.is_finite().then_some((p, covariance))
     }
 
     /// All whitened rows and what is left to explain: each arc's points reduced to [`LOCAL`] rows, then the knowledge.

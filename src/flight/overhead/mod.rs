@@ -174,7 +174,7 @@ impl Layout {
 
     /// Number of parameters.
     #[must_use]
-    pub const fn len(self) -> usize {
+    pub const fn count(self) -> usize {
         self.impact(self.arcs - 1)
     }
 }
@@ -293,3 +293,6 @@ fn integrate(start: Flying, fall: f64, air: &Air, dt: f64) -> Flying {
     }
     m
 }
+
+#[cfg(test)]
+mod tests;
