@@ -9,14 +9,15 @@
 //! |---|---|---|
 //! | [`quantity`] | a number with its standard uncertainty | [`quantity::Quantity`] |
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
-//! | [`calibration`] | `calib.json`; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
+//! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
 //! | [`flight`] | the freely falling path among all that moves; arcs and the impacts between them | arcs |
 //! | [`bounce`] | an impact's angles, restitution, spin; x0 and x | [`bounce::Bounce`] |
 //! | [`models`] | the two rebound models of Domenech 2005: pure functions | |
 //! | [`measure`] | one recording from file to result: the order of the steps, nothing else | [`measure::Measurement`] |
-//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight` or `bounce` | |
+//! | [`fit`] | a series of bounces: the models' coefficients, where sliding begins, which model it is | [`fit::SeriesFit`] |
+//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `bounce` or `fit` | |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
 //! | [`cli`] | a file a command; the only place that prints or draws progress | |
 //!
@@ -34,6 +35,7 @@ pub mod bounce;
 pub mod calibration;
 pub mod cli;
 pub mod detect;
+pub mod fit;
 pub mod flight;
 pub mod frames;
 pub mod geometry;

@@ -149,6 +149,19 @@ fn every_sample_is_read_and_works_over_its_whole_picture() {
 }
 
 #[test]
+fn no_sample_has_a_problem() {
+    use track::calibration::check::{Weight, check};
+    for path in samples() {
+        let found = check(&path, None).unwrap();
+        assert!(
+            found.iter().all(|f| f.weight == Weight::Remark),
+            "{}: {found:?}",
+            path.display()
+        );
+    }
+}
+
+#[test]
 fn the_contracts_example_means_what_it_says() {
     let c = parse(&contract());
     assert_eq!(c.view, View::Side);
@@ -434,9 +447,61 @@ fn homographies_that_map_nothing() {
 #[test]
 fn origin_and_up_have_no_place_beside_a_homography() {
     refused(&set(homography(), "origin_px", json!([1, 2])), "origin_px");
-    refused(&set(homography(), "origin_std_px", json!(1)), "origin_std_px");
     refused(&set(homography(), "up_px", json!([1, 0])), "up_px");
     parse(&set(homography(), "up_px", json!([0, -2])));
+}
+
+#[test]
+fn a_homography_may_say_that_its_origin_is_not_the_worlds() {
+    assert!(parse(&homography()).has_origin());
+    let marked = parse(&set(homography(), "origin_std_px", json!(0.7)));
+    assert_eq!(marked.origin_std_px, Some(0.7));
+    let unknown = set(homography(), "scale.origin_unknown", json!(true));
+    let c = parse(&unknown);
+    assert!(!c.has_origin());
+    assert_eq!(c.launch.edge_x_m, None);
+    assert_eq!(Calibration::parse(&c.to_json().to_string(), "again").unwrap(), c);
+    refused(
+        &set(homography(), "scale.origin_unknown", json!(1)),
+        "scale.origin_unknown",
+    );
+    refused(&set(unknown, "origin_std_px", json!(0.7)), "origin_std_px");
+}
+
+#[test]
+fn deviations_come_back_and_belong_to_lens_and_homography() {
+    let lens = json!({
+        "camera_matrix": [[900, 0, 640], [0, 900, 360], [0, 0, 1]], "distortion": [-0.1, 0, 0, 0, 0],
+        "camera_std_px": [1, 1.1, 0.5, 0.4], "distortion_std": [0.001, 0.002, null, null, null]
+    });
+    let one = json!({"lens": [1, 1, 0, 0, 0.001, 0, 0, 0, 0], "world_from_pixel": [[1e-6, 0, 0], [0, 1e-6, 0], [0, 0, 0]]});
+    let file = set(set(homography(), "lens", lens), "deviations", json!([one, one]));
+    let c = parse(&file);
+    assert_eq!(c.deviations.len(), 2);
+    assert_eq!(c.lens_std[5], Some(0.002));
+    assert_eq!(c.lens_std[6], None);
+    assert_eq!(Calibration::parse(&c.to_json().to_string(), "again").unwrap(), c);
+    let off = &c.deviated()[0];
+    assert_eq!(off.lens.as_ref().unwrap().camera_matrix()[(0, 0)], 901.0);
+    let single = set(file.clone(), "deviations", json!([one]));
+    refused(&without(single, "lens"), "deviations[0].lens");
+    refused(
+        &set(file.clone(), "deviations", json!([{"lens": [1, 2]}])),
+        "deviations[0].lens",
+    );
+    refused(
+        &set(file.clone(), "deviations", json!([{"lense": []}])),
+        "deviations[0].lense",
+    );
+    refused(&set(file.clone(), "deviations", json!(3)), "deviations");
+    refused(
+        &set(file.clone(), "lens.camera_std_px", json!([1, 1, 1])),
+        "lens.camera_std_px",
+    );
+    refused(
+        &set(file, "lens.distortion_std", json!([0, 1, 1, 1, 1])),
+        "lens.distortion_std",
+    );
 }
 
 #[test]

@@ -11,6 +11,7 @@
 
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
+use track::detect::centre::Accuracy;
 use track::measure::{Measurement, Outcome, PointUse, measure};
 use track::quantity::Quantity;
 
@@ -38,7 +39,14 @@ fn measured_with(clip: &str, calibration: &Calibration) -> Option<Measurement> {
         println!("skipped: there is no {}", path.display());
         return None;
     }
-    let measurement = measure(&path, calibration, "the calibration", &mut |_| ()).unwrap();
+    let measurement = measure(
+        &path,
+        calibration,
+        "the calibration",
+        Accuracy::Standard,
+        &mut |_| (),
+    )
+    .unwrap();
     println!("{clip}: {}", summary(&measurement));
     Some(measurement)
 }
@@ -108,7 +116,10 @@ fn a_drop_to_the_carpet_has_its_two_bounces() {
     };
     let found = restitutions(&m);
     assert_eq!(found.len(), 2, "{found:.4?}");
-    begins_with(&found, &[0.48]);
+    // The camera drifts and looks along a path of 2.3 m at an angle, so that the fall is no parabola in the picture: the
+    // speed before the impact comes out 8 % low. The warning has to say so.
+    assert!((found[0] - 0.48).abs() < 0.055, "{found:.4?}");
+    assert!(!warning(&m, "not_a_parabola").is_empty());
     assert!(m.warnings.iter().all(|w| w.code != "gravity_mismatch"));
     // The fall ends at frame 201 of 120 a second.
     let first_s = m.bounces[0].time_s.unwrap().value;

@@ -850,3 +850,51 @@ fn every_sample_scene_is_accepted() {
     }
     assert!(count >= 4);
 }
+
+#[test]
+fn a_turned_camera_comes_with_the_homography_that_undoes_it() {
+    use track::calibration::Calibration;
+    use track::geometry::PixelPoint;
+    let lens = r#""lens": {"camera_matrix": [[1900, 0, 639.5], [0, 1900, 359.5], [0, 0, 1]], "distortion": [-0.3, 0.1, 0, 0, 0]}"#;
+    for (tilt, more) in [
+        (10.0, format!(r#""distance_m": 1.5, {lens}"#)),
+        (-25.0, r#""distance_m": 1.5"#.to_owned()),
+        (40.0, r#""distance_m": null"#.to_owned()),
+        (0.0, format!(r#""distance_m": 1.5, {lens}"#)),
+    ] {
+        let scene = scene_with(STEEL, &format!(r#""camera": {{"tilt_deg": {tilt}, {more}}}"#));
+        let recording = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
+        let calib = track::simulate::calibration(&recording).to_string();
+        let c = Calibration::parse(&calib, "scene").unwrap();
+        let map = c.rectification().unwrap();
+        let metres = if tilt == 0.0 {
+            scene.camera.metres_per_pixel
+        } else {
+            1.0
+        };
+        assert!(c.has_origin());
+        for centre in recording.truth().centres.iter().filter(|c| c.visible) {
+            let p = map
+                .plane_from_pixel(PixelPoint::new(centre.u_px, centre.v_px))
+                .unwrap();
+            let off = (metres * p.right - centre.x_m).hypot(metres * p.up - centre.z_m);
+            assert!(off < 1e-9, "{tilt}: {off}");
+        }
+    }
+    // Above 0 the right side is nearer: a pixel there is fewer metres.
+    let scene = scene_with(STEEL, r#""camera": {"tilt_deg": 20, "distance_m": 1.5}"#);
+    let calib = track::simulate::calibration(&Recording::new(&scene).unwrap()).to_string();
+    let map = Calibration::parse(&calib, "scene")
+        .unwrap()
+        .rectification()
+        .unwrap();
+    let size = |u: f64| {
+        map.jacobian(PixelPoint::new(u, 360.0))
+            .unwrap()
+            .determinant()
+            .abs()
+    };
+    assert!(size(1200.0) < 0.9 * size(80.0));
+    let error = Scene::from_json(&scene_text(STEEL, r#""camera": {"tilt_deg": 90}"#)).unwrap_err();
+    assert!(error.to_string().contains("tilt_deg"), "{error}");
+}

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use track::bounce::Bounce;
 use track::calibration::{Calibration, Scale};
+use track::detect::centre::Accuracy;
 use track::frames::{self, Coding, VideoWriter};
 use track::geometry::PixelPoint;
 use track::measure::{Measurement, Outcome, measure};
@@ -44,7 +45,14 @@ fn render(scene: &Value) -> Rendered {
 }
 
 fn measured(video: &Path, calibration: &Calibration) -> Measurement {
-    measure(video, calibration, "calib.json", &mut |_| {}).unwrap()
+    measure(
+        video,
+        calibration,
+        "calib.json",
+        Accuracy::Standard,
+        &mut |_| {},
+    )
+    .unwrap()
 }
 
 /// A launch seen from above: small pictures, a shaded ball of 8 px with its shadow.

@@ -7,6 +7,7 @@
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
+use track::detect::centre::Accuracy;
 use track::frames::{self, Coding, VideoWriter};
 use track::measure::{Measurement, Outcome, measure};
 use track::quantity::Quantity;
@@ -47,7 +48,7 @@ fn render(scene: &Value) -> Rendered {
 }
 
 fn measured(video: &Path, calibration: &Calibration) -> Measurement {
-    let m = measure(video, calibration, "calib.json", &mut |_| {}).unwrap();
+    let m = measure(video, calibration, "calib.json", Accuracy::Standard, &mut |_| {}).unwrap();
     assert_eq!(m.outcome, Outcome::Measured);
     m
 }

@@ -4,7 +4,7 @@ use super::propagate::{Evidence, Outputs};
 use super::{Bounce, Distances, Leg, XSource};
 use crate::calibration::{Calibration, Scale, View};
 use crate::flight::Flight;
-use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, return_time};
+use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion, return_time};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
@@ -23,8 +23,9 @@ pub struct Scene<'a> {
 }
 
 /// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
-/// half the contact time, lift before and after.
-const EXTRAS: usize = 7;
+/// half the contact time, lift before and after, drag beyond its law before and after, centre errors that differ
+/// between two impacts.
+const EXTRAS: usize = 10;
 const SCALE: usize = 0;
 const UP: usize = 1;
 const ZERO_RIGHT: usize = 2;
@@ -32,10 +33,17 @@ const ZERO_UP: usize = 3;
 const CONTACT: usize = 4;
 const LIFT_IN: usize = 5;
 const LIFT_OUT: usize = 6;
+const DRAG_IN: usize = 7;
+const DRAG_OUT: usize = 8;
+const PLACES: usize = 9;
 
 /// Lift of the air on a spinning ball (Magnus) is not in the arcs. Over drag it is about the spin ratio, up to 1/2;
 /// a constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
 const LIFT_OVER_DRAG_STD: f64 = 0.3;
+
+/// The fitted drag goes as the square of the speed; a sphere's coefficient changes by about this part over the speeds
+/// of an arc (Clift and Gauvin 1970, Reynolds numbers of 300 to 30 000).
+const DRAG_LAW_STD: f64 = 0.15;
 
 /// Air at 20 °C and sea level, kg/m³.
 pub const AIR_DENSITY_KG_M3: f64 = 1.204;
@@ -44,8 +52,13 @@ pub const AIR_DENSITY_KG_M3: f64 = 1.204;
 /// fit's on a shaded ball with a highlight is up to this, px.
 const COMMON_STD_PX: f64 = 0.03;
 
+/// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
+const PLACES_STD_PX: f64 = 0.02;
+
 /// Half the time of contact, s: the arcs meet in the middle of it, the ball touches before and leaves after. A steel
-/// ball of 2 cm takes 0.1 ms (Hertz); what a softer ball takes more is not contained.
+/// ball of 2 cm takes 0.07 ms in all (Hertz), smaller ones less; what a softer ball takes more is not contained.
+const HALF_CONTACT_S: f64 = 3.5e-5;
+/// Standard deviation of that from ball to ball, s.
 const HALF_CONTACT_STD_S: f64 = 3e-5;
 
 /// What kind of impact lies between two arcs.
@@ -59,6 +72,17 @@ pub enum ImpactKind {
 
 /// Incidence is too steep to have a direction below this many standard uncertainties of vx.
 const DIRECTION_SIGMAS: f64 = 3.0;
+
+/// A restitution above 1 by this many standard uncertainties is no restitution.
+const GAIN_SIGMAS: f64 = 3.0;
+
+/// Whether the ball left the floor faster than it came, beyond doubt.
+fn gains(bounce: &Bounce) -> bool {
+    bounce.restitution.is_some_and(|e| {
+        let std = e.std_uncertainty.unwrap_or(f64::INFINITY);
+        e.value - 1.0 > GAIN_SIGMAS * std
+    })
+}
 
 /// A slip that does not stand out by this many standard uncertainties gives no e_x: it would be noise over noise.
 const SLIP_SIGMAS: f64 = 3.0;
@@ -95,9 +119,13 @@ impl<'a> Scene<'a> {
             (CONTACT, HALF_CONTACT_STD_S),
             (LIFT_IN, LIFT_OVER_DRAG_STD),
             (LIFT_OUT, LIFT_OVER_DRAG_STD),
+            (DRAG_IN, DRAG_LAW_STD),
+            (DRAG_OUT, DRAG_LAW_STD),
+            (PLACES, PLACES_STD_PX * units_per_px),
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
+        values[n + CONTACT] = HALF_CONTACT_S;
         let vr = fit.in_plane(fit.parameters.as_slice(), 0, fit.times[0]).vr;
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
@@ -153,23 +181,26 @@ impl<'a> Scene<'a> {
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
         let half = p[p.len() - EXTRAS + CONTACT];
-        let before = self.lifted(p, k, LIFT_IN, t - half);
-        let after = self.lifted(p, k + 1, LIFT_OUT, t + half);
+        let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), t - half);
+        let after = self.pushed(p, k + 1, (LIFT_OUT, DRAG_OUT), t + half);
         (t - half, before, after)
     }
 
-    /// The motion on an arc with what lift may have changed in the speed along x. (Seen from above, the arcs have a lift of
-    /// their own.)
-    fn lifted(&self, p: &[f64], arc: usize, lift: usize, t: f64) -> Motion {
+    /// The motion on an arc with what lift may have changed in the speed along x, and drag beyond its law in both. (Seen
+    /// from above by a near camera, the arcs have a lift of their own.)
+    fn pushed(&self, p: &[f64], arc: usize, (lift, drag): (usize, usize), t: f64) -> Motion {
         let m = self.world(p, arc, t);
-        if self.calibration.view == View::Top {
+        if matches!(self.flight.fit.forces, Forces::Overhead(_)) {
             return m;
         }
         let drag_per_m = p[DRAG] / self.scale(p);
         let (from, to) = self.flight.spans[arc];
-        let push = drag_per_m * (m.vr * m.vr + m.vh * m.vh) * (to - from) / 4.0;
+        let speed = m.vr.hypot(m.vh);
+        let push = drag_per_m * speed * (to - from) / 4.0;
+        let extras = &p[p.len() - EXTRAS..];
         Motion {
-            vr: m.vr + p[p.len() - EXTRAS + lift] * push,
+            vr: m.vr + push * (extras[lift] * speed - extras[drag] * m.vr),
+            vh: m.vh - push * extras[drag] * m.vh,
             ..m
         }
     }
@@ -207,7 +238,16 @@ impl<'a> Scene<'a> {
         if !(told && lift > 0.0) {
             return None;
         }
-        let out = self.evidence.outputs(|p| vec![p[GRAVITY] * self.scale(p) / lift]);
+        // Drag beyond its law passes for gravity by a part of its own mean over the arcs.
+        let top = self.flight.spans.iter().enumerate().map(|(k, s)| {
+            let m = self.world(self.evidence.values.as_slice(), k, s.1);
+            m.vr * m.vr + m.vh * m.vh
+        });
+        let speed2 = top.fold(0.0, f64::max);
+        let out = self.evidence.outputs(|p| {
+            let beyond = p[p.len() - EXTRAS + DRAG_IN] * p[DRAG] / self.scale(p) * speed2;
+            vec![p[GRAVITY] * self.scale(p) / lift + beyond]
+        });
         out.quantity(0)
     }
 
@@ -225,9 +265,19 @@ impl<'a> Scene<'a> {
                 View::Side => self.side_bounce(k, history),
                 View::Top => self.top_bounce(k),
             };
-            bounces.push((k, bounce));
+            if !gains(&bounce) {
+                bounces.push((k, bounce));
+            }
         }
         bounces
+    }
+
+    /// How many floor impacts are not among the [`bounces`](Self::bounces): the ball would have left faster than it came,
+    /// so something else (a shadow, a hand) was followed on one side of them.
+    #[must_use]
+    pub fn impossible(&self, bounces: &[(usize, Bounce)]) -> usize {
+        let floors = (0..self.arcs().saturating_sub(1)).filter(|&k| self.kind(k) == Some(ImpactKind::Floor));
+        floors.count() - bounces.len()
     }
 
     /// R ω_y before the impact at `k`, m/s: the launch's spin, changed at each bounce before (spin stays in flight).
@@ -351,12 +401,13 @@ impl<'a> Scene<'a> {
             0.5 * (a.r + b.r)
         };
         let x0_m = self.edge_distance(first, &place);
+        let apart = |p: &[f64]| p[p.len() - EXTRAS + PLACES] * self.scale(p);
         // Seen, when the very next impact is on the floor too.
         let (x_m, x_source) = match bounces.get(1) {
             Some(&(second, _)) if second == first + 1 => {
                 let out = self
                     .evidence
-                    .outputs(|p| vec![place(p, second) - place(p, first)]);
+                    .outputs(|p| vec![place(p, second) - place(p, first) + apart(p)]);
                 (out.quantity(0), XSource::Observed)
             }
             _ if self.calibration.view == View::Top => {
@@ -370,7 +421,7 @@ impl<'a> Scene<'a> {
                 let out = self.evidence.outputs(|p| {
                     let t = self.impact_time(p, first);
                     let down = t + return_time(p, &self.flight.fit.times, first + 1, t);
-                    vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r]
+                    vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r + apart(p)]
                 });
                 (out.quantity(0), XSource::Extrapolated)
             }

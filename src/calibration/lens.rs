@@ -178,7 +178,7 @@ impl Lens {
         )
     }
 
-    fn focal_px(&self) -> (f64, f64) {
+    pub(super) fn focal_px(&self) -> (f64, f64) {
         (self.camera_matrix[(0, 0)], self.camera_matrix[(1, 1)])
     }
 

@@ -6,27 +6,34 @@
 //! uncertainty of that scale, [`Calibration::up_std_rad`] and [`Calibration::origin_std_px`].
 //!
 //! How far the camera stands ([`Calibration::distance_m`]) makes it a pinhole at a place, a [`Viewpoint`]: then what is
-//! nearer than the plane, and the outline of a ball off the optical axis, can be put right.
+//! nearer than the plane can be put right. For the outline of a ball off the optical axis the lens is enough ([`Optics`]).
 //!
 //! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `up_std_deg`,
-//! `origin_std_px`, `distance_m`, `distance_std_m`, `gravity_std_m_s2`, `ball.radius_std_m`, and in `scale`
-//! `length_std_m` and `point_std_px` (ruler), `relative_std` (homography).
+//! `origin_std_px`, `distance_m`, `distance_std_m`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens`
+//! `camera_std_px` and `distortion_std`, and in `scale` `length_std_m` and `point_std_px` (ruler), `relative_std` and
+//! `origin_unknown` (homography).
 //!
-//! Rules beside a homography, which has its own origin and axes: `origin_px`, `origin_std_px` and an `up_px` other
-//! than the default are errors, because they would either do nothing or contradict it.
+//! Rules beside a homography, which has its own origin and axes: `origin_px` and an `up_px` other than the default are
+//! errors, because they would either do nothing or contradict it.
 
+mod blurred_edge;
+pub mod board;
+pub mod check;
+mod deviation;
 mod error;
 mod file;
 mod lens;
 mod plane;
+pub mod ruler;
 mod scale;
 mod viewpoint;
 
+pub use deviation::Deviation;
 pub use error::{CalibrationError, Problem};
 pub use lens::Lens;
 pub use plane::{PlaneUnit, Rectification};
 pub use scale::{Homography, ROUNDED_PIXEL_STD_PX, Scale, ScaleEvidence};
-pub use viewpoint::Viewpoint;
+pub use viewpoint::{Optics, Viewpoint};
 
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
@@ -113,6 +120,11 @@ pub struct Calibration {
     pub distance_std_m: Option<f64>,
     /// Lens distortion.
     pub lens: Option<Lens>,
+    /// Standard uncertainties of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, for people: what a result takes from the lens's
+    /// doubt is in `deviations`. `None` where a number was not fitted.
+    pub lens_std: [Option<f64>; 9],
+    /// How lens and homography may be off together; empty where nobody determined it.
+    pub deviations: Vec<Deviation>,
     /// True capture rate, Hz, where the file's time stamps are not to be believed.
     pub frame_rate_hz: Option<f64>,
     /// Acceleration of free fall, m/s².
@@ -129,7 +141,7 @@ impl Calibration {
     /// A side view with `scale` and every default of the file.
     #[must_use]
     pub fn new(scale: Scale) -> Self {
-        let edge_x_m = matches!(scale, Scale::Homography(_)).then_some(0.0);
+        let edge_x_m = scale.has_origin().then_some(0.0);
         Self {
             view: View::Side,
             image_size_px: None,
@@ -141,6 +153,8 @@ impl Calibration {
             distance_m: None,
             distance_std_m: None,
             lens: None,
+            lens_std: [None; 9],
+            deviations: Vec::new(),
             frame_rate_hz: None,
             gravity_m_s2: 9.81,
             gravity_std_m_s2: None,
@@ -193,7 +207,7 @@ impl Calibration {
     /// impacts and x = 0 is the first tracked centre.
     #[must_use]
     pub const fn has_origin(&self) -> bool {
-        self.origin_px.is_some() || matches!(self.scale, Scale::Homography(_))
+        self.origin_px.is_some() || self.scale.has_origin()
     }
 
     /// That the recording's pictures (after the rotation tag) have the size the calibration is for, if it names one.
@@ -228,6 +242,15 @@ impl Calibration {
     /// A scale that rests on the ball or on gravity, where `evidence` has no such measurement.
     pub fn metres_per_unit(&self, evidence: &ScaleEvidence) -> Result<Quantity, CalibrationError> {
         scale::metres_per_unit(self, evidence)
+    }
+
+    /// The angles at which the camera sees, for pictures of `image_size_px` and a plane whose units are `metres_per_unit`
+    /// metres long (as far as that is known): by its distance, or by its lens; `None` where neither is given.
+    #[must_use]
+    pub fn optics(&self, metres_per_unit: Option<f64>, image_size_px: (usize, usize)) -> Option<Optics> {
+        let placed = metres_per_unit.and_then(|m| self.viewpoint(m, image_size_px).ok().flatten());
+        let of_lens = || self.lens.as_ref().map(Optics::of_lens);
+        placed.map(|v| v.optics).or_else(of_lens)
     }
 
     /// Where the camera stands over the plane, whose units are `metres_per_unit` metres long, in pictures of

@@ -51,7 +51,7 @@ pub enum Scale {
     Ball,
     /// `{"gravity": true}`: `gravity_m_s2` against the fall measured on the recording.
     Gravity,
-    /// `{"world_from_pixel": [[..], [..], [..]], "relative_std": ...}`.
+    /// `{"world_from_pixel": [[..], [..], [..]], "relative_std": ..., "origin_unknown": true}`.
     Homography(Homography),
 }
 
@@ -62,6 +62,15 @@ pub struct Homography {
     pub world_from_pixel: Matrix3<f64>,
     /// Relative standard uncertainty of lengths (of the board's squares, say), 0.001 for 0.1 %.
     pub relative_std: Option<f64>,
+    /// Whether its origin is the world's (floor and launch edge), or just some point of the plane.
+    pub origin_known: bool,
+}
+
+impl Scale {
+    /// Whether the scale itself says where the world's origin is.
+    pub(super) const fn has_origin(&self) -> bool {
+        matches!(self, Self::Homography(h) if h.origin_known)
+    }
 }
 
 impl From<Matrix3<f64>> for Homography {
@@ -69,6 +78,7 @@ impl From<Matrix3<f64>> for Homography {
         Self {
             world_from_pixel,
             relative_std: None,
+            origin_known: true,
         }
     }
 }
@@ -343,6 +353,7 @@ mod tests {
         let homography = Homography {
             world_from_pixel: matrix,
             relative_std: Some(0.002),
+            origin_known: true,
         };
         let c = Calibration::new(Scale::Homography(homography));
         assert!(near(

@@ -16,9 +16,10 @@
 //! ```
 //!
 //! so that the one is f²/(f² + τ²) of the other, from the optical axis: neither R nor Z need be known. (Wong, Schnieders
-//! and Li, IEEE TPAMI 2008.)
+//! and Li, IEEE TPAMI 2008.) It is small: a ball of 15 px at 500 px from the axis of a lens of 1200 px is seen 0.08 px
+//! too far out.
 //!
-//! The optical axis goes through the lens's principal point, without a lens through the picture's middle. In a camera
+//! f is the lens's where only that is known. The optical axis goes through the lens's principal point, without a lens through the picture's middle. In a camera
 //! square to the plane, which a scale without a homography supposes, that is where A is seen, and f = H in undistorted
 //! pixels. A homography K [r1 r2 t], with square pixels (or the lens's ratio) and the distance given, says how the camera
 //! is turned: (K⁻¹ h1, K⁻¹ h2, K⁻¹ h3) = λ (r1, r2, t), λ from the depth of the plane on the axis, f from |r1| = |r2| = 1.
@@ -36,7 +37,14 @@ pub struct Viewpoint {
     pub foot: PlanePoint,
     /// Height of the camera over the plane, plane units.
     pub height: f64,
-    /// The optical axis in the undistorted picture.
+    /// Its pinhole and picture.
+    pub optics: Optics,
+}
+
+/// The angles at which a pinhole sees what is in its undistorted picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Optics {
+    /// Where the optical axis goes through the picture.
     axis: PixelPoint,
     /// Focal length, px.
     focal_px: f64,
@@ -51,10 +59,8 @@ impl Viewpoint {
     ) -> Result<Self, CalibrationError> {
         let map = calibration.rectification()?;
         let (width, height) = image_size_px;
-        let axis = calibration.lens.as_ref().map_or_else(
-            || PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)),
-            Lens::principal_point,
-        );
+        let middle = PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0));
+        let axis = calibration.lens.as_ref().map_or(middle, Lens::principal_point);
         let viewpoint = match map.ideal_from_plane_matrix() {
             Some(matrix) => {
                 let aspect = calibration.lens.as_ref().map_or(1.0, Lens::aspect);
@@ -63,12 +69,15 @@ impl Viewpoint {
             None => map.plane_from_ideal(axis).map(|foot| Self {
                 foot,
                 height: distance,
-                axis,
-                focal_px: distance,
+                optics: Optics {
+                    axis,
+                    focal_px: distance,
+                },
             }),
         };
+        let sound = |x: f64| x > 0.0 && x.is_finite();
         viewpoint
-            .filter(|v| v.height > 0.0 && v.height.is_finite() && v.focal_px > 0.0 && v.focal_px.is_finite())
+            .filter(|v| sound(v.height) && sound(v.optics.focal_px))
             .ok_or_else(|| CalibrationError::Invalid {
                 name: "calibration".into(),
                 problems: vec![Problem::new(
@@ -120,8 +129,7 @@ impl Viewpoint {
         Some(Self {
             foot: PlanePoint::new(place.x, place.y),
             height: place.z.abs(),
-            axis,
-            focal_px,
+            optics: Optics { axis, focal_px },
         })
     }
 
@@ -137,6 +145,17 @@ impl Viewpoint {
                 self.foot.up + factor * (below.up - self.foot.up),
             )
         })
+    }
+}
+
+impl Optics {
+    /// Of a calibrated lens: its principal point and focal length.
+    pub(super) fn of_lens(lens: &Lens) -> Self {
+        let (fx, fy) = lens.focal_px();
+        Self {
+            axis: lens.principal_point(),
+            focal_px: (fx * fy).sqrt(),
+        }
     }
 
     /// The plane point of a ball's centre, where the centre of its outline, `outline_radius_px` wide, is seen against
@@ -156,9 +175,6 @@ impl Viewpoint {
             self.axis.v_px + part * (seen.v_px - self.axis.v_px),
         ))
     }
-}
-
-impl Viewpoint {
     /// How the outline of a ball seen at `p` is drawn out: the matrix that makes it of a circle, longer along the line from
     /// the optical axis by √(1 + (ρ/Z)²). (The lens's own distortion of small things is left out.)
     #[must_use]
@@ -240,11 +256,11 @@ mod tests {
             let at = |x: f64, y: f64| {
                 map.plane_from_pixel(PixelPoint::new(639.5 + x, 359.5 + y)).unwrap()
             };
-            let found = viewpoint.centre_of_outline(&map, at(seen.x, seen.y), across_px).unwrap();
+            let found = viewpoint.optics.centre_of_outline(&map, at(seen.x, seen.y), across_px).unwrap();
             let truth = at(u, v);
             prop_assert!((found.right - truth.right).hypot(found.up - truth.up) < 1e-4);
             // Z against √(Z² − R²): all that the stretch leaves out.
-            let stretch = viewpoint.outline_stretch(PixelPoint::new(639.5 + u, 359.5 + v)).determinant();
+            let stretch = viewpoint.optics.outline_stretch(PixelPoint::new(639.5 + u, 359.5 + v)).determinant();
             prop_assert!((along_px / across_px - stretch).abs() < (radius / depth).powi(2), "{along_px} {across_px} {stretch}");
         }
 
@@ -267,7 +283,7 @@ mod tests {
             c.distance_m = Some(distance);
             let v = c.viewpoint(1.0, SIZE).unwrap().unwrap();
             prop_assert!((v.foot.right - x).hypot(v.foot.up - y) < 1e-6 * height, "{v:?}");
-            prop_assert!((v.height / height - 1.0).abs() < 1e-6 && (v.focal_px / focal_px - 1.0).abs() < 1e-6);
+            prop_assert!((v.height / height - 1.0).abs() < 1e-6 && (v.optics.focal_px / focal_px - 1.0).abs() < 1e-6);
             // And a point above the plane is seen where the camera sees it.
             let (point, seen) = (Vector3::new(0.2, -0.1, 0.2 * height), PlanePoint::new(0.2, -0.1));
             let ray = turn * (point - camera);

@@ -2,12 +2,13 @@
 
 use super::{Status, answer, say};
 use crate::calibration::Calibration;
+use crate::detect::centre::Accuracy;
 use crate::frames;
 use crate::measure::{Measurement, Outcome, Progress, measure};
 use crate::report::overlay::Overlay;
 use crate::report::{json, table, write};
 use anyhow::Context;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 
@@ -19,12 +20,36 @@ pub struct MeasureArgs {
     /// The calibration (calib.json): scale, origin, up, frame rate, ball.
     #[arg(long)]
     pub calib: PathBuf,
+    /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
+    #[arg(long, value_name = "LEVEL", default_value = "standard")]
+    pub accuracy: AccuracyArg,
     /// Write <name>.result.json, .points.csv, .report.html and .overlay.mp4 into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print the result as one JSON document in place of the table.
     #[arg(long)]
     pub json: bool,
+}
+
+/// The levels of accuracy by name.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum AccuracyArg {
+    /// A circle through edge points: for screening.
+    Fast,
+    /// A likelihood fit of the edge.
+    Standard,
+    /// The same of every pixel, learned twice.
+    Fine,
+}
+
+impl From<AccuracyArg> for Accuracy {
+    fn from(level: AccuracyArg) -> Self {
+        match level {
+            AccuracyArg::Fast => Self::Fast,
+            AccuracyArg::Standard => Self::Standard,
+            AccuracyArg::Fine => Self::Fine,
+        }
+    }
 }
 
 /// Measures and reports.
@@ -41,6 +66,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
         &args.video,
         &calibration,
         &args.calib.display().to_string(),
+        args.accuracy.into(),
         &mut |p| {
             show(&bar, p);
         },

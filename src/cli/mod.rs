@@ -1,5 +1,7 @@
 //! The command line: a file a command; the only place that prints or draws progress.
 
+mod calibrate;
+mod fit;
 mod measure;
 mod simulate;
 
@@ -29,6 +31,10 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
+    Fit(fit::FitArgs),
     /// Renders a recording with known truth from a scene file.
     Simulate {
         /// The scene (JSON, schema track.scene/1).
@@ -72,6 +78,7 @@ enum Status {
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match (cli.command, cli.measure) {
+        (Some(Command::Fit(args)), _) => fit::run(&args),
         (
             Some(Command::Simulate {
                 scene,
@@ -90,6 +97,7 @@ pub fn run() -> ExitCode {
             });
             simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
         }
+        (Some(Command::Calibrate(args)), _) => calibrate::run(&args),
         (None, Some(args)) => measure::run(&args),
         (None, None) => Err(anyhow::anyhow!("no recording given; see track --help")),
     };

@@ -154,11 +154,40 @@ struct BlockBox {
     strength: f32,
 }
 
+/// The smallest range of columns and rows, with a margin for the closing, that holds all of `mask`.
+fn moving_part(mask: &[u8], columns: usize, rows: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+    const MARGIN: usize = 2;
+    let (mut left, mut right, mut top, mut bottom) = (columns, 0, rows, 0);
+    for (y, line) in mask.chunks_exact(columns).enumerate() {
+        if let Some(first) = line.iter().position(|&m| m != 0) {
+            let last = line.iter().rposition(|&m| m != 0).unwrap_or(first);
+            left = left.min(first);
+            right = right.max(last + 1);
+            top = top.min(y);
+            bottom = y + 1;
+        }
+    }
+    (
+        left.saturating_sub(MARGIN)..(right + MARGIN).min(columns),
+        top.saturating_sub(MARGIN)..(bottom + MARGIN).min(rows),
+    )
+}
+
+/// The connected parts of `mask`, as boxes of the whole picture.
 fn components(mask: &[u8], columns: usize, rows: usize, changes: &[f32]) -> Vec<BlockBox> {
+    let (xs, ys) = moving_part(mask, columns, rows);
+    if xs.is_empty() || ys.is_empty() {
+        return Vec::new();
+    }
+    let part: Vec<u8> = ys
+        .clone()
+        .flat_map(|y| &mask[y * columns + xs.start..y * columns + xs.end])
+        .copied()
+        .collect();
     // Closing by one block joins the parts of a ball that a stripe of background grey splits.
     let joined = || -> opencv::Result<(Mat, i32)> {
-        let flat = Mat::from_slice(mask)?;
-        let mat = flat.reshape(1, i32::try_from(rows).unwrap_or(i32::MAX))?;
+        let flat = Mat::from_slice(&part)?;
+        let mat = flat.reshape(1, i32::try_from(ys.len()).unwrap_or(i32::MAX))?;
         let kernel = imgproc::get_structuring_element(
             imgproc::MORPH_RECT,
             opencv::core::Size::new(3, 3),
@@ -196,12 +225,12 @@ fn components(mask: &[u8], columns: usize, rows: usize, changes: &[f32]) -> Vec<
     for (i, &label) in labels.iter().enumerate() {
         if label > 0 {
             let b = &mut boxes[label as usize];
-            let (x, y) = (i % columns, i / columns);
+            let (x, y) = (xs.start + i % xs.len(), ys.start + i / xs.len());
             b.left = b.left.min(x);
             b.right = b.right.max(x + 1);
             b.top = b.top.min(y);
             b.bottom = b.bottom.max(y + 1);
-            b.strength += changes[i].abs();
+            b.strength += changes[y * columns + x].abs();
         }
     }
     boxes.retain(|b| b.right > b.left && b.bottom > b.top);

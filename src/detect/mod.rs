@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! survey frames -> Background (median, noise, thresholds)
-//! each frame    -> Registration (drift, flicker) -> block changes -> blobs -> outline -> edge band -> Sighting
+//! each frame    -> Registration (drift, flicker) -> block changes -> blobs -> outline -> Sighting
 //! ```
 //!
 //! Nothing here knows which of the moving things is the ball in flight; that is [`crate::flight`]'s question.
@@ -12,10 +12,9 @@ pub mod blobs;
 pub mod centre;
 pub mod registration;
 
-use crate::frames::Frame;
+use crate::frames::{Coded, Frame};
 use background::Background;
 use blobs::Blob;
-use centre::edge_band::{self, Freedom};
 use centre::{Centre, Disc, Patch, outline};
 use registration::Registration;
 
@@ -24,6 +23,8 @@ use registration::Registration;
 pub struct Sighting {
     /// The frame in presentation order.
     pub frame: usize,
+    /// How the frame is stored.
+    pub coded: Coded,
     /// How the frame lies against the reference picture.
     pub registration: Registration,
     /// The region that differs from the background.
@@ -44,7 +45,7 @@ pub struct FrameReading {
 }
 
 /// Least part of the rays that agree on a circle before its edge is worth refining.
-const LEAST_AGREEMENT: f64 = 0.45;
+pub const LEAST_AGREEMENT: f64 = 0.45;
 
 /// Looks at one frame after the other.
 #[derive(Debug)]
@@ -87,6 +88,7 @@ impl Detector {
                 let centre = self.first_centre(&blob, &registration);
                 Sighting {
                     frame: frame.index,
+                    coded: frame.coded,
                     registration,
                     blob,
                     centre,
@@ -113,6 +115,7 @@ impl Detector {
             crop,
             background: blobs::background_of(&self.background, registration, crop),
             noise_grey: self.background.noise_grey,
+            drawn_out: None,
         }
     }
 
@@ -133,41 +136,6 @@ impl Detector {
             .filter(alike)
             .or_else(|| Some(rough(blob, oval, LEAST_AGREEMENT)))
     }
-
-    /// A centre near `start`, whose radius, sweep and blur are known.
-    #[must_use]
-    pub fn guided_centre(
-        &self,
-        crop: &blobs::Crop,
-        registration: &Registration,
-        start: &Disc,
-        freedom: Freedom,
-    ) -> Option<Centre> {
-        edge_band::refine(&self.patch(crop, registration), start, freedom).or_else(|| {
-            self.outlined_centre(crop, registration, start, freedom)
-                .filter(|c| c.disc.centre.distance_px(start.centre) < 0.5 * start.radius_px)
-        })
-    }
-
-    /// A centre wherever around `start` the crop holds an outline of its radius.
-    #[must_use]
-    pub fn outlined_centre(
-        &self,
-        crop: &blobs::Crop,
-        registration: &Registration,
-        start: &Disc,
-        freedom: Freedom,
-    ) -> Option<Centre> {
-        let patch = self.patch(crop, registration);
-        let found = outline::find(&patch, start.centre, Some(start.radius_px))?;
-        let disc = Disc {
-            centre: found.disc.centre,
-            ..*start
-        };
-        (found.agreement >= LEAST_AGREEMENT)
-            .then(|| edge_band::refine(&patch, &disc, freedom))
-            .flatten()
-    }
 }
 
 /// A first centre is known to about this part of the radius, and not better than to some tenths of a pixel.
@@ -179,8 +147,6 @@ fn rough(blob: &Blob, disc: Disc, agreement: f64) -> Centre {
     Centre {
         disc,
         covariance_px2: [[std_px * std_px, 0.0], [0.0, std_px * std_px]],
-        radius_std_px: None,
-        blur_px: edge_band::USUAL_BLUR_PX,
         outline_used: agreement,
         residual_grey: 0.0,
         contrast_grey: blob.contrast_grey,

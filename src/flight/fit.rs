@@ -171,6 +171,25 @@ impl ArcFit {
         })
     }
 
+    /// How the parameters follow, to first order, when each of the fit's `points` moves by its shift along r and h (plane
+    /// units). `None` where these points do not determine them.
+    #[must_use]
+    pub fn response(&self, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
+        if let Forces::Overhead(known) = &self.forces {
+            return overhead::fit::response(points, self.arcs(), known, &self.parameters, shifts);
+        }
+        // What was held has no variance.
+        let held = [GRAVITY, DRAG].map(|i| self.covariance[(i, i)] == 0.0);
+        let (matrix, mut right) = system(points, &self.times, &self.parameters, self.forces, held);
+        right.fill(0.0);
+        for (i, (p, (dr, dh))) in points.iter().zip(shifts).enumerate() {
+            let w = p.sample.weight.sqrt();
+            right[2 * i] = w * dr;
+            right[2 * i + 1] = w * dh;
+        }
+        solve(&matrix, &right).map(|(change, _)| change)
+    }
+
     /// Number of arcs.
     #[must_use]
     pub fn arcs(&self) -> usize {
@@ -235,6 +254,18 @@ impl ArcFit {
         }
     }
 
+    /// How many times larger than in the calibrated plane the ball is seen on arc `k` at time `t`: 1 where the camera is not
+    /// above. With its height ζ and radius c, both over the camera's height, 1/√((1 − ζ)² − c²).
+    #[must_use]
+    pub fn magnification(&self, k: usize, t: f64) -> f64 {
+        let Forces::Overhead(known) = &self.forces else {
+            return 1.0;
+        };
+        let contact = known.contact.unwrap_or(0.0);
+        let left = 1.0 - self.nearness(k, t);
+        (1.0 / (left * left - contact * contact).max(0.0).sqrt()).min(MOST_MAGNIFIED)
+    }
+
     /// The point of the calibrated plane that a ball seen against `place` is at (of a camera above: over), on arc `k` at
     /// time `t`.
     #[must_use]
@@ -250,6 +281,9 @@ impl ArcFit {
         )
     }
 }
+
+/// A ball seen this many times larger fills any picture: what is nearer the camera is another thing.
+const MOST_MAGNIFIED: f64 = 20.0;
 
 /// Factor on a covariance for errors that last from point to point (a codec's, a lamp's): (1 + ρ)/(1 − ρ) with ρ the
 /// correlation of successive residuals of one arc; 1 where it does not show.
@@ -269,13 +303,17 @@ pub(super) fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 
         return 1.0;
     }
     // Chance alone gives 1/√pairs; the fit itself takes a little correlation away.
-    let rho = (product / square).clamp(0.0, 0.8);
+    let rho = (product / square).clamp(0.0, MOST_PERSISTENT);
     if rho < 1.0 / f64::sqrt(pairs) {
         1.0
     } else {
         (1.0 + rho) / (1.0 - rho)
     }
 }
+
+/// A path that is no parabola (perspective, a drifting camera) leaves residuals that hang together over a whole arc; at
+/// this correlation some 60 points count for one.
+const MOST_PERSISTENT: f64 = 0.97;
 
 /// Mean time of each arc's points; `None` when one has fewer than two.
 pub(super) fn mean_times(points: &[FitPoint], arcs: usize) -> Option<Vec<f64>> {

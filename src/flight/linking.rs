@@ -3,6 +3,7 @@
 //! Greedy nearest neighbour to a constant-velocity prediction. An impact breaks the prediction, so a second, wider
 //! look around the last place follows it; whether a track flies freely is not asked here.
 
+use crate::frames::Coded;
 use crate::geometry::PlanePoint;
 
 /// A round thing in one frame, in the plane of motion.
@@ -16,8 +17,10 @@ pub struct Spot {
     pub time_s: f64,
     /// Centre, plane units.
     pub place: PlanePoint,
-    /// Standard uncertainty of each coordinate, plane units.
+    /// Standard uncertainty of each coordinate by the frame's own pixels, plane units.
     pub std: f64,
+    /// How the frame is stored: what the codec adds to the uncertainty differs.
+    pub coded: Coded,
     /// Radius, plane units.
     pub radius: f64,
     /// Brightness over the background, grey levels.
@@ -136,6 +139,7 @@ mod tests {
             time_s: frame as f64 / 100.0,
             place: PlanePoint::new(right, up),
             std: 0.05,
+            coded: Coded::Whole,
             radius: 10.0,
             contrast_grey: 80.0,
         }

@@ -14,11 +14,13 @@ pub mod fit;
 pub mod linking;
 pub mod overhead;
 pub mod repeats;
+pub mod scatter;
 pub mod segment;
 
 use crate::quantity;
 use fit::{ArcFit, FitPoint, Forces, meeting};
 use linking::{Spot, Track};
+use scatter::{Distance, Extra};
 use segment::{Fall, Sample, own_fall};
 
 /// The flight found.
@@ -28,6 +30,8 @@ pub struct Flight {
     pub points: Vec<FlightPoint>,
     /// The fitted arcs.
     pub fit: ArcFit,
+    /// What centres scatter by beyond their own uncertainty.
+    pub extra: Extra,
     /// First and last time of a used point of each arc, s.
     pub spans: Vec<(f64, f64)>,
     /// Between arcs k and k + 1: the impact, or `None` where they do not meet (a catch, a gap too long).
@@ -304,8 +308,39 @@ fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, forces
     whole
 }
 
-/// Cuts the track with the fall known, joins arcs that are one flight, fits, sets points aside, finds impacts.
+/// The flight along the track, from a first idea of the fall: where the arcs then show another fall, they are cut again
+/// with that.
 fn build(spots: &[Spot], track: &Track, gravity: f64, forces: Forces, interval_s: f64) -> Option<Flight> {
+    let mut flight = cut_and_fit(spots, track, gravity, forces, interval_s)?;
+    let mut known = gravity;
+    for _ in 0..FALL_ROUNDS {
+        let shown = flight.fit.gravity();
+        if (shown - known).abs() <= SAME_FALL * known.abs() {
+            break;
+        }
+        known = shown;
+        match cut_and_fit(spots, track, known, forces, interval_s) {
+            Some(again) if again.used() >= flight.used() => flight = again,
+            _ => break,
+        }
+    }
+    Some(flight)
+}
+
+/// Falls that differ by less than this part cut a track alike: half a second of fall, 1.2 m, then ends within 2 mm.
+const SAME_FALL: f64 = 0.002;
+
+/// Times that a track is cut again.
+const FALL_ROUNDS: usize = 4;
+
+/// Cuts the track with the fall known, joins arcs that are one flight, fits, sets points aside, finds impacts.
+fn cut_and_fit(
+    spots: &[Spot],
+    track: &Track,
+    gravity: f64,
+    forces: Forces,
+    interval_s: f64,
+) -> Option<Flight> {
     let falls = forces.falls();
     let sigma = segment_sigma(spots, track, forces);
     if let Forces::Overhead(known) = forces {
@@ -432,6 +467,24 @@ impl Flight {
         (from, to)
     }
 
+    /// Standard uncertainty of a spot's coordinates with what such frames scatter by, plane units.
+    #[must_use]
+    pub fn std(&self, spot: &Spot) -> f64 {
+        variance(spot, &self.extra).sqrt()
+    }
+
+    /// How many times more the used centres scatter than their own pixels tell.
+    #[must_use]
+    pub fn excess(&self) -> f64 {
+        let mut ratios: Vec<f64> = self
+            .points
+            .iter()
+            .filter(|p| matches!(p.use_, SpotUse::Used(_)))
+            .map(|p| self.std(&p.spot) / p.spot.std)
+            .collect();
+        median(&mut ratios).max(1.0)
+    }
+
     /// Number of points in use.
     #[must_use]
     pub fn used(&self) -> usize {
@@ -507,6 +560,9 @@ const LEAST_JUMP: f64 = 0.25;
 /// Parts of one flight miss each other by no more than this many standard deviations, and a part of their way (drag).
 const MOST_APART_SIGMAS: f64 = 6.0;
 
+/// Points on each side of a seam that tell what happens there.
+const SEAM_POINTS: usize = 12;
+
 /// Way covered by the shorter of two stretches.
 fn shorter_way(a: &[Sample], b: &[Sample]) -> f64 {
     let way = |s: &[Sample]| (s[s.len() - 1].h - s[0].h).hypot(s[s.len() - 1].r - s[0].r);
@@ -515,6 +571,11 @@ fn shorter_way(a: &[Sample], b: &[Sample]) -> f64 {
 
 /// Whether the velocities of two neighbouring stretches differ as by an impact where they meet.
 fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
+    // Near the seam: over a long stretch drag or perspective would pass for a jump.
+    let (a, b) = (
+        &a[a.len().saturating_sub(SEAM_POINTS)..],
+        &b[..b.len().min(SEAM_POINTS)],
+    );
     let (Some(end), Some(start)) = (a.last(), b.first()) else {
         return false;
     };
@@ -592,19 +653,19 @@ fn longest_chain(
         .unwrap_or_default()
 }
 
-/// Fits, sets aside what does not fit, and fits again until nothing changes.
+/// Fits, sets aside what does not fit, and fits again until nothing changes; with what centres scatter by beyond their
+/// own uncertainty.
 fn fit_and_set_aside(
     spots: &[Spot],
     track: &Track,
     uses: &mut [SpotUse],
     arcs: usize,
     forces: Forces,
-) -> Option<ArcFit> {
-    let mut fit = None;
+) -> Option<(ArcFit, Extra)> {
+    let mut extra = Extra::default();
     for _ in 0..12 {
-        let points = fit_points(spots, track, uses);
-        let now = ArcFit::new(&points, arcs, forces)?;
-        let scale = robust_excess(spots, track, uses, &now).max(1.0);
+        let now = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+        extra = Extra::robust(&distances(spots, track, uses, &now, &extra));
         let mut changed = false;
         for (i, &s) in track.iter().enumerate() {
             let spot = &spots[s];
@@ -618,7 +679,7 @@ fn fit_and_set_aside(
             };
             let m = now.motion(k, spot.time_s);
             let off = (spot.place.right - m.r).hypot(spot.place.up - m.h);
-            let verdict = if off > OFF_SIGMAS * scale * spot.std * std::f64::consts::SQRT_2 {
+            let verdict = if off > OFF_SIGMAS * (2.0 * variance(spot, &extra)).sqrt() {
                 SpotUse::Off(off)
             } else {
                 SpotUse::Used(k)
@@ -626,13 +687,48 @@ fn fit_and_set_aside(
             changed |= matches!(verdict, SpotUse::Used(_)) != matches!(uses[i], SpotUse::Used(_));
             uses[i] = verdict;
         }
-        fit = Some(now);
         if !changed {
             break;
         }
     }
-    // The last verdicts enter.
-    ArcFit::new(&fit_points(spots, track, uses), arcs, forces).or(fit)
+    // The last verdicts enter, and what is left tells its own scatter.
+    let mut fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+    for _ in 0..4 {
+        extra = Extra::efficient(&distances(spots, track, uses, &fit, &extra));
+        fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+    }
+    Some((fit, extra))
+}
+
+/// Variance of a coordinate of a spot, plane units².
+fn variance(spot: &Spot, extra: &Extra) -> f64 {
+    spot.std * spot.std + extra.of(spot.coded)
+}
+
+/// The used points' distances to their arcs. An arc of n points with weights w follows each by about 2 w/Σw (two
+/// unknowns a coordinate).
+fn distances(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &Extra) -> Vec<Distance> {
+    let used = || {
+        track.iter().zip(uses).filter_map(|(&i, u)| match u {
+            SpotUse::Used(k) => Some((&spots[i], *k)),
+            _ => None,
+        })
+    };
+    let mut weights = vec![0.0; fit.arcs()];
+    for (s, k) in used() {
+        weights[k] += 1.0 / variance(s, extra);
+    }
+    used()
+        .map(|(s, k)| {
+            let m = fit.motion(k, s.time_s);
+            Distance {
+                square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
+                own: s.std * s.std,
+                coded: s.coded,
+                leverage: (2.0 / (variance(s, extra) * weights[k])).min(0.9),
+            }
+        })
+        .collect()
 }
 
 /// The arc of the nearest used point before or after.
@@ -650,45 +746,38 @@ fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
 }
 
 /// A spot as a sample for the fit.
-fn sample_of(spot: &Spot) -> Sample {
+fn sample_of(spot: &Spot, extra: &Extra) -> Sample {
     Sample {
         t: spot.time_s,
         r: spot.place.right,
         h: spot.place.up,
-        weight: 1.0 / (spot.std * spot.std),
+        weight: 1.0 / variance(spot, extra),
         near: 0.0,
         near_weight: 0.0,
     }
 }
 
-fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse]) -> Vec<FitPoint> {
+fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &Extra) -> Vec<FitPoint> {
     track
         .iter()
         .zip(uses)
         .filter_map(|(&i, u)| match u {
             SpotUse::Used(arc) => Some(FitPoint {
                 arc: *arc,
-                sample: sample_of(&spots[i]),
+                sample: sample_of(&spots[i], extra),
             }),
             _ => None,
         })
         .collect()
 }
 
-/// Robust residual over stated uncertainty: 1.4826 × median of |residual| of both coordinates.
-fn robust_excess(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit) -> f64 {
-    let mut pulls = Vec::new();
-    for (&i, u) in track.iter().zip(uses) {
-        if let SpotUse::Used(k) = u {
-            let m = fit.motion(*k, spots[i].time_s);
-            pulls.push((spots[i].place.right - m.r).abs() / spots[i].std);
-            pulls.push((spots[i].place.up - m.h).abs() / spots[i].std);
-        }
-    }
-    1.4826 * median(&mut pulls)
-}
-
-fn finish(spots: &[Spot], track: &Track, mut uses: Vec<SpotUse>, fit: ArcFit, interval_s: f64) -> Flight {
+fn finish(
+    spots: &[Spot],
+    track: &Track,
+    mut uses: Vec<SpotUse>,
+    (fit, extra): (ArcFit, Extra),
+    interval_s: f64,
+) -> Flight {
     let mut spans = vec![(f64::INFINITY, f64::NEG_INFINITY); fit.arcs()];
     for (&i, u) in track.iter().zip(&uses) {
         if let SpotUse::Used(k) = u {
@@ -713,6 +802,7 @@ fn finish(spots: &[Spot], track: &Track, mut uses: Vec<SpotUse>, fit: ArcFit, in
     Flight {
         points,
         fit,
+        extra,
         spans,
         impacts,
         interval_s,
@@ -736,7 +826,11 @@ fn impact_between(fit: &ArcFit, spans: &[(f64, f64)], a: usize, b: usize, interv
     let (before, after) = (m.vr.hypot(m.vh), n.vr.hypot(n.vh));
     let noise = gap / interval_s;
     let loses = after * after <= MOST_ENERGY_GAIN * (before + noise) * (before + noise);
-    (in_between && close && loses).then_some(t)
+    // A floor gives back no more of the fall than there was: what rises faster is another thing (a shadow, a reflection)
+    // that met the ball there.
+    let falls = m.vh < 0.0 && n.vh > 0.0 && n.vh - m.vh > (n.vr - m.vr).abs();
+    let rises_less = !falls || n.vh * n.vh <= MOST_ENERGY_GAIN * (m.vh.abs() + noise).powi(2);
+    (in_between && close && loses && rises_less).then_some(t)
 }
 
 #[cfg(test)]

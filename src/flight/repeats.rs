@@ -101,6 +101,7 @@ mod tests {
             let t = (frame / fold) as f64 / 30.0;
             let up = (400.0 - 3000.0 * (t % 0.8 - 0.4).powi(2)).max(0.0);
             spots.push(Spot {
+                coded: crate::frames::Coded::Whole,
                 id: frame,
                 frame,
                 time_s: frame as f64 / 30.0 / fold as f64,

@@ -45,6 +45,7 @@ fn scene(frames: usize, vx: f64, sigma: f64, hand: bool) -> Vec<Spot> {
             v *= 0.8;
         }
         let mut place = |r: f64, u: f64, id: usize| Spot {
+            coded: crate::frames::Coded::Whole,
             id,
             frame,
             time_s: t,

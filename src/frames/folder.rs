@@ -8,7 +8,7 @@ use super::av::{AvError, Decoder, Packet, Picture};
 use super::error::FrameError;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
 use super::video::{FrameSource, Timed, checked_size, count, ffmpeg, turn};
-use super::{Frame, Luma, Note, SourceInfo, StreamHealth};
+use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
 use std::ffi::{CStr, OsStr};
 use std::fs;
 use std::io;
@@ -38,24 +38,7 @@ pub(super) struct Listing {
 impl Listing {
     /// Lists the images of `folder` by the last number in their names.
     pub(super) fn of(folder: &Path) -> Result<Self, FrameError> {
-        let io = |source| FrameError::Io {
-            path: folder.to_owned(),
-            source,
-        };
-        let mut paths = Vec::new();
-        for entry in fs::read_dir(folder).map_err(io)? {
-            let path = entry.map_err(io)?.path();
-            if is_image(&path) {
-                paths.push(path);
-            }
-        }
-        if paths.is_empty() {
-            return Err(FrameError::NoImages {
-                path: folder.to_owned(),
-                accepted: EXTENSIONS.join(", "),
-            });
-        }
-        paths.sort();
+        let paths = pictures_in(folder)?;
         let mut notes = Vec::new();
         let images = numbered(folder, paths, &mut notes)?;
         let expected = expected(&images, &mut notes);
@@ -84,6 +67,7 @@ impl Listing {
             index,
             time_s: self.time(index),
             luma,
+            coded: Coded::Whole,
         })
     }
 
@@ -91,6 +75,59 @@ impl Listing {
         let periods = self.images[index].number - self.images[0].number;
         count(usize::try_from(periods).unwrap_or(usize::MAX))
     }
+}
+
+/// A single picture, upright.
+///
+/// # Errors
+/// A file that is missing, empty, or no image.
+pub fn open_picture(path: &Path) -> Result<Luma, FrameError> {
+    let image = Numbered {
+        number: 0,
+        path: path.to_owned(),
+    };
+    if !path.exists() {
+        return Err(FrameError::Missing {
+            path: path.to_owned(),
+        });
+    }
+    let (_, luma) = decoded(&image, |picture| {
+        let mut reader = PixelReader::upright(turn(picture.display_matrix(), &mut Vec::new()));
+        Luma::read(&mut reader, picture, None)
+    })?;
+    Ok(luma)
+}
+
+/// Whether a file is an image by its name, as [`open_picture`] reads it.
+#[must_use]
+pub fn is_picture(path: &Path) -> bool {
+    is_image(path)
+}
+
+/// The images of a folder by name, whether they have numbers or not.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, FrameError> {
+    let io = |source| FrameError::Io {
+        path: folder.to_owned(),
+        source,
+    };
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        if is_image(&path) {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    if paths.is_empty() {
+        return Err(FrameError::NoImages {
+            path: folder.to_owned(),
+            accepted: EXTENSIONS.join(", "),
+        });
+    }
+    Ok(paths)
 }
 
 fn is_image(path: &Path) -> bool {
@@ -309,6 +346,7 @@ impl<P: Pixels> FolderReader<P> {
             index,
             time_s: self.listing.time(index),
             pixels,
+            coded: Coded::Whole,
         }))
     }
 

@@ -30,6 +30,7 @@ pub mod video;
 
 pub use encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
 pub use error::FrameError;
+pub use folder::{is_picture, open_picture, pictures_in};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
 pub use survey::open_sparse;
@@ -111,6 +112,20 @@ impl Yuv420 {
     }
 }
 
+/// How a frame is stored. A frame that is predicted from others holds what the encoder thought worth adding to the
+/// prediction, so that a ball in it is a little where it was expected: more so in one that is interpolated between
+/// two others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Coded {
+    /// By itself, or losslessly, or it is not known how.
+    #[default]
+    Whole,
+    /// From a frame before (a P frame).
+    Predicted,
+    /// From frames before and behind (a B frame).
+    Interpolated,
+}
+
 /// A decoded frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
@@ -120,6 +135,8 @@ pub struct Frame {
     pub time_s: f64,
     /// The luma plane, turned upright by the file's rotation tag.
     pub luma: Luma,
+    /// How the file stores it.
+    pub coded: Coded,
 }
 
 /// The code values that mean black and white.
@@ -129,6 +146,23 @@ pub struct LumaRange {
     pub black: u8,
     /// Code value of white: 255 (full range) or 235 (limited).
     pub white: u8,
+}
+
+impl LumaRange {
+    /// A picture with black..white stretched to 0..=255, for people.
+    #[must_use]
+    pub fn stretched(self, luma: &Luma) -> Luma {
+        let (black, white) = (f64::from(self.black), f64::from(self.white));
+        let stretch = |&value: &u8| {
+            let part = (f64::from(value) - black) / (white - black);
+            (255.0 * part).round().clamp(0.0, 255.0) as u8
+        };
+        Luma {
+            width: luma.width,
+            height: luma.height,
+            data: luma.data.iter().map(stretch).collect(),
+        }
+    }
 }
 
 /// What is known of a recording before its first frame.

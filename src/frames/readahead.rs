@@ -132,7 +132,7 @@ fn thread_error(path: &std::path::Path, message: String) -> FrameError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::{Luma, LumaRange};
+    use crate::frames::{Coded, Luma, LumaRange};
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -188,6 +188,7 @@ mod tests {
                     index,
                     time_s: index as f64,
                     luma,
+                    coded: Coded::Whole,
                 }))
             } else if self.fails {
                 Err(FrameError::Empty { path: "fake".into() })

@@ -125,6 +125,7 @@ fn copy(
         index,
         time_s,
         pixels: mut picture,
+        ..
     }) = next(used.take())?
     {
         crop(&mut picture, width, height);

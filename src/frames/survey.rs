@@ -4,7 +4,7 @@ use super::error::FrameError;
 use super::folder::Listing;
 use super::pixels::{PixelReader, Pixels};
 use super::video::{PictureStream, checked_size, count, ffmpeg, no_frames, open_input, orientation};
-use super::{Frame, Luma};
+use super::{Coded, Frame, Luma};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -78,6 +78,7 @@ fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameEr
                 index,
                 time_s: collector.time(stamp),
                 luma,
+                coded: Coded::Whole,
             });
         }
     }
@@ -121,7 +122,12 @@ fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
                 .stamp()
                 .map_or(count(index), |s| collector.time(s));
             if let Some(luma) = collector.luma()? {
-                kept.add(Frame { index, time_s, luma });
+                kept.add(Frame {
+                    index,
+                    time_s,
+                    luma,
+                    coded: Coded::Whole,
+                });
             }
         }
         index += 1;
@@ -253,6 +259,7 @@ mod tests {
                         index,
                         time_s: 0.0,
                         luma,
+                        coded: Coded::Whole,
                     });
                 }
                 assert!(kept.kept.len() < 2 * at_most.max(2));

@@ -10,7 +10,7 @@ use super::error::FrameError;
 use super::folder::FolderReader;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
 use super::stamps::Clock;
-use super::{Frame, Luma, Note, SourceInfo, StreamHealth};
+use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -58,6 +58,7 @@ pub(super) struct Timed<P> {
     pub index: usize,
     pub time_s: f64,
     pub pixels: P,
+    pub coded: Coded,
 }
 
 /// Reads a video file as pictures of kind `P`.
@@ -66,7 +67,7 @@ pub(super) struct VideoReader<P> {
     facts: StreamFacts,
     stream: PictureStream,
     reader: PixelReader,
-    clock: Clock<P>,
+    clock: Clock<(P, Coded)>,
     spare: Vec<P>,
     /// Columns and rows as stored.
     size: (usize, usize),
@@ -129,7 +130,7 @@ impl<P: Pixels> VideoReader<P> {
     /// The next picture with its time.
     pub(super) fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
         loop {
-            if let Some((time_s, pixels)) = self.clock.pop() {
+            if let Some((time_s, (pixels, coded))) = self.clock.pop() {
                 let index = self.given;
                 self.given += 1;
                 let time_s = if self.facts.has_stamps {
@@ -141,6 +142,7 @@ impl<P: Pixels> VideoReader<P> {
                     index,
                     time_s,
                     pixels,
+                    coded,
                 }));
             }
             if self.ended {
@@ -181,7 +183,7 @@ impl<P: Pixels> VideoReader<P> {
         self.damaged_frames += u64::from(picture.is_damaged());
         let pixels = P::read(&mut self.reader, picture, self.spare.pop())
             .map_err(|e| ffmpeg(&self.info.path, "convert a frame to grey", e))?;
-        self.clock.push(picture.stamp(), pixels);
+        self.clock.push(picture.stamp(), (pixels, picture.coded()));
         self.stream.picture.clear();
         Ok(())
     }
@@ -277,6 +279,7 @@ impl Timed<Luma> {
             index: self.index,
             time_s: self.time_s,
             luma: self.pixels,
+            coded: self.coded,
         }
     }
 }

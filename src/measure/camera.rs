@@ -3,13 +3,14 @@
 
 use super::{Work, refine};
 use crate::bounce::impacts::AIR_DENSITY_KG_M3;
-use crate::calibration::{ScaleEvidence, View, Viewpoint};
+use crate::calibration::{Optics, ScaleEvidence, View, Viewpoint};
 use crate::detect::centre::Centre;
 use crate::flight::fit::Forces;
 use crate::flight::linking::Spot;
 use crate::flight::overhead::Overhead;
 use crate::flight::{Flight, FlightPoint, SpotUse};
 use crate::geometry::{PixelPoint, PlanePoint};
+use crate::quantity::Quantity;
 
 /// Drag coefficient of a smooth sphere between Reynolds numbers of 1e3 and 2e5 (Clift, Grace and Weber 1978), where
 /// balls of 1 to 10 cm at 0.5 to 20 m/s are.
@@ -41,13 +42,20 @@ impl Work<'_> {
             .flatten()
     }
 
+    /// The camera's angles, as far as `metres_per_unit` tells them.
+    pub(super) fn optics_at(&self, metres_per_unit: Option<Quantity>) -> Option<Optics> {
+        let info = &self.seen.info;
+        let size = (info.width_px, info.height_px);
+        self.calibration.optics(metres_per_unit.map(|q| q.value), size)
+    }
+
     /// The spot of a centre: the ball's centre, which is not that of its outline where the camera is near.
     pub(super) fn spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
         let s = &self.seen.sightings[id];
         let spot = refine::spot(&self.map, s, centre, id, self.base.times_s[s.frame])?;
         let place = self
-            .camera
-            .and_then(|v| v.centre_of_outline(&self.map, spot.place, centre.disc.radius_px))
+            .optics
+            .and_then(|o| o.centre_of_outline(&self.map, spot.place, centre.disc.radius_px))
             .unwrap_or(spot.place);
         Some(Spot { place, ..spot })
     }
@@ -100,7 +108,7 @@ impl Work<'_> {
 
     /// The image of the ball's centre in its frame, where that is not the centre of its outline.
     pub(super) fn centre_px(&self, p: &FlightPoint) -> Option<PixelPoint> {
-        self.camera?;
+        self.optics?;
         let reference = self.map.pixel_from_plane(p.spot.place)?;
         let s = &self.seen.sightings[p.spot.id];
         Some(s.registration.frame_from_reference(reference))

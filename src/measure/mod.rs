@@ -4,21 +4,19 @@
 //! bounces → readings → warnings → drawing.
 
 mod camera;
+mod doubt;
 mod drawing;
-mod nearing;
 mod observe;
 mod refine;
 mod result;
-mod unstretch;
 mod warn;
 
 pub use result::*;
 
 use crate::bounce::impacts::{ImpactKind, Scene};
 use crate::bounce::reading;
-use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence, Viewpoint};
-use crate::detect::centre::Centre;
-use crate::detect::centre::edge_band::Effort;
+use crate::calibration::{Calibration, CalibrationError, Optics, Rectification, ScaleEvidence};
+use crate::detect::centre::{Accuracy, Centre};
 use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight, SpotUse};
@@ -90,7 +88,13 @@ pub enum MeasureError {
 }
 
 /// Name of the centre method.
-const METHOD: &str = "edge-band likelihood";
+fn method_name(accuracy: Accuracy) -> &'static str {
+    match accuracy {
+        Accuracy::Fast => "fast: circle through edge points",
+        Accuracy::Standard => "standard: likelihood of the edge, learned appearance",
+        Accuracy::Fine => "fine: likelihood of every edge pixel, learned appearance",
+    }
+}
 
 /// Part of the first look's points that must be found again for the second look to count.
 const KEPT_PART: f64 = 0.75;
@@ -114,6 +118,7 @@ pub fn measure(
     video: &Path,
     calibration: &Calibration,
     calibration_name: &str,
+    accuracy: Accuracy,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Measurement, MeasureError> {
     let misfit = |source| MeasureError::Calibration {
@@ -131,7 +136,7 @@ pub fn measure(
         });
     }
     progress(Progress::Fit);
-    let mut work = Work::new(video, calibration, map, seen);
+    let mut work = Work::new(video, calibration, map, seen, accuracy);
     match work.find_flight() {
         Ok(flight) => work.measured(&flight).map_err(misfit),
         Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, calibration))),
@@ -166,34 +171,42 @@ fn check_before_work(
 struct Work<'a> {
     video: &'a Path,
     calibration: &'a Calibration,
+    accuracy: Accuracy,
     map: Rectification,
     seen: Observation,
     repeats: Vec<bool>,
     base: TimeBase,
     found: Vec<Found>,
     shared: Option<Shared>,
-    /// The camera over the plane, where its distance and the scale are known.
-    camera: Option<Viewpoint>,
+    /// The camera's angles, where its lens, or its distance and the scale are known.
+    optics: Option<Optics>,
     warnings: Vec<Warning>,
 }
 
 impl<'a> Work<'a> {
-    fn new(video: &'a Path, calibration: &'a Calibration, map: Rectification, seen: Observation) -> Self {
+    fn new(
+        video: &'a Path,
+        calibration: &'a Calibration,
+        map: Rectification,
+        seen: Observation,
+        accuracy: Accuracy,
+    ) -> Self {
         let mut work = Self {
             video,
             calibration,
+            accuracy,
             map,
             repeats: vec![false; seen.stamps_s.len()],
             base: TimeBase::new(&seen.stamps_s, &[], calibration.frame_rate_hz),
             seen,
             found: Vec::new(),
             shared: None,
-            camera: None,
+            optics: None,
             warnings: Vec::new(),
         };
         // A scale that rests on the recording itself has to wait for the ball.
         let scale = calibration.metres_per_unit(&ScaleEvidence::default());
-        work.camera = scale.ok().and_then(|s| work.viewpoint(s.value));
+        work.optics = work.optics_at(scale.ok());
         let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
         work.repeats = repeats.frames;
         work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
@@ -243,38 +256,59 @@ impl<'a> Work<'a> {
                 });
             }
         }
-        let first = flight;
+        let first_found = self.found.clone();
+        match self.refined(&flight, self.accuracy) {
+            // A ball that looks too different from frame to frame has no one appearance: its outline has to do.
+            Err(_) if self.accuracy != Accuracy::Fast => {
+                self.found.clone_from(&first_found);
+                self.refined(&flight, Accuracy::Fast)
+            }
+            done => done,
+        }
+    }
+
+    fn scenery(&self) -> refine::Scenery<'_> {
+        refine::Scenery {
+            seen: &self.seen,
+            map: &self.map,
+            optics: self.optics,
+        }
+    }
+
+    fn frames(&self) -> refine::Frames<'_> {
+        refine::Frames {
+            times_s: &self.base.times_s,
+            skip: &self.repeats,
+        }
+    }
+
+    /// The flight once more with centres by the method of `accuracy`: first where the first flight leads, then where
+    /// the better arcs do.
+    fn refined(&mut self, first: &Flight, accuracy: Accuracy) -> Result<Flight, NoFlight> {
         let mut flight = first.clone();
-        // The second round starts from better arcs: points near an impact are found that the first had missed.
-        for effort in [Effort::Look, Effort::Measure] {
-            let above = matches!(forces, Forces::Overhead(_));
-            let view = nearing::View {
-                seen: &self.seen,
-                map: &self.map,
-                camera: self.camera,
-            };
-            let shared = refine::shared(&self.seen, &self.found, &flight, &self.map);
-            let Some(shared) = (match shared {
-                Some(first) if above => nearing::shared(&view, &flight, first, &self.found),
-                shared => shared,
-            }) else {
+        let above = matches!(first.fit.forces, Forces::Overhead(_));
+        self.shared = None;
+        for round in 0..2 {
+            // Seen from above, a better flight is a better size of the ball in every frame.
+            let again = accuracy == Accuracy::Fine || above;
+            let learned = self.shared.clone().filter(|_| !again);
+            let scenery = self.scenery();
+            let learn = || refine::shared(&scenery, &self.found, &flight, accuracy);
+            let Some(shared) = learned.or_else(learn) else {
                 break;
             };
-            let (times_s, skip) = (&self.base.times_s, &self.repeats);
-            let found = if above {
-                nearing::centres(&view, &flight, &shared, times_s, skip, effort)
-            } else {
-                refine::centres(&self.seen, &flight, &self.map, &shared, times_s, skip, effort)
-            };
+            // What was found with the same appearance stays; a new one is a new measurement.
+            let known: &[Found] = if round > 0 && !again { &self.found } else { &[] };
+            let found = refine::centres(&scenery, &flight, &shared, &self.frames(), known, accuracy);
             let scale = self.metres_per_unit(&flight, Some(shared.radius_px)).ok();
-            self.camera = scale.and_then(|s| self.viewpoint(s.value));
+            self.optics = self.optics_at(scale);
             let forces = self.forces(&flight, &shared);
             match flight::again(&self.spots_of(&found), &flight, forces) {
                 Some(better) if better.used() as f64 >= KEPT_PART * first.used() as f64 => {
                     (flight, self.found) = if above {
                         (better, found)
                     } else {
-                        self.extended(better, found, &shared, forces)
+                        self.extended(better, found, &shared, forces, accuracy)
                     };
                     self.shared = Some(shared);
                 }
@@ -304,17 +338,18 @@ impl<'a> Work<'a> {
         mut found: Vec<Found>,
         shared: &Shared,
         forces: Forces,
+        accuracy: Accuracy,
     ) -> (Flight, Vec<Found>) {
         let (from, to) = flight.time_span();
         let within = |t: f64| t >= from && t <= to;
         let times_s = &self.base.times_s;
         found.retain(|f| within(times_s[self.seen.sightings[f.sighting].frame]));
         found.extend(refine::of_that_size(
-            &self.seen,
+            &self.scenery(),
             &flight,
             shared,
-            times_s,
-            &self.repeats,
+            &self.frames(),
+            accuracy,
             within,
         ));
         found.sort_by_key(|f| f.sighting);
@@ -351,7 +386,7 @@ impl<'a> Work<'a> {
             let mut radii: Vec<f64> = self.found.iter().map(|f| f.centre.disc.radius_px).collect();
             Quantity::undetermined(median(&mut radii)?)
         };
-        self.shared.map(|s| s.radius_px).or_else(outlines)
+        self.shared.as_ref().map(|s| s.radius_px).or_else(outlines)
     }
 
     /// Metres a plane unit, from whatever scale the calibration names.
@@ -380,6 +415,7 @@ impl<'a> Work<'a> {
 
     fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
         let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
+        let flight = &doubt::widened(flight, self.calibration, &self.map);
         let first = match flight.fit.forces {
             Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
             _ => flight.points.first(),
@@ -411,10 +447,13 @@ impl<'a> Work<'a> {
             radius_m,
             radius_units: self.radius_px().map(|r| r.value * self.units_per_px()),
             walls,
+            impossible: scene.impossible(&bounces),
             x0_missing: distances.x0_m.is_none(),
             interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
         };
         self.warnings.extend(warn::measured(&judged));
+        self.warnings
+            .extend(warn::unlearned(self.accuracy, self.method()));
         let outcome = if bounces.is_empty() {
             Outcome::Rejected {
                 reason: warn::no_bounce(flight, walls, self.calibration),
@@ -444,7 +483,7 @@ impl<'a> Work<'a> {
             view: self.calibration.view,
             outcome: Outcome::Rejected { reason },
             track: Track {
-                method: METHOD.to_owned(),
+                method: method_name(self.accuracy).to_owned(),
                 detected: 0,
                 centre_std_px: None,
                 radius_px: None,
@@ -458,6 +497,12 @@ impl<'a> Work<'a> {
             arcs: Vec::new(),
             strobe: Some(drawing::empty_strobe(&self.seen)),
         }
+    }
+
+    /// The method that the centres are by: where the ball's appearance could not be learned, its outline had to do.
+    fn method(&self) -> Accuracy {
+        let learned = self.shared.as_ref().is_some_and(|s| s.appearance.is_some());
+        if learned { self.accuracy } else { Accuracy::Fast }
     }
 
     /// The ball's radius: as given, or as seen.
@@ -486,7 +531,6 @@ impl<'a> Work<'a> {
     }
 
     fn track(&self, flight: &Flight, frame: &WorldFrame) -> Track {
-        let excess = flight.fit.excess.max(1.0);
         let centre =
             |id: usize| -> Option<&Centre> { refine::of_sighting(&self.found, id).map(|f| &f.centre) };
         let points: Vec<TrackPoint> = flight
@@ -498,7 +542,7 @@ impl<'a> Work<'a> {
                     frame: p.spot.frame,
                     time_s: p.spot.time_s,
                     pixel: self.centre_px(p).unwrap_or(c.disc.centre),
-                    std_px: Some(c.std_px() * excess),
+                    std_px: Some(c.std_px() * flight.std(&p.spot) / p.spot.std),
                     world: in_plane(flight, p).map(|place| frame.world(place.right, place.up)),
                     use_: drawing::use_of(p, frame),
                     residual_m: drawing::residual(flight, p, frame),
@@ -511,7 +555,7 @@ impl<'a> Work<'a> {
             .filter_map(|p| p.std_px)
             .collect();
         Track {
-            method: METHOD.to_owned(),
+            method: method_name(self.method()).to_owned(),
             detected: points.len(),
             centre_std_px: median(&mut stds),
             radius_px: self.radius_px(),

@@ -1,26 +1,45 @@
-//! Centres once the flight is known: one radius, one blur and one exposure for the whole recording, each fit started
-//! where the arcs say the ball is. Frames in which the ball's outline was not found at first (it touched its shadow, a
+//! Centres once the flight is known: one appearance of the ball for the whole recording, each fit started where the arcs
+//! say the ball is. Frames in which the ball's outline was not found at first (it touched its shadow, a
 //! hand, another thing) are looked at again there.
 
 use super::observe::Observation;
-use crate::calibration::Rectification;
-use crate::detect::Sighting;
-use crate::detect::centre::edge_band::{Effort, Freedom};
-use crate::detect::centre::{Centre, Disc};
+use crate::calibration::{Optics, Rectification};
+use crate::detect::centre::appearance::{self, Example, Lesson};
+use crate::detect::centre::drawn_out::DrawnOut;
+use crate::detect::centre::known_ball::{self, Appearance, Effort};
+use crate::detect::centre::{Accuracy, Centre, Disc, Patch, fast, fine, outline, standard};
+use crate::detect::{LEAST_AGREEMENT, Sighting};
 use crate::flight::linking::Spot;
 use crate::flight::{Flight, SpotUse};
 use crate::geometry::PixelPoint;
 use crate::quantity::{Quantity, median};
+use rayon::prelude::*;
 
 /// What all frames share.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Shared {
-    /// The ball's radius, px.
+    /// The ball's radius in the calibrated plane, px.
     pub radius_px: Quantity,
-    /// Standard deviation of the edge's blur, px.
-    pub blur_px: f64,
+    /// The radius that first outlines have, px: of a ball of few pixels it is larger.
+    pub outline_px: f64,
+    /// What it looks like; `None` where that is not asked for or could not be learned: then its outline has to do.
+    pub appearance: Option<Appearance>,
+}
+
+impl Shared {
     /// How long the shutter is open, s; 0 where its smear cannot be seen.
-    pub exposure_s: f64,
+    fn exposure_s(&self) -> f64 {
+        self.appearance.as_ref().map_or(0.0, |a| a.exposure_s)
+    }
+}
+
+/// What is learned of the ball, and how hard each centre is looked for.
+fn method(accuracy: Accuracy) -> Option<(&'static Lesson, &'static Effort)> {
+    match accuracy {
+        Accuracy::Fast => None,
+        Accuracy::Standard => Some((&standard::LESSON, &standard::EFFORT)),
+        Accuracy::Fine => Some((&fine::LESSON, &fine::EFFORT)),
+    }
 }
 
 /// A ball found: the sighting and its centre.
@@ -32,6 +51,49 @@ pub struct Found {
     pub centre: Centre,
 }
 
+/// When the frames were taken, and which not to look at.
+#[derive(Debug, Clone, Copy)]
+pub struct Frames<'a> {
+    /// Time of each, s.
+    pub times_s: &'a [f64],
+    /// Those that repeat the one before.
+    pub skip: &'a [bool],
+}
+
+/// A recording as its camera sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Scenery<'a> {
+    /// What moves.
+    pub seen: &'a Observation,
+    /// From the reference picture to the calibrated plane.
+    pub map: &'a Rectification,
+    /// The camera's angles, where they are known.
+    pub optics: Option<Optics>,
+}
+
+impl Scenery<'_> {
+    /// The pixels around a sighting, and how perspective draws a ball like `disc` out there.
+    fn patch<'a>(&self, s: &'a Sighting, disc: &Disc) -> Patch<'a> {
+        let at = s.registration.reference_from_frame(disc.centre);
+        let stretch = self
+            .optics
+            .map(|o| o.outline_stretch(at))
+            .filter(|m| (m.determinant() - 1.0) * disc.radius_px > ROUND_ENOUGH_PX);
+        Patch {
+            drawn_out: stretch.and_then(|m| DrawnOut::new(disc.centre, m)),
+            ..self.seen.detector.patch(&s.blob.crop, &s.registration)
+        }
+    }
+}
+
+/// An outline this little longer than wide is round, px.
+const ROUND_ENOUGH_PX: f64 = 0.01;
+
+/// How many times larger than in the calibrated plane the ball is seen at `t`.
+fn magnification(flight: &Flight, t: f64) -> f64 {
+    flight.fit.magnification(arc_at(flight, t), t)
+}
+
 /// The one of `found` (in the order of sightings, as all lists of them are) that is of this sighting.
 #[must_use]
 pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
@@ -41,130 +103,89 @@ pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
         .map(|i| &found[i])
 }
 
-/// The exposure is estimated from at most this many frames, the fastest.
-const EXPOSURE_FRAMES: usize = 24;
-
-/// A sweep shorter than this hardly differs from a little more blur, px.
-const LEAST_SWEEP_PX: f64 = 0.7;
-
-/// Radius, blur and exposure from some of the flight's used points, spread over it.
+/// The ball's radius and appearance from some of the flight's used points, spread over it.
 #[must_use]
-pub fn shared(seen: &Observation, found: &[Found], flight: &Flight, map: &Rectification) -> Option<Shared> {
+pub fn shared(
+    scenery: &Scenery<'_>,
+    found: &[Found],
+    flight: &Flight,
+    accuracy: Accuracy,
+) -> Option<Shared> {
+    let Scenery { seen, map, .. } = *scenery;
     let used: Vec<(&Sighting, Centre, f64)> = flight
         .points
         .iter()
         .filter(|p| matches!(p.use_, SpotUse::Used(_)))
         .filter_map(|p| {
             let f = of_sighting(found, p.spot.id)?;
-            Some((&seen.sightings[f.sighting], f.centre, p.spot.time_s))
+            let sighting = &seen.sightings[f.sighting];
+            let kept = !sighting.blob.crop.luma.data.is_empty();
+            kept.then_some((sighting, f.centre, p.spot.time_s))
         })
         .collect();
-    let exposure_s = exposure(seen, flight, map, &used).unwrap_or(0.0);
-    let step = used.len().div_ceil(SHARED_FRAMES).max(1);
-    let fits: Vec<Centre> = used
-        .iter()
-        .step_by(step)
-        .filter_map(|(s, c, t)| {
-            let [a, b] = velocity_px_s(flight, map, *t)?;
-            let disc = Disc {
-                swept_px: [a * exposure_s, b * exposure_s],
-                ..c.disc
-            };
-            // A smeared ball costs many times more and is no better known for it.
-            let effort = if speed(disc.swept_px) > 2.0 {
-                Effort::Look
-            } else {
-                Effort::Measure
-            };
-            seen.detector
-                .guided_centre(&s.blob.crop, &s.registration, &disc, Freedom { effort, ..FREE })
-        })
-        .collect();
-    let whole: Vec<Centre> = fits.iter().copied().filter(|c| c.outline_used > 0.85).collect();
-    let good = if whole.len() >= 3 { whole } else { fits };
-    let mut blurs: Vec<f64> = good.iter().map(|c| c.blur_px).collect();
-    let blur_px = median(&mut blurs)?;
+    let appearance = method(accuracy).and_then(|(lesson, _)| {
+        let step = used.len().div_ceil(lesson.examples).max(1);
+        let examples: Vec<Example<'_>> = used
+            .iter()
+            .skip(step / 2)
+            .step_by(step)
+            .filter_map(|(s, centre, t)| {
+                let velocity_px_s = velocity_px_s(flight, map, *t)?;
+                let patch = scenery.patch(s, &centre.disc);
+                let moving = Disc {
+                    swept_px: velocity_px_s,
+                    ..centre.disc
+                };
+                let round = patch.drawn_out.map_or(moving, |d| d.round_disc(&moving));
+                Some(Example {
+                    patch,
+                    disc: centre.disc,
+                    velocity_px_s: round.swept_px,
+                    gain: s.registration.gain,
+                    magnification: magnification(flight, *t),
+                })
+            })
+            .collect();
+        appearance::learn(&examples, flight.interval_s, lesson)
+    });
+    let outlines = common_radius(seen, flight)?;
+    let radius_px = match &appearance {
+        Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
+        None => outlines,
+    };
     Some(Shared {
-        radius_px: common_radius(&good)?,
-        blur_px,
-        exposure_s,
+        radius_px,
+        outline_px: outlines.value,
+        appearance,
     })
 }
 
-/// Radius and blur are taken from at most about this many frames.
-const SHARED_FRAMES: usize = 40;
-
-/// A fit that finds radius and blur itself.
-const FREE: Freedom = Freedom {
-    radius: true,
-    blur_px: None,
-    swept: false,
-    effort: Effort::Measure,
-};
-
-/// Median radius with the standard error that the radii's own scatter shows.
-fn common_radius(good: &[Centre]) -> Option<Quantity> {
-    let mut radii: Vec<f64> = good.iter().map(|c| c.disc.radius_px).collect();
+/// Median radius of the outlines with the standard error that their own scatter shows.
+fn common_radius(seen: &Observation, flight: &Flight) -> Option<Quantity> {
+    let mut radii: Vec<f64> = flight
+        .points
+        .iter()
+        .filter(|p| matches!(p.use_, SpotUse::Used(_)))
+        .filter_map(|p| {
+            let centre = seen.sightings[p.spot.id].centre?;
+            Some(centre.disc.radius_px / magnification(flight, p.spot.time_s))
+        })
+        .collect();
     let n = radii.len() as f64;
     let radius = median(&mut radii)?;
     let mut off: Vec<f64> = radii.iter().map(|r| (r - radius).abs()).collect();
     let spread = 1.4826 * median(&mut off)?;
-    // 1.2533: the median's standard error over the mean's.
+    // 1.2533: the median's standard error over the mean's. An outline's own error is common to all.
     let std = if n >= 3.0 {
-        1.2533 * spread / n.sqrt()
+        (1.2533 * spread / n.sqrt()).hypot(OUTLINE_RADIUS_STD_PX)
     } else {
         f64::NAN
     };
     Quantity::new(radius, std)
 }
 
-/// Exposure time: the length of the smear over the speed, in the fastest frames; `None` where it does not show.
-fn exposure(
-    seen: &Observation,
-    flight: &Flight,
-    map: &Rectification,
-    used: &[(&Sighting, Centre, f64)],
-) -> Option<f64> {
-    let mut fast: Vec<(&Sighting, Centre, [f64; 2])> = used
-        .iter()
-        .filter_map(|(s, c, t)| Some((*s, *c, velocity_px_s(flight, map, *t)?)))
-        .collect();
-    fast.sort_by(|a, b| speed(b.2).total_cmp(&speed(a.2)));
-    fast.truncate(EXPOSURE_FRAMES);
-    let top = speed(fast.first()?.2);
-    // No shutter is open longer than a frame.
-    let longest = flight.interval_s;
-    let mut times: Vec<f64> = Vec::new();
-    for (s, c, v) in &fast {
-        let start_s = (0.3 * longest).min(2.0 * c.disc.radius_px / speed(*v));
-        let disc = Disc {
-            swept_px: [v[0] * start_s, v[1] * start_s],
-            ..c.disc
-        };
-        let freedom = Freedom {
-            swept: true,
-            effort: Effort::Look,
-            ..FREE
-        };
-        if let Some(fit) = seen
-            .detector
-            .guided_centre(&s.blob.crop, &s.registration, &disc, freedom)
-        {
-            times.push(speed(fit.disc.swept_px) / speed(*v));
-        }
-    }
-    if times.len() < 3 {
-        return None;
-    }
-    let exposure_s = median(&mut times)?.min(longest);
-    let mut off: Vec<f64> = times.iter().map(|t| (t - exposure_s).abs()).collect();
-    let spread = 1.4826 * median(&mut off)?;
-    (exposure_s * top > LEAST_SWEEP_PX && spread < 0.5 * exposure_s).then_some(exposure_s)
-}
-
-fn speed(v: [f64; 2]) -> f64 {
-    v[0].hypot(v[1])
-}
+/// Outlines are at half of the edge's height, which shading and blur put up to this far from the rim, px.
+const OUTLINE_RADIUS_STD_PX: f64 = 0.2;
 
 /// The arc that holds at `t`: up to an impact the one before, after it the one behind; beyond the ends the nearest.
 #[must_use]
@@ -196,62 +217,67 @@ fn velocity_px_s(flight: &Flight, map: &Rectification, t: f64) -> Option<[f64; 2
 }
 
 /// The ball in every frame from the flight's first to its last, looked for where the arcs say, with what is shared
-/// held. `times_s` of all frames, `skip` the frames not to look at (repeats).
+/// held; what is in `known` stands.
 #[must_use]
 pub fn centres(
-    seen: &Observation,
+    scenery: &Scenery<'_>,
     flight: &Flight,
-    map: &Rectification,
     shared: &Shared,
-    times_s: &[f64],
-    skip: &[bool],
-    effort: Effort,
+    frames: &Frames<'_>,
+    known: &[Found],
+    accuracy: Accuracy,
 ) -> Vec<Found> {
+    let Frames { times_s, skip } = *frames;
+    let seen = scenery.seen;
     let (from, to) = reach(flight);
+    let wanted: Vec<usize> = (0..seen.sightings.len())
+        .filter(|&i| {
+            let frame = seen.sightings[i].frame;
+            let t = times_s[frame];
+            t >= from && t <= to && !skip[frame]
+        })
+        .collect();
+    let each: Vec<Option<Found>> = wanted
+        .par_iter()
+        .map(|&i| {
+            let s = &seen.sightings[i];
+            of_sighting(known, i)
+                .copied()
+                .or_else(|| guided(scenery, flight, shared, i, times_s[s.frame], accuracy))
+        })
+        .collect();
     let mut found: Vec<Found> = Vec::new();
-    let mut best_frame = None;
-    for (i, s) in seen.sightings.iter().enumerate() {
-        let t = times_s[s.frame];
-        if t < from || t > to || skip[s.frame] {
-            continue;
-        }
-        let Some(centre) = guided(seen, flight, map, shared, s, t, effort) else {
-            continue;
-        };
+    for f in each.into_iter().flatten() {
         // Two regions of one frame may both hold the place: the better outline is the ball.
-        if best_frame == Some(s.frame) {
-            if let Some(last) = found.last_mut()
-                && centre.outline_used > last.centre.outline_used
-            {
-                *last = Found { sighting: i, centre };
+        let frame = |f: &Found| seen.sightings[f.sighting].frame;
+        match found.last_mut().filter(|last| frame(last) == frame(&f)) {
+            Some(last) => {
+                if f.centre.outline_used > last.centre.outline_used {
+                    *last = f;
+                }
             }
-            continue;
+            None => found.push(f),
         }
-        best_frame = Some(s.frame);
-        found.push(Found { sighting: i, centre });
     }
     found
 }
 
-/// Everything that has the ball's outline, near the time of the flight: looked for with radius and blur held, which
-/// finds a faint or spoilt ball better than the first look did.
+/// Everything that has the ball's outline, near the time of the flight: looked for with its size known, which finds a
+/// faint or spoilt ball better than the first look did.
 #[must_use]
 pub fn of_that_size(
-    seen: &Observation,
+    scenery: &Scenery<'_>,
     flight: &Flight,
     shared: &Shared,
-    times_s: &[f64],
-    skip: &[bool],
+    frames: &Frames<'_>,
+    accuracy: Accuracy,
     without: impl Fn(f64) -> bool,
 ) -> Vec<Found> {
+    let Frames { times_s, skip } = *frames;
     let (from, to) = reach(flight);
-    let freedom = Freedom {
-        radius: false,
-        blur_px: Some(shared.blur_px),
-        swept: false,
-        effort: Effort::Look,
-    };
-    seen.sightings
+    scenery
+        .seen
+        .sightings
         .iter()
         .enumerate()
         .filter(|(_, s)| {
@@ -261,16 +287,13 @@ pub fn of_that_size(
         .filter_map(|(sighting, s)| {
             let first = s
                 .centre
-                .filter(|c| (c.disc.radius_px / shared.radius_px.value - 1.0).abs() < 0.3);
+                .filter(|c| (c.disc.radius_px / shared.outline_px - 1.0).abs() < 0.3);
             let start = Disc {
                 centre: first.map_or(s.blob.centroid, |c| c.disc.centre),
                 radius_px: shared.radius_px.value,
                 swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
             };
-            let centre = seen
-                .detector
-                .outlined_centre(&s.blob.crop, &s.registration, &start, freedom)?;
-            Some(Found { sighting, centre })
+            outlined(scenery, sighting, &start, shared, accuracy)
         })
         .collect()
 }
@@ -287,21 +310,21 @@ fn reach(flight: &Flight) -> (f64, f64) {
 }
 
 fn guided(
-    seen: &Observation,
+    scenery: &Scenery<'_>,
     flight: &Flight,
-    map: &Rectification,
     shared: &Shared,
-    s: &Sighting,
+    sighting: usize,
     t: f64,
-    effort: Effort,
-) -> Option<Centre> {
+    accuracy: Accuracy,
+) -> Option<Found> {
+    let map = scenery.map;
+    let s = &scenery.seen.sightings[sighting];
     let there = s.registration.frame_from_reference(predicted(flight, map, t)?);
-    let radius_px = shared.radius_px.value;
+    let radius_px = shared.radius_px.value * magnification(flight, t);
     if !s.blob.crop.contains(there, -0.3 * radius_px) {
         return None;
     }
-    let [a, b] = velocity_px_s(flight, map, t)?;
-    let swept_px = [a * shared.exposure_s, b * shared.exposure_s];
+    let swept_px = velocity_px_s(flight, map, t)?.map(|v| v * shared.exposure_s());
     // Near the prediction the first look's own centre is the better start; far from it, it is another thing.
     let gate = 0.5 * radius_px + 2.0;
     let start = s
@@ -314,16 +337,57 @@ fn guided(
         radius_px,
         swept_px,
     };
-    let freedom = Freedom {
-        radius: false,
-        blur_px: Some(shared.blur_px),
-        swept: false,
-        effort,
+    let close = |f: &Found, to: PixelPoint, gate: f64| f.centre.disc.centre.distance_px(to) < gate;
+    fitted(scenery, sighting, &disc, shared, accuracy)
+        .or_else(|| {
+            outlined(scenery, sighting, &disc, shared, accuracy)
+                .filter(|f| close(f, start, 0.5 * radius_px))
+        })
+        .filter(|f| close(f, there, gate))
+}
+
+/// The centre near `start` by the method of `accuracy`.
+fn fitted(
+    scenery: &Scenery<'_>,
+    sighting: usize,
+    start: &Disc,
+    shared: &Shared,
+    accuracy: Accuracy,
+) -> Option<Found> {
+    let s = &scenery.seen.sightings[sighting];
+    let patch = scenery.patch(s, start);
+    let centre = match (&shared.appearance, method(accuracy)) {
+        (Some(ball), Some((_, effort))) => {
+            let ball = ball.magnified(start.radius_px / shared.radius_px.value, effort);
+            let (gain, drawn_out) = (s.registration.gain, patch.drawn_out);
+            let round = drawn_out.map_or(*start, |d| d.round_disc(start));
+            let centre = known_ball::fit(&patch, &ball, &round, gain, effort)?.centre;
+            drawn_out.map_or(centre, |d| d.frame_centre(&centre))
+        }
+        // A circle in the middle of an ellipse has the same centre.
+        _ => fast::centre(&patch, start, s.blob.contrast_grey)?,
     };
-    let centre = seen
-        .detector
-        .guided_centre(&s.blob.crop, &s.registration, &disc, freedom)?;
-    (centre.disc.centre.distance_px(there) < gate).then_some(centre)
+    Some(Found { sighting, centre })
+}
+
+/// The centre wherever around `start` the patch holds an outline of the ball's size.
+fn outlined(
+    scenery: &Scenery<'_>,
+    sighting: usize,
+    start: &Disc,
+    shared: &Shared,
+    accuracy: Accuracy,
+) -> Option<Found> {
+    let patch = scenery.patch(&scenery.seen.sightings[sighting], start);
+    let outline_px = shared.outline_px * start.radius_px / shared.radius_px.value;
+    let found = outline::find(&patch, start.centre, Some(outline_px))?;
+    let disc = Disc {
+        centre: found.disc.centre,
+        ..*start
+    };
+    (found.agreement >= LEAST_AGREEMENT)
+        .then(|| fitted(scenery, sighting, &disc, shared, accuracy))
+        .flatten()
 }
 
 /// The spot of a centre found in `frame`: in the plane, with its uncertainty there.
@@ -338,6 +402,7 @@ pub fn spot(map: &Rectification, s: &Sighting, centre: &Centre, id: usize, time_
         time_s,
         place,
         std: unit * centre.std_px().max(LEAST_STD_PX),
+        coded: s.coded,
         radius: unit * centre.disc.radius_px,
         contrast_grey: centre.contrast_grey,
     })

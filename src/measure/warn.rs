@@ -6,6 +6,7 @@ use super::result::Warning;
 use crate::bounce::Bounce;
 use crate::bounce::impacts::Scene;
 use crate::calibration::{Calibration, Scale, View};
+use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
 use crate::flight::overhead::find;
 use crate::flight::{Flight, NoFlight};
@@ -163,6 +164,7 @@ pub struct Judged<'a> {
     pub radius_m: Option<f64>,
     pub radius_units: Option<f64>,
     pub walls: usize,
+    pub impossible: usize,
     pub x0_missing: bool,
     pub interval_s: f64,
 }
@@ -181,25 +183,45 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
             "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out.".to_owned(),
         ));
     }
+    if j.impossible > 0 {
+        out.push(warning(
+            "impossible_impact",
+            format!("{} impact(s) would have sent the ball up faster than it came down: on one side of them something else was followed (a shadow, a reflection, a hand). They are not among the bounces; x0 counts from the first that is.", j.impossible),
+        ));
+    }
     if j.walls > 0 {
         out.push(warning(
             "not_a_floor",
             format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
         ));
     }
-    if j.flight.fit.excess > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
+    if j.flight.excess() > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
         out.push(warning(
             "not_a_parabola",
-            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.fit.excess),
+            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.excess()),
         ));
     }
     if j.scene.metres_per_unit.std_uncertainty.is_none() {
+        let key = match j.calibration.scale {
+            Scale::Homography(_) => "scale.relative_std",
+            _ => "scale.std_uncertainty",
+        };
         out.push(warning(
             "scale_uncertainty_unknown",
-            "the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"scale.std_uncertainty\".".to_owned(),
+            format!("the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"{key}\"."),
         ));
     }
     out
+}
+
+/// That another method had to be used than was asked for.
+pub fn unlearned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
+    (asked != used).then(|| {
+        warning(
+            "appearance_not_learned",
+            "the ball looks too different from frame to frame (noise, smear, light) to learn its appearance: centres are circles through edge points, which shading pulls by up to a tenth of a pixel. More light, a shorter exposure or a plainer background helps.".to_owned(),
+        )
+    })
 }
 
 /// The self-check: gravity as the flight shows it, and what would explain another.

@@ -45,7 +45,7 @@ pub fn result_json(measurement: &Measurement) -> Value {
 
 /// A quantity, or `null` where there is none. Both numbers are checked again, as the fields of [`Quantity`] are public:
 /// the contract allows neither NaN nor an uncertainty of 0.
-fn quantity(quantity: Option<Quantity>) -> Value {
+pub(super) fn quantity(quantity: Option<Quantity>) -> Value {
     match quantity {
         Some(Quantity {
             value,

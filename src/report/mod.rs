@@ -8,15 +8,31 @@
 //! | [`page`] | `<stem>.report.html`: picture, numbers and plots in one file |
 //! | [`strobe`] | the stroboscopic picture of that page |
 //! | [`plots`] | the plots of that page |
+//! | [`calibrate_page`] | the page on which a calibration's marks are dragged |
+//! | [`marks`] | a frame with the marks of a calibration drawn in |
+//! | [`board`] | the table and JSON of a lens from pictures of a board |
 //! | [`overlay`] | the drawing on each frame of `<stem>.overlay.mp4` |
+//! | [`series_table`] | the table of a fit for people on stdout |
+//! | [`series_json`] | `fit.json`, schema `track.fit/1` |
+//! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows |
+//! | `chart`, `series_figures` | the figures of that page |
 //! | [`write`](mod@write) | files that appear whole or not at all |
 
+pub mod board;
+pub mod calibrate_page;
+mod chart;
 pub mod csv;
 pub mod json;
+pub mod marks;
 pub mod overlay;
 pub mod page;
+mod photograph;
 mod places;
 pub mod plots;
+mod series_figures;
+pub mod series_json;
+pub mod series_page;
+pub mod series_table;
 pub mod strobe;
 pub mod table;
 mod words;

@@ -14,11 +14,11 @@ use std::fmt::Write as _;
 use thiserror::Error;
 
 /// The page's style sheet, put into the page itself.
-const STYLE: &str = include_str!("page.css");
+pub(super) const STYLE: &str = include_str!("page.css");
 /// Bounces side by side in the table: what fits across an A4 page.
 const BOUNCES_A_TABLE: usize = 3;
 
-/// Why the page could not be made.
+/// Why a page could not be made.
 #[derive(Debug, Error)]
 pub enum PageError {
     /// A plot failed.
@@ -87,7 +87,7 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// A symbol like `v_ox` or `v_x/v_ox` with its indices lowered.
-fn symbol_html(symbol: &str) -> String {
+pub(super) fn symbol_html(symbol: &str) -> String {
     symbol
         .split('/')
         .map(|part| match part.split_once('_') {
@@ -495,12 +495,12 @@ fn fact(page: &mut String, name: &str, content: &str) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::report::fake;
 
     /// Every tag is closed in order; a page that is cut off or interleaved fails.
-    fn assert_well_formed(page: &str) {
+    pub(in crate::report) fn assert_well_formed(page: &str) {
         const VOID: [&str; 2] = ["meta", "br"];
         let mut open: Vec<String> = Vec::new();
         let body = page.strip_prefix("<!DOCTYPE html>").unwrap();

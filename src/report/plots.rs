@@ -12,20 +12,20 @@ use std::ops::Range;
 use thiserror::Error;
 
 /// Units of the drawing a screen pixel of its design.
-const FINE: u32 = 10;
+pub(super) const FINE: u32 = 10;
 /// Design size, screen pixels.
-const WIDTH: u32 = 760;
+pub(super) const WIDTH: u32 = 760;
 const MAIN_HEIGHT: u32 = 250;
 const RESIDUAL_HEIGHT: u32 = 130;
 const TIME_AXIS_HEIGHT: u32 = 44;
 /// At most this many points are drawn a panel; of a longer track every n-th.
 const MAX_POINTS: usize = 400;
 
-const INK: RGBColor = RGBColor(34, 34, 34);
-const GRID: RGBColor = RGBColor(224, 224, 224);
-const UNUSED: RGBColor = RGBColor(140, 140, 140);
-const ARC: RGBColor = RGBColor(38, 96, 176);
-const IMPACT: RGBColor = RGBColor(156, 28, 28);
+pub(super) const INK: RGBColor = RGBColor(34, 34, 34);
+pub(super) const GRID: RGBColor = RGBColor(224, 224, 224);
+pub(super) const UNUSED: RGBColor = RGBColor(140, 140, 140);
+pub(super) const ARC: RGBColor = RGBColor(38, 96, 176);
+pub(super) const IMPACT: RGBColor = RGBColor(156, 28, 28);
 const BAND: RGBColor = RGBColor(228, 228, 228);
 
 /// Why a plot could not be drawn.
@@ -248,7 +248,7 @@ impl Reading {
 }
 
 /// From the least to the greatest value with `margin` of the whole at each end; `None` without values.
-fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Range<f64>> {
+pub(super) fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Range<f64>> {
     let (least, most) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
         (least.min(value), most.max(value))
     });
@@ -279,7 +279,7 @@ fn reach(points: &[Point], band: Option<f64>) -> Option<f64> {
 }
 
 /// An axis whose ticks are round numbers, labelled with the decimals that they need. The range may run either way.
-struct Axis {
+pub(super) struct Axis {
     range: Range<f64>,
     ticks: Vec<f64>,
     decimals: usize,
@@ -287,7 +287,7 @@ struct Axis {
 
 impl Axis {
     /// About `wanted` ticks.
-    fn new(range: Range<f64>, wanted: usize) -> Self {
+    pub fn new(range: Range<f64>, wanted: usize) -> Self {
         let (ticks, decimals) = round_ticks(&range, wanted);
         Self {
             range,

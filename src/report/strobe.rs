@@ -3,14 +3,13 @@
 //!
 //! The photograph is an embedded JPEG; lines and labels are vectors over it and stay sharp at any size.
 
+use super::photograph;
 use super::places::{self, ImpactMark};
 use super::words;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use crate::measure::{ArcTrace, Measurement, PointUse, Strobe, StrobeBall};
 use base64::Engine as _;
-use opencv::core::{Mat, MatTraitConst as _, Size, Vector};
-use opencv::{imgcodecs, imgproc};
 use std::fmt::Write as _;
 use thiserror::Error;
 
@@ -79,7 +78,7 @@ pub fn strobe_picture(measurement: &Measurement) -> Result<Option<StrobePicture>
     let impacts = places::impacts(measurement);
     let choice = choose(&flashes(measurement, strobe), &impacts);
     let photograph = composite(strobe, &choice.balls);
-    let jpeg = encode(&photograph)?;
+    let jpeg = photograph::jpeg(&photograph, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
     Ok(Some(StrobePicture {
         svg: svg(measurement, &jpeg, &impacts),
         shown: choice.balls.len(),
@@ -264,29 +263,6 @@ fn lay_in(picture: &mut Luma, ball: &StrobeBall) {
             *old = (share * new + (1.0 - share) * f64::from(*old)).round() as u8;
         }
     }
-}
-
-/// The photograph as JPEG. OpenCV is here for its encoder only; its types do not leave this function.
-fn encode(picture: &Luma) -> Result<Vec<u8>, StrobeError> {
-    let flat = Mat::from_slice(&picture.data)?;
-    let full = flat.reshape(1, i32::try_from(picture.height).unwrap_or(i32::MAX))?;
-    let mut small = Mat::default();
-    if picture.width > MAX_WIDTH_PX {
-        let height = (picture.height * MAX_WIDTH_PX).div_ceil(picture.width);
-        let size = Size::new(MAX_WIDTH_PX as i32, i32::try_from(height).unwrap_or(i32::MAX));
-        imgproc::resize(&full, &mut small, size, 0.0, 0.0, imgproc::INTER_AREA)?;
-    } else {
-        full.copy_to(&mut small)?;
-    }
-    let mut jpeg = Vector::<u8>::new();
-    for quality in [90, 80, 65, 45, 25] {
-        let flags = Vector::from_slice(&[imgcodecs::IMWRITE_JPEG_QUALITY, quality]);
-        imgcodecs::imencode(".jpg", &small, &mut jpeg, &flags)?;
-        if jpeg.len() <= MAX_JPEG_BYTES {
-            break;
-        }
-    }
-    Ok(jpeg.into())
 }
 
 /// The photograph with its drawing. One unit is a pixel of the recording; (0, 0) is the centre of the first.
@@ -539,21 +515,6 @@ mod tests {
         // The photograph's base64 may spell anything.
         let (_, drawing) = picture.svg.split_once("\"/>").unwrap();
         assert!(!drawing.contains("NaN"));
-    }
-
-    #[test]
-    fn a_wide_recording_is_shrunk() {
-        let noise: Vec<u8> = (0..3840_u32 * 2160)
-            .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
-            .collect();
-        let jpeg = encode(&Luma {
-            width: 3840,
-            height: 2160,
-            data: noise,
-        })
-        .unwrap();
-        assert!(jpeg.starts_with(&[0xff, 0xd8]));
-        assert!(jpeg.len() < 1_000_000, "{}", jpeg.len());
     }
 
     #[test]

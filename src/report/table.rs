@@ -202,7 +202,7 @@ const LABEL: usize = 19;
 const SYMBOL: usize = 9;
 
 /// A name and what follows it, broken at words within a hundred columns.
-fn line(text: &mut String, name: &str, content: &str) {
+pub(super) fn line(text: &mut String, name: &str, content: &str) {
     const CONTENT: usize = 88;
     const NAME: usize = 12;
     let mut lead = name;

@@ -3,7 +3,8 @@
 //! A file is written under a passing name in its own folder, forced to the disk, and renamed: whoever looks sees the
 //! old file or the new one, never half of one, and a failure leaves nothing behind.
 
-use super::{csv, json, page};
+use super::{csv, json, page, series_json, series_page};
+use crate::fit::{Series, SeriesFit};
 use crate::measure::Measurement;
 use std::fs;
 use std::io::{self, Write as _};
@@ -163,7 +164,19 @@ pub fn passing_name(dir: &Path) -> Result<TempPath, WriteError> {
 /// # Errors
 /// See [`WriteError`]; nothing remains of the attempt.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    place_together(vec![(stage(path, bytes)?, path)])
+    write_together(&[(path, bytes)])
+}
+
+/// Writes several files: all of them, or none.
+///
+/// # Errors
+/// See [`WriteError`]; nothing remains of the attempt.
+pub fn write_together(files: &[(&Path, &[u8])]) -> Result<(), WriteError> {
+    let staged = files
+        .iter()
+        .map(|&(path, bytes)| Ok((stage(path, bytes)?, path)))
+        .collect::<Result<Vec<_>, WriteError>>()?;
+    place_together(staged)
 }
 
 /// Writes `<stem>.result.json`, `<stem>.points.csv` and `<stem>.report.html` into `dir`, and gives `overlay`, made
@@ -199,6 +212,33 @@ pub fn write_reports(
     Ok(paths)
 }
 
+/// Where [`write_fit`] put its files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FitPaths {
+    /// `fit.json`.
+    pub fit_json: PathBuf,
+    /// `report.html`.
+    pub report_html: PathBuf,
+}
+
+/// Writes `fit.json` and `report.html` into `dir`: both, or none. Links of rows are relative to `dir`.
+///
+/// # Errors
+/// See [`WriteError`].
+pub fn write_fit(series: &Series, fit: &SeriesFit, dir: &Path) -> Result<FitPaths, WriteError> {
+    let paths = FitPaths {
+        fit_json: dir.join("fit.json"),
+        report_html: dir.join("report.html"),
+    };
+    let result = json_text(&series_json::fit_json(fit)).map_err(|e| contents(&paths.fit_json, e))?;
+    let page = series_page::report_html(series, fit).map_err(|e| contents(&paths.report_html, e))?;
+    place_together(vec![
+        (stage(&paths.fit_json, &result)?, paths.fit_json.as_path()),
+        (stage(&paths.report_html, page.as_bytes())?, &paths.report_html),
+    ])?;
+    Ok(paths)
+}
+
 /// A JSON document as it stands in a file: indented, with a newline at its end.
 ///
 /// # Errors
@@ -206,6 +246,37 @@ pub fn write_reports(
 pub fn json_text(value: &serde_json::Value) -> Result<Vec<u8>, serde_json::Error> {
     let mut text = serde_json::to_vec_pretty(value)?;
     text.push(b'\n');
+    Ok(text)
+}
+
+/// A calibration as it stands in a file: as [`json_text`], but rows of numbers on one line each, as people write them.
+///
+/// # Errors
+/// As [`json_text`].
+pub fn calib_text(value: &serde_json::Value) -> Result<String, serde_json::Error> {
+    let pretty = serde_json::to_string_pretty(value)?;
+    let mut text = String::with_capacity(pretty.len());
+    let mut rest = pretty.as_str();
+    while let Some(open) = rest.find('[') {
+        let (before, from) = rest.split_at(open);
+        text.push_str(before);
+        // Strings hold no brackets in this file; a row ends before anything that is not a number.
+        match from[1..].find(|c: char| "[]{}\"".contains(c)) {
+            Some(end) if from.as_bytes()[end + 1] == b']' => {
+                let numbers: Vec<&str> = from[1..=end].split(',').map(str::trim).collect();
+                text.push('[');
+                text.push_str(&numbers.join(", "));
+                text.push(']');
+                rest = &from[end + 2..];
+            }
+            _ => {
+                text.push('[');
+                rest = &from[1..];
+            }
+        }
+    }
+    text.push_str(rest);
+    text.push('\n');
     Ok(text)
 }
 
@@ -305,6 +376,22 @@ mod tests {
         write_atomically(&path, b"short").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"short");
         assert_eq!(names(dir.path()), ["a.json"]);
+    }
+
+    #[test]
+    fn a_calibration_has_its_rows_of_numbers_on_one_line_each() {
+        let value = serde_json::json!({
+            "size": [1280, 720], "matrix": [[1.5, 0.0], [0.0, -2e-7]], "empty": [], "list": [{"a": [1]}], "text": "x, y",
+            "unknown": [null, 1.0]
+        });
+        let text = calib_text(&value).unwrap();
+        assert!(text.contains("\"size\": [1280, 720],\n"), "{text}");
+        assert!(text.contains("[1.5, 0.0],\n    [0.0, -2e-7]\n"), "{text}");
+        assert!(
+            text.contains("[null, 1.0]") && text.contains("\"a\": [1]"),
+            "{text}"
+        );
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
     }
 
     #[cfg(unix)]

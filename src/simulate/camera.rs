@@ -2,6 +2,10 @@
 //!
 //! The ideal picture is that of parallel light: u = u_0 + x/q, v = v_0 − z/q in a side view (y for z in a top view),
 //! q metres a pixel. Perspective and lens distortion are steps on top ([`super::effects::Warp`]).
+//!
+//! A camera that does not look at the plane squarely is turned about the picture's vertical by τ: with d the way to the right
+//! and n that towards the camera from the point of the plane in the picture's middle, it sees d cos τ − n sin τ and
+//! d sin τ + n cos τ in their place.
 
 use super::effects::{Acting, Warp};
 use super::scene::{Camera, Scene, View};
@@ -97,8 +101,36 @@ impl PictureOf {
 /// Where a point of the world is in the ideal picture, px.
 #[must_use]
 pub fn ideal_pixel(camera: &Camera, point_m: &Vector3<f64>) -> Vector2<f64> {
-    let plane = in_plane(camera.view, point_m) / camera.metres_per_pixel;
-    Vector2::new(camera.origin_px[0] + plane.x, camera.origin_px[1] - plane.y)
+    let seen = turned(camera, &from_middle(camera, point_m)) / camera.metres_per_pixel;
+    axis_px(camera) + Vector2::new(seen.x, -seen.y)
+}
+
+/// The way from the point of the calibrated plane in the picture's middle: right, up and towards the camera, before that
+/// is turned, m.
+fn from_middle(camera: &Camera, point_m: &Vector3<f64>) -> Vector3<f64> {
+    let plane = in_plane(camera.view, point_m) - axis_m(camera);
+    let towards = match camera.view {
+        // x right and z up leave y pointing away from the camera.
+        View::Side => camera.plane_offset_m - point_m.y,
+        View::Top => point_m.z,
+    };
+    Vector3::new(plane.x, plane.y, towards)
+}
+
+/// The point of the calibrated plane in the picture's middle: right and up of the origin, m.
+#[must_use]
+pub fn axis_m(camera: &Camera) -> Vector2<f64> {
+    let from_origin = axis_px(camera) - Vector2::from(camera.origin_px);
+    Vector2::new(from_origin.x, -from_origin.y) * camera.metres_per_pixel
+}
+
+/// A vector (right, up, towards the camera) as the turned camera sees it.
+fn turned(camera: &Camera, v: &Vector3<f64>) -> Vector3<f64> {
+    if camera.tilt_rad == 0.0 {
+        return *v;
+    }
+    let (sin, cos) = camera.tilt_rad.sin_cos();
+    Vector3::new(v.x * cos - v.z * sin, v.y, v.x * sin + v.z * cos)
 }
 
 /// The components along the picture: right and up.
@@ -110,14 +142,10 @@ pub fn in_plane(view: View, vector: &Vector3<f64>) -> Vector2<f64> {
     }
 }
 
-/// How much nearer to the camera than the calibrated plane a point is, m.
+/// How much nearer to the camera a point is than the calibrated plane in the picture's middle, m.
 #[must_use]
 pub fn nearness_m(camera: &Camera, point_m: &Vector3<f64>) -> f64 {
-    match camera.view {
-        // x right and z up leave y pointing away from the camera.
-        View::Side => camera.plane_offset_m - point_m.y,
-        View::Top => point_m.z,
-    }
+    turned(camera, &from_middle(camera, point_m)).z
 }
 
 /// Where the optical axis goes through the picture: the lens's principal point, without a lens the middle, px.
@@ -129,25 +157,33 @@ pub fn axis_px(camera: &Camera) -> Vector2<f64> {
     )
 }
 
-/// The component along the optical axis.
+/// The component of a displacement towards the camera.
 #[must_use]
-pub fn along_axis(view: View, vector: &Vector3<f64>) -> f64 {
-    match view {
-        View::Side => vector.y,
+pub fn along_axis(camera: &Camera, vector: &Vector3<f64>) -> f64 {
+    seen(camera, vector).z
+}
+
+/// A displacement of the world as the camera sees it: right, up and towards it.
+fn seen(camera: &Camera, vector: &Vector3<f64>) -> Vector3<f64> {
+    let plane = in_plane(camera.view, vector);
+    let towards = match camera.view {
+        View::Side => -vector.y,
         View::Top => vector.z,
-    }
+    };
+    turned(camera, &Vector3::new(plane.x, plane.y, towards))
 }
 
 /// How far a small displacement (m) of a point moves its image, px, at most: δ/q in the plane, and with perspective
 /// δ_axis ρ/Z besides. Of a velocity (m/s) it gives the speed in the picture, px/s.
 #[must_use]
 pub fn picture_shift_px(camera: &Camera, at_m: &Vector3<f64>, displacement: &Vector3<f64>) -> f64 {
-    let along_px = in_plane(camera.view, displacement).norm() / camera.metres_per_pixel;
+    let displacement = seen(camera, displacement);
+    let along_px = displacement.xy().norm() / camera.metres_per_pixel;
     let Some(distance_m) = camera.distance_m else {
         return along_px;
     };
     let depth = distance_m - nearness_m(camera, at_m);
     let magnification = distance_m / depth;
     let off_axis_px = (ideal_pixel(camera, at_m) - axis_px(camera)).norm() * magnification;
-    along_px * magnification + off_axis_px * (along_axis(camera.view, displacement) / depth).abs()
+    along_px * magnification + off_axis_px * (displacement.z / depth).abs()
 }

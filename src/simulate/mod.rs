@@ -107,10 +107,14 @@ impl Recording {
         self.lossy_crf
     }
 
+    /// Whether an effect is simulated.
+    fn uses(&self, effect: &str) -> bool {
+        self.decisions.iter().any(|d| d.name == effect && d.used)
+    }
+
     /// The lens, where its distortion is simulated.
     fn lens(&self) -> Option<scene::Lens> {
-        let used = self.decisions.iter().any(|d| d.name == "lens" && d.used);
-        self.scene.camera.lens.filter(|_| used)
+        self.scene.camera.lens.filter(|_| self.uses("lens"))
     }
 
     /// How far the camera is, unless it was rendered as if it were not: a perspective that was switched off.

@@ -241,6 +241,9 @@ pub struct Camera {
     pub distance_m: Option<f64>,
     /// How much nearer to the camera than the calibrated plane the ball is launched, m (side view).
     pub plane_offset_m: f64,
+    /// Angle by which the camera is turned about the picture's vertical from looking at the plane squarely, rad: above 0
+    /// the right side of the plane is the nearer one. The point of the plane in the picture's middle stays there.
+    pub tilt_rad: f64,
     /// The lens.
     pub lens: Option<Lens>,
     /// From the exposure of the first row to that of the last, s; the middle row has the frame's time.
@@ -591,6 +594,7 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
             "origin_px",
             "distance_m",
             "plane_offset_m",
+            "tilt_deg",
             "lens",
             "readout_s",
             "blur_px",
@@ -623,6 +627,17 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
         origin_px: s.numbers("origin_px", [120.0, 660.0], ANY)?,
         distance_m: s.optional_number("distance_m", POSITIVE)?,
         plane_offset_m: s.number("plane_offset_m", 0.0, ANY)?,
+        tilt_rad: s
+            .number(
+                "tilt_deg",
+                0.0,
+                super::reader::Accept {
+                    words: "a number from -80 to 80",
+                    test: |x| (-80.0..=80.0).contains(&x),
+                    hint: "0 looks at the plane squarely",
+                },
+            )?
+            .to_radians(),
         lens: read_lens(&s)?,
         readout_s: s.number("readout_s", 0.0, NOT_NEGATIVE)?,
         blur_px: s.number(

@@ -1,9 +1,10 @@
 //! The files of a recording: video, truth, calibration.
 
 use super::Recording;
+use super::camera::{axis_m, axis_px};
 use super::scene::{Scene, SceneError, View};
 use crate::frames::encode::{Coding, EncodeError, VideoWriter};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -132,11 +133,17 @@ pub fn calibration(recording: &Recording) -> Value {
     };
     calib.insert("view".into(), json!(view));
     calib.insert("image_size_px".into(), json!([camera.width_px, camera.height_px]));
-    calib.insert(
-        "scale".into(),
-        json!({"metres_per_pixel": camera.metres_per_pixel}),
-    );
-    calib.insert("origin_px".into(), json!(origin_px(recording)));
+    if camera.tilt_rad == 0.0 {
+        calib.insert(
+            "scale".into(),
+            json!({"metres_per_pixel": camera.metres_per_pixel}),
+        );
+        calib.insert("origin_px".into(), json!(origin_px(recording)));
+    } else {
+        let h = world_from_pixel(recording);
+        let rows = [0, 1, 2].map(|i| [h[(i, 0)], h[(i, 1)], h[(i, 2)]]);
+        calib.insert("scale".into(), json!({"world_from_pixel": rows}));
+    }
     if let Some(distance_m) = recording.distance_m() {
         calib.insert("distance_m".into(), json!(distance_m));
     }
@@ -159,6 +166,26 @@ pub fn calibration(recording: &Recording) -> Value {
         json!({"edge_x_m": 0.0, "spin_ratio": spin_ratio(scene)}),
     );
     Value::Object(calib)
+}
+
+/// The homography of the calibrated plane seen by a turned camera: with d = x − x_m and h = z − z_m from the picture's
+/// middle, the point is at (d cos τ, h)/q, times D/(D − d sin τ) where perspective is simulated.
+fn world_from_pixel(recording: &Recording) -> Matrix3<f64> {
+    let camera = &recording.scene().camera;
+    let (axis_m, axis_px) = (axis_m(camera), axis_px(camera));
+    let (sin, cos) = camera.tilt_rad.sin_cos();
+    let nearer = camera
+        .distance_m
+        .filter(|_| recording.uses("perspective"))
+        .map_or(0.0, |distance_m| sin / distance_m);
+    let from_middle = Matrix3::new(1.0, 0.0, -axis_m.x, 0.0, 1.0, -axis_m.y, 0.0, 0.0, 1.0);
+    let q = camera.metres_per_pixel;
+    let seen = Matrix3::new(cos / q, 0.0, 0.0, 0.0, -1.0 / q, 0.0, -nearer, 0.0, 1.0);
+    let in_picture = Matrix3::new(1.0, 0.0, axis_px.x, 0.0, 1.0, axis_px.y, 0.0, 0.0, 1.0);
+    // Never singular: |τ| is at most 80 degrees.
+    let inverse = (in_picture * seen * from_middle).try_inverse();
+    let h = inverse.unwrap_or_else(Matrix3::identity);
+    h / h[(2, 2)]
 }
 
 /// The world's origin as the picture shows it: a point of the calibrated plane, so that only the lens moves it.

@@ -8,7 +8,7 @@ pub(super) use write::to_json;
 
 use super::error::{CalibrationError, Problem};
 use super::plane::Rectification;
-use super::{Ball, Calibration, Launch, Lens, SCHEMA, Scale, View};
+use super::{Ball, Calibration, Deviation, Launch, Lens, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use reader::{FINITE, POSITIVE, Range, Reader, Section, array, json, text};
 use scale::{SCALE_KEYS, scale};
@@ -21,7 +21,7 @@ const LARGEST_FILE_BYTES: u64 = 1_000_000;
 /// Larger than any camera's picture.
 const LARGEST_SIDE_PX: u64 = 100_000;
 
-const TOP_KEYS: [&str; 16] = [
+const TOP_KEYS: [&str; 17] = [
     "schema",
     "view",
     "image_size_px",
@@ -33,13 +33,15 @@ const TOP_KEYS: [&str; 16] = [
     "distance_m",
     "distance_std_m",
     "lens",
+    "deviations",
     "frame_rate_hz",
     "gravity_m_s2",
     "gravity_std_m_s2",
     "ball",
     "launch",
 ];
-const LENS_KEYS: [&str; 2] = ["camera_matrix", "distortion"];
+const LENS_KEYS: [&str; 4] = ["camera_matrix", "distortion", "camera_std_px", "distortion_std"];
+const DEVIATION_KEYS: [&str; 2] = ["lens", "world_from_pixel"];
 const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_factor"];
 const LAUNCH_KEYS: [&str; 2] = ["edge_x_m", "spin_ratio"];
 
@@ -71,6 +73,11 @@ pub(super) fn home_of(name: &str) -> Option<String> {
 
 /// See [`Calibration::read`].
 pub(super) fn read(path: &Path) -> Result<Calibration, CalibrationError> {
+    accepted(inspect(path)?, &path.display().to_string())
+}
+
+/// What can be made of the file, and every problem in it.
+pub(super) fn inspect(path: &Path) -> Result<Inspected, CalibrationError> {
     let name = path.display().to_string();
     let mut bytes = Vec::new();
     std::fs::File::open(path)
@@ -101,11 +108,28 @@ pub(super) fn read(path: &Path) -> Result<Calibration, CalibrationError> {
             "name the calib.json, not a video or picture, or save it as UTF-8".into()
         },
     })?;
-    parse(text, &name)
+    inspect_text(text, &name)
 }
 
 /// See [`Calibration::parse`].
 pub(super) fn parse(source: &str, name: &str) -> Result<Calibration, CalibrationError> {
+    accepted(inspect_text(source, name)?, name)
+}
+
+/// A calibration with defaults in place of what is wrong (`None` without a scale), and what is wrong.
+pub(super) type Inspected = (Option<Calibration>, Vec<Problem>);
+
+fn accepted(inspected: Inspected, name: &str) -> Result<Calibration, CalibrationError> {
+    match inspected {
+        (Some(calibration), problems) if problems.is_empty() => Ok(calibration),
+        (_, problems) => Err(CalibrationError::Invalid {
+            name: name.to_owned(),
+            problems,
+        }),
+    }
+}
+
+fn inspect_text(source: &str, name: &str) -> Result<Inspected, CalibrationError> {
     let value = json(source, name)?;
     let Value::Object(keys) = &value else {
         return Err(CalibrationError::NotJson {
@@ -119,13 +143,7 @@ pub(super) fn parse(source: &str, name: &str) -> Result<Calibration, Calibration
     if let Some(calibration) = &calibration {
         reader.problems.extend(geometry_problems(calibration));
     }
-    match calibration {
-        Some(calibration) if reader.problems.is_empty() => Ok(calibration),
-        _ => Err(CalibrationError::Invalid {
-            name: name.to_owned(),
-            problems: reader.problems,
-        }),
-    }
+    Ok((calibration, reader.problems))
 }
 
 /// `None` where the scale itself is missing or wrong; other problems leave the default in place.
@@ -148,6 +166,9 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         .map(f64::to_radians);
     let (distance_m, distance_std_m) = distance(reader, top);
     let lens = lens(reader, top);
+    let lens_std = lens_std(reader, top);
+    let homography = matches!(scale, Some(Scale::Homography(_)));
+    let deviations = deviations(reader, top, lens.is_some(), homography);
     let frame_rate_hz = reader.number(
         top,
         "frame_rate_hz",
@@ -160,15 +181,16 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     let gravity_std_m_s2 = deviation(reader, top, "gravity_std_m_s2", Some(gravity_m_s2));
     let ball = ball(reader, top, scale.as_ref());
     check_outside_ball(reader, distance_m, &ball);
-    let has_origin = top.get("origin_px").is_some() || matches!(scale, Some(Scale::Homography(_)));
+    let has_origin = top.get("origin_px").is_some() || scale.as_ref().is_some_and(Scale::has_origin);
     let launch = launch(reader, top, has_origin);
-    if matches!(scale, Some(Scale::Homography(_))) {
+    if homography {
         check_beside_homography(reader, top, up_px);
-    } else if origin_std_px.is_some() && !has_origin {
+    }
+    if origin_std_px.is_some() && !has_origin {
         reader.refuse(
             "origin_std_px".into(),
             "no origin_px beside it",
-            "only with origin_px",
+            "only with origin_px (or world_from_pixel)",
             "give origin_px or remove it",
         );
     }
@@ -183,6 +205,8 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         distance_m,
         distance_std_m,
         lens,
+        lens_std,
+        deviations,
         frame_rate_hz,
         gravity_m_s2,
         gravity_std_m_s2,
@@ -329,6 +353,101 @@ fn lens(reader: &mut Reader, top: &Section<'_>) -> Option<Lens> {
     }
 }
 
+/// Uncertainties of the lens's nine numbers; null where one was not fitted.
+fn lens_std(reader: &mut Reader, top: &Section<'_>) -> [Option<f64>; 9] {
+    let mut all = [None; 9];
+    // Whatever is wrong with the section itself has been told already.
+    let Some(Value::Object(keys)) = top.get("lens") else {
+        return all;
+    };
+    let section = top.inner("lens", keys);
+    let (camera, distortion) = all.split_at_mut(4);
+    for (name, form, numbers) in [
+        ("camera_std_px", "four numbers [fx, fy, cx, cy]", camera),
+        ("distortion_std", "five numbers [k1, k2, p1, p2, k3]", distortion),
+    ] {
+        let Some(value) = section.get(name) else { continue };
+        let element = |x: &Value| match x {
+            Value::Null => Some(None),
+            x => x.as_f64().filter(|&x| (POSITIVE.holds)(x)).map(Some),
+        };
+        let read: Option<Vec<Option<f64>>> = value.as_array().and_then(|a| a.iter().map(element).collect());
+        match read.filter(|read| read.len() == numbers.len()) {
+            Some(read) => numbers.copy_from_slice(&read),
+            None => reader.refuse(
+                section.key(name),
+                text(value),
+                format!("{form}, each above 0 or null"),
+                "leave it out where it is not known",
+            ),
+        }
+    }
+    all
+}
+
+/// A file has no more: lens and homography have 15 numbers together.
+const MOST_DEVIATIONS: usize = 32;
+
+fn deviations(reader: &mut Reader, top: &Section<'_>, lens: bool, homography: bool) -> Vec<Deviation> {
+    let Some(value) = top.get("deviations") else {
+        return Vec::new();
+    };
+    let accepted = "a list of {\"lens\": [9 numbers], \"world_from_pixel\": [[..], [..], [..]]}, as track calibrate board writes it";
+    let entries = match value {
+        Value::Array(entries) if entries.len() <= MOST_DEVIATIONS => entries,
+        other => {
+            reader.refuse(
+                "deviations".into(),
+                text(other),
+                accepted,
+                "copy it, or remove it",
+            );
+            return Vec::new();
+        }
+    };
+    let mut deviations = Vec::new();
+    for (i, entry) in entries.iter().enumerate() {
+        let name = format!("deviations[{i}]");
+        let Value::Object(keys) = entry else {
+            reader.refuse(name, text(entry), accepted, "copy it, or remove it");
+            continue;
+        };
+        let section = top.inner(&name, keys);
+        reader.check_keys(&section, &DEVIATION_KEYS);
+        let hint = "the lens of which it is the uncertainty is gone: remove it";
+        for (key, there) in [("lens", lens), ("world_from_pixel", homography)] {
+            if let Some(value) = section.get(key).filter(|_| !there) {
+                let of = if key == "lens" {
+                    "lens"
+                } else {
+                    "scale.world_from_pixel"
+                };
+                reader.refuse(section.key(key), text(value), format!("only with {of}"), hint);
+            }
+        }
+        let numbers = reader.numbers::<9>(
+            &section,
+            "lens",
+            FINITE,
+            "nine numbers",
+            "copy them, or remove the entry",
+        );
+        let matrix = section.get("world_from_pixel").is_some().then(|| {
+            reader.required_matrix(
+                &section,
+                "world_from_pixel",
+                "three rows of three numbers",
+                "copy them",
+            )
+        });
+        deviations.push(Deviation {
+            lens: numbers.unwrap_or_default(),
+            world_from_pixel: matrix.flatten(),
+        });
+    }
+    deviations
+}
+
 fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
     let section = reader.section(top, "ball", &BALL_KEYS);
     let mut ball = Ball::default();
@@ -406,15 +525,13 @@ fn deviation(reader: &mut Reader, section: &Section<'_>, name: &str, of: Option<
 /// A homography has its own origin and axes.
 fn check_beside_homography(reader: &mut Reader, top: &Section<'_>, up_px: [f64; 2]) {
     let reason = "nothing beside world_from_pixel, which has its own origin and axes";
-    for key in ["origin_px", "origin_std_px"] {
-        if let Some(value) = top.get(key) {
-            reader.refuse(
-                key.into(),
-                text(value),
-                reason,
-                "remove it, or move the homography's origin",
-            );
-        }
+    if let Some(value) = top.get("origin_px") {
+        reader.refuse(
+            "origin_px".into(),
+            text(value),
+            reason,
+            "remove it, or move the homography's origin",
+        );
     }
     if up_px != [0.0, -1.0] {
         let found = top.get("up_px").map_or("nothing".to_owned(), text);

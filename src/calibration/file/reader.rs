@@ -52,6 +52,14 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// An object inside this section.
+    pub fn inner(&self, name: &str, keys: &'a Map<String, Value>) -> Self {
+        Self {
+            path: self.key(name),
+            keys,
+        }
+    }
+
     /// The value, where there is one that is not null: null means "not given".
     pub fn get(&self, name: &str) -> Option<&'a Value> {
         self.keys.get(name).filter(|v| !v.is_null())

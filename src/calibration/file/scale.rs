@@ -35,11 +35,11 @@ const KINDS: [Kind; 5] = [
     Kind {
         name: "world_from_pixel",
         marks: &["world_from_pixel"],
-        beside: &["relative_std"],
+        beside: &["relative_std", "origin_unknown"],
     },
 ];
 
-pub(super) const SCALE_KEYS: [&str; 11] = [
+pub(super) const SCALE_KEYS: [&str; 12] = [
     "metres_per_pixel",
     "std_uncertainty",
     "from_px",
@@ -51,6 +51,7 @@ pub(super) const SCALE_KEYS: [&str; 11] = [
     "gravity",
     "world_from_pixel",
     "relative_std",
+    "origin_unknown",
 ];
 const ONE_SCALE: &str = "exactly one of {\"metres_per_pixel\": m}, {\"from_px\": [u, v], \"to_px\": [u, v], \"length_m\": m}, \
                          {\"ball\": true}, {\"gravity\": true}, {\"world_from_pixel\": [[..], [..], [..]]}";
@@ -119,9 +120,15 @@ fn scale_of_kind(reader: &mut Reader, section: &Section<'_>, kind: &Kind) -> Opt
             let matrix =
                 reader.required_matrix(section, "world_from_pixel", form, "write the matrix row by row");
             let relative_std = deviation(reader, section, "relative_std", Some(1.0));
+            let unknown = section.get("origin_unknown").is_some();
+            if unknown {
+                let hint = "leave it out where the matrix's origin is the launch edge at the floor";
+                reader.flag(section, "origin_unknown", hint);
+            }
             Some(Scale::Homography(Homography {
                 world_from_pixel: matrix?,
                 relative_std,
+                origin_known: !unknown,
             }))
         }
     }

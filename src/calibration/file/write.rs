@@ -1,6 +1,6 @@
 //! A calibration in the file's form.
 
-use crate::calibration::{Calibration, SCHEMA, Scale, View};
+use crate::calibration::{Calibration, Deviation, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
@@ -11,10 +11,18 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
         View::Side => "side",
         View::Top => "top",
     };
-    let lens = c
-        .lens
-        .as_ref()
-        .map(|l| json!({"camera_matrix": rows(l.camera_matrix()), "distortion": l.distortion()}));
+    let given = |std: &[Option<f64>]| {
+        let short: Vec<Option<f64>> = std.iter().map(|s| s.map(short)).collect();
+        short.iter().any(Option::is_some).then(|| json!(short))
+    };
+    let lens = c.lens.as_ref().map(|l| {
+        object([
+            ("camera_matrix", Some(rows(l.camera_matrix()))),
+            ("distortion", Some(json!(l.distortion()))),
+            ("camera_std_px", given(&c.lens_std[..4])),
+            ("distortion_std", given(&c.lens_std[4..])),
+        ])
+    });
     let ball = object([
         ("radius_m", c.ball.radius_m.map(Value::from)),
         ("radius_std_m", c.ball.radius_std_m.map(Value::from)),
@@ -44,12 +52,26 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
         ("distance_m", c.distance_m.map(Value::from)),
         ("distance_std_m", c.distance_std_m.map(Value::from)),
         ("lens", lens),
+        ("deviations", deviations(c)),
         ("frame_rate_hz", c.frame_rate_hz.map(Value::from)),
         ("gravity_m_s2", Some(c.gravity_m_s2.into())),
         ("gravity_std_m_s2", c.gravity_std_m_s2.map(Value::from)),
         ("ball", Some(ball)),
         ("launch", Some(launch)),
     ])
+}
+
+fn deviations(c: &Calibration) -> Option<Value> {
+    let entry = |d: &Deviation| {
+        object([
+            ("lens", c.lens.is_some().then(|| json!(d.lens.map(short)))),
+            (
+                "world_from_pixel",
+                d.world_from_pixel.as_ref().map(|m| rows(&m.map(short))),
+            ),
+        ])
+    };
+    (!c.deviations.is_empty()).then(|| c.deviations.iter().map(entry).collect())
 }
 
 fn scale(scale: &Scale) -> Value {
@@ -76,8 +98,14 @@ fn scale(scale: &Scale) -> Value {
         Scale::Homography(homography) => object([
             ("world_from_pixel", Some(rows(&homography.world_from_pixel))),
             ("relative_std", homography.relative_std.map(Value::from)),
+            ("origin_unknown", (!homography.origin_known).then(|| true.into())),
         ]),
     }
+}
+
+/// Five significant digits: an uncertainty of an uncertainty.
+fn short(x: f64) -> f64 {
+    format!("{x:.4e}").parse().unwrap_or(x)
 }
 
 fn point(p: PixelPoint) -> Value {

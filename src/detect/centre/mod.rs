@@ -1,10 +1,38 @@
-//! The ball's centre in one frame: found coarsely on its outline, then refined on the pixels of its edge.
+//! The ball's centre in one frame.
+//!
+//! | file | |
+//! |---|---|
+//! | [`outline`] | a first circle where nothing is known yet |
+//! | [`ball`] | what a ball looks like: the model that the likelihood fits share |
+//! | [`appearance`] | what this recording's ball looks like, learned from many frames |
+//! | [`known_ball`] | the likelihood fit of a centre once that is known |
+//! | [`drawn_out`] | the ellipse that perspective makes of a ball, as a circle |
+//! | [`fast`], [`standard`], [`fine`] | the methods behind `--accuracy`, each with its cost and error |
 
-pub mod edge_band;
+pub mod appearance;
+pub mod ball;
+pub mod drawn_out;
+pub mod fast;
+pub mod fine;
+pub mod known_ball;
 pub mod outline;
+pub mod standard;
 
 use super::blobs::Crop;
 use crate::geometry::PixelPoint;
+use drawn_out::DrawnOut;
+
+/// How much time to spend on accuracy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Accuracy {
+    /// For screening: see [`fast`].
+    Fast,
+    /// What most need: see [`standard`].
+    #[default]
+    Standard,
+    /// The most exact: see [`fine`].
+    Fine,
+}
 
 /// A cut-out of a frame beside the background that it covers.
 #[derive(Debug, Clone)]
@@ -15,6 +43,9 @@ pub struct Patch<'a> {
     pub background: Vec<f32>,
     /// Standard deviation of a pixel's noise, grey levels.
     pub noise_grey: f64,
+    /// How perspective draws the ball out here; `None` where it is as round as can be seen. The likelihood fits then have
+    /// their discs and centres in the round picture.
+    pub drawn_out: Option<DrawnOut>,
 }
 
 /// The outline of a ball that moves by `swept` while the shutter is open: a disc, or a capsule.
@@ -35,10 +66,6 @@ pub struct Centre {
     pub disc: Disc,
     /// Covariance of (u, v), px², from the fit's own residuals.
     pub covariance_px2: [[f64; 2]; 2],
-    /// Standard uncertainty of the radius, px; `None` where it was given.
-    pub radius_std_px: Option<f64>,
-    /// Standard deviation of the edge's blur (optics and pixel together), px.
-    pub blur_px: f64,
     /// Part of the outline that was used, 0..1; the rest is hidden, spoilt or outside the picture.
     pub outline_used: f64,
     /// Typical residual, grey levels.

@@ -18,7 +18,8 @@ pub struct Outline {
     pub agreement: f64,
 }
 
-const RAYS: usize = 64;
+/// Rays looked along.
+pub const RAYS: usize = 64;
 
 /// Trials of three rays: with 40 % of the candidates on the circle, a good triple is missed with probability 1e-4.
 const TRIALS: usize = 140;
@@ -61,7 +62,8 @@ pub fn find(patch: &Patch<'_>, inside: PixelPoint, radius_px: Option<f64>) -> Op
 }
 
 /// |difference from the background|, smoothed by [1 2 1]²/16 against noise.
-fn smoothed_change(patch: &Patch<'_>) -> Vec<f32> {
+#[must_use]
+pub fn smoothed_change(patch: &Patch<'_>) -> Vec<f32> {
     let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
     let raw: Vec<f32> = patch
         .crop
@@ -99,6 +101,29 @@ fn sample(change: &[f32], w: usize, h: usize, u: f64, v: f64) -> Option<f64> {
         (at(iu, iv) * (1.0 - fu) + at(iu + 1, iv) * fu) * (1.0 - fv)
             + (at(iu, iv + 1) * (1.0 - fu) + at(iu + 1, iv + 1) * fu) * fv,
     )
+}
+
+/// On each ray from `from` (a point of the frame) the edge nearest to `radius_px`, within `gate_px` of it; points of the
+/// frame. `change` by [`smoothed_change`].
+#[must_use]
+pub fn edges_near(
+    patch: &Patch<'_>,
+    change: &[f32],
+    from: PixelPoint,
+    radius_px: f64,
+    gate_px: f64,
+) -> Vec<PixelPoint> {
+    let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
+    let start = (from.u_px - u0, from.v_px - v0);
+    let mut nearest: [Option<(f64, PixelPoint)>; RAYS] = [None; RAYS];
+    for e in edges_along_rays(patch, change, start) {
+        let r = ((e.u - start.0).powi(2) + (e.v - start.1).powi(2)).sqrt();
+        let off = (r - radius_px).abs();
+        if off < gate_px && nearest[e.ray].is_none_or(|(best, _)| off < best) {
+            nearest[e.ray] = Some((off, PixelPoint::new(e.u + u0, e.v + v0)));
+        }
+    }
+    nearest.into_iter().flatten().map(|(_, p)| p).collect()
 }
 
 /// Places along each ray where the change falls through half of what it was just inside.

@@ -197,14 +197,14 @@ pub(in crate::flight) fn build(
             uses[r.clone()].fill(SpotUse::Used(k));
         }
         let forces = Forces::Overhead(known);
-        let mut fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+        let (mut fit, mut extra) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
         for _ in 0..SHARES {
             if !share_out(&samples, &mut uses, &fit, interval_s) {
                 break;
             }
-            fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+            (fit, extra) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
         }
-        let flight = finish(spots, track, uses, fit, interval_s);
+        let flight = finish(spots, track, uses, (fit, extra), interval_s);
         let cut = flight
             .impacts
             .iter()
@@ -229,7 +229,7 @@ pub fn fall_seen(flight: &Flight) -> Option<Quantity> {
         .iter()
         .filter_map(|p| {
             let SpotUse::Used(arc) = p.use_ else { return None };
-            let sample = sample_of(&p.spot);
+            let sample = sample_of(&p.spot, &flight.extra);
             Some(FitPoint { arc, sample })
         })
         .collect();

@@ -18,6 +18,7 @@
 
 use super::{Layout, Overhead, flying, seen};
 use crate::flight::fit::{DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
+use crate::flight::segment::Sample;
 use nalgebra::{DMatrix, DVector};
 
 /// The result, in the terms of [`crate::flight::fit::ArcFit`].
@@ -92,25 +93,9 @@ fn fit_with(
     drag: (f64, f64),
     lift_drag: f64,
 ) -> Option<Fitted> {
-    let times = mean_times(points, arcs)?;
-    let parts: Vec<&[FitPoint]> = points.chunk_by(|a, b| a.arc == b.arc).collect();
-    let in_order = parts.len() == arcs && parts.iter().enumerate().all(|(k, p)| p[0].arc == k);
-    if !in_order {
-        return None;
-    }
-    let mut job = Job {
-        known: *known,
-        drag,
-        layout: Layout::new(arcs),
-        times,
-        parts,
-        weights: vec![1.0; arcs],
-        impact_stds: Vec::new(),
-        lift_stds: Vec::new(),
-    };
+    let mut job = Job::new(points, arcs, known, drag)?;
     let start = job.start()?;
-    job.lift_stds = (0..arcs).map(|k| job.lift_std(&start, k, lift_drag)).collect();
-    job.impact_stds = (1..arcs).map(|k| job.impact_std(&start, k - 1)).collect();
+    job.take_doubts(&start, lift_drag);
     let (settled, _) = job.settle(start)?;
     let residuals = job.residuals(&settled);
     let knowledge = job.knowledge(&settled);
@@ -141,6 +126,39 @@ fn fit_with(
         excess,
         persistence,
     })
+}
+
+/// How `parameters`, fitted to `points`, follow to first order when each point moves by its shift along r and h.
+#[must_use]
+pub fn response(
+    points: &[FitPoint],
+    arcs: usize,
+    known: &Overhead,
+    parameters: &DVector<f64>,
+    shifts: &[(f64, f64)],
+) -> Option<DVector<f64>> {
+    let light = LIGHTEST_DRAG / known.radius();
+    let drag = known.drag.unwrap_or((0.0, light));
+    let moved: Vec<FitPoint> = points
+        .iter()
+        .zip(shifts)
+        .map(|(p, (dr, dh))| {
+            let sample = Sample {
+                r: p.sample.r + dr,
+                h: p.sample.h + dh,
+                ..p.sample
+            };
+            FitPoint { sample, ..*p }
+        })
+        .collect();
+    let system = |points: &[FitPoint]| {
+        let mut job = Job::new(points, arcs, known, drag)?;
+        job.take_doubts(parameters, known.drag.map_or(parameters[DRAG].clamp(0.1 * light, light), |d| d.0));
+        Some(job.system(parameters))
+    };
+    // The slopes are the same; what is left to explain differs by the shifts alone.
+    let ((matrix, here), (_, there)) = (system(points)?, system(&moved)?);
+    solve(&matrix, &(there - here)).map(|(change, _)| change)
 }
 
 /// A step shortened most in what the rows say least about.
@@ -185,7 +203,30 @@ struct Job<'a> {
     lift_stds: Vec<f64>,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
+    /// `None` where an arc has too few points.
+    fn new(points: &'a [FitPoint], arcs: usize, known: &Overhead, drag: (f64, f64)) -> Option<Self> {
+        let times = mean_times(points, arcs)?;
+        let parts: Vec<&[FitPoint]> = points.chunk_by(|a, b| a.arc == b.arc).collect();
+        let in_order = parts.len() == arcs && parts.iter().enumerate().all(|(k, p)| p[0].arc == k);
+        in_order.then(|| Self {
+            known: *known,
+            drag,
+            layout: Layout::new(arcs),
+            times,
+            parts,
+            weights: vec![1.0; arcs],
+            impact_stds: Vec::new(),
+            lift_stds: Vec::new(),
+        })
+    }
+
+    /// How large lifts may be and how well arcs meet, by the speeds that `p` has.
+    fn take_doubts(&mut self, p: &DVector<f64>, lift_drag: f64) {
+        self.lift_stds = (0..self.arcs()).map(|k| self.lift_std(p, k, lift_drag)).collect();
+        self.impact_stds = (1..self.arcs()).map(|k| self.impact_std(p, k - 1)).collect();
+    }
+
     fn arcs(&self) -> usize {
         self.times.len()
     }

@@ -45,7 +45,7 @@ fn spots(camera: &Overhead, v: [f64; 2], turn: f64, sigma: f64, noise: &mut Nois
     let again = hit + 2.0 * up / g;
     (0..150)
         .map(|frame| {
-            let t = f64::from(frame) / 240.0;
+            let t = frame as f64 / 240.0;
             let (z, s) = if t < hit {
                 (drop - 0.5 * g * t * t, [v[0] * t, v[1] * t])
             } else {
@@ -64,6 +64,7 @@ fn spots(camera: &Overhead, v: [f64; 2], turn: f64, sigma: f64, noise: &mut Nois
                 foot.up + (200.0 + s[1] - foot.up) * near + sigma * noise.normal(),
             );
             Spot {
+                coded: crate::frames::Coded::Whole,
                 id: frame as usize,
                 frame: frame as usize,
                 time_s: t,

@@ -14,6 +14,7 @@ mod output;
 pub(super) use input::{Decoder, DecoderSettings, Input, OpenFailure, StreamFacts};
 pub(super) use output::{Encoder, EncoderSettings, Failure};
 
+use crate::frames::Coded;
 use ffmpeg_next::ffi;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::fmt;
@@ -338,6 +339,18 @@ impl Picture {
     pub(super) fn is_interlaced(&self) -> bool {
         // SAFETY: owned and not null.
         unsafe { (*self.0).interlaced_frame != 0 }
+    }
+
+    /// How the picture was coded.
+    pub(super) fn coded(&self) -> Coded {
+        // SAFETY: owned and not null.
+        match unsafe { (*self.0).pict_type } {
+            ffi::AVPictureType::AV_PICTURE_TYPE_P | ffi::AVPictureType::AV_PICTURE_TYPE_S => Coded::Predicted,
+            ffi::AVPictureType::AV_PICTURE_TYPE_B | ffi::AVPictureType::AV_PICTURE_TYPE_BI => {
+                Coded::Interpolated
+            }
+            _ => Coded::Whole,
+        }
     }
 
     /// Whether the decoder says that something of the picture was lost; not all of them do, and with threads not

@@ -84,7 +84,7 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
             most.shift_px = most
                 .shift_px
                 .max(picture_shift_px(&scene.camera, &at_m, deviation_m) + transient_px);
-            most.depth_m = most.depth_m.max(along_axis(scene.camera.view, deviation_m).abs());
+            most.depth_m = most.depth_m.max(along_axis(&scene.camera, deviation_m).abs());
         }
     };
     let mut from_s = 0.0;

@@ -1,0 +1,592 @@
+//! What is wrong with a calibration, or odd about it: all of it at once, in plain words.
+//!
+//! A *problem* makes results wrong or keeps the calibration from being used; a *remark* is worth knowing. What the reader
+//! of the file refuses is a problem as it stands; the rest is judged here, by itself and against a recording.
+
+use super::{Calibration, CalibrationError, Lens, Problem, Scale, ScaleEvidence, View, file};
+use crate::frames::SourceInfo;
+use crate::geometry::PixelPoint;
+use std::f64::consts::PI;
+use std::fmt;
+use std::path::Path;
+
+/// How much a finding matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Weight {
+    /// It makes results wrong, or keeps the calibration from being used.
+    Problem,
+    /// It is worth knowing.
+    Remark,
+}
+
+/// Something that is wrong or odd.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// How much it matters.
+    pub weight: Weight,
+    /// Dotted path of the key; empty for the whole file.
+    pub key: String,
+    /// What was found, and what to do.
+    pub message: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let weight = match self.weight {
+            Weight::Problem => "problem",
+            Weight::Remark => "remark ",
+        };
+        let key = if self.key.is_empty() { "(file)" } else { &self.key };
+        write!(f, "{weight}  {key}: {}", self.message)
+    }
+}
+
+/// Everything found in the file at `path`, problems first; against a recording where one is given.
+///
+/// # Errors
+/// A file that cannot be read, or is not JSON.
+pub fn check(path: &Path, recording: Option<&SourceInfo>) -> Result<Vec<Finding>, CalibrationError> {
+    let (calibration, problems) = file::inspect(path)?;
+    let mut findings = Findings::default();
+    for problem in &problems {
+        findings.refused(problem);
+    }
+    if let Some(calibration) = &calibration {
+        // A value that was refused stands at its default here: whatever follows from that is no finding.
+        findings.refused = problems.into_iter().map(|p| p.key).collect();
+        by_itself(calibration, recording, &mut findings);
+        if let Some(recording) = recording {
+            against(calibration, recording, &mut findings);
+        }
+    }
+    findings.all.sort_by_key(|f| f.weight);
+    Ok(findings.all)
+}
+
+#[derive(Default)]
+struct Findings {
+    all: Vec<Finding>,
+    refused: Vec<String>,
+}
+
+impl Findings {
+    fn refused(&mut self, problem: &Problem) {
+        self.all.push(Finding {
+            weight: Weight::Problem,
+            key: problem.key.clone(),
+            message: format!(
+                "found {}; accepted: {}; try: {}",
+                problem.found, problem.accepted, problem.hint
+            ),
+        });
+    }
+
+    fn add(&mut self, weight: Weight, key: &str, message: impl Into<String>) {
+        if self
+            .refused
+            .iter()
+            .any(|r| r.starts_with(key) || key.starts_with(r.as_str()))
+        {
+            return;
+        }
+        self.all.push(Finding {
+            weight,
+            key: key.to_owned(),
+            message: message.into(),
+        });
+    }
+
+    fn problem(&mut self, key: &str, message: impl Into<String>) {
+        self.add(Weight::Problem, key, message);
+    }
+
+    fn remark(&mut self, key: &str, message: impl Into<String>) {
+        self.add(Weight::Remark, key, message);
+    }
+}
+
+fn by_itself(c: &Calibration, recording: Option<&SourceInfo>, out: &mut Findings) {
+    let size = c
+        .image_size_px
+        .or_else(|| recording.map(|r| (r.width_px, r.height_px)));
+    if c.image_size_px.is_none() {
+        out.remark(
+            "image_size_px",
+            "not given, so that a scaled or cropped version of the recording would be measured without a word; give [width, height]",
+        );
+    }
+    scale(c, size, out);
+    ball(c, size, out);
+    up(c, out);
+    if let (Some(lens), Some(size)) = (&c.lens, size) {
+        lens_findings(lens, size, out);
+        if c.deviations.is_empty() {
+            out.remark(
+                "lens",
+                "it has no uncertainty (\"deviations\"), so that results take it as exact; track calibrate board determines it",
+            );
+        }
+    }
+    if let (Some(origin), Some(size)) = (c.origin_px, size)
+        && !inside(origin, size)
+    {
+        out.remark(
+            "origin_px",
+            format!(
+                "[{}, {}] is outside the picture of {}x{} px; right if the launch edge is, otherwise check the order: column first, then row",
+                origin.u_px, origin.v_px, size.0, size.1
+            ),
+        );
+    }
+    if c.origin_px.is_some() && c.origin_std_px.is_none() {
+        out.remark(
+            "origin_std_px",
+            "not given, so that x0 takes the origin as exact; a mark read off by eye is good to about 1 px",
+        );
+    }
+    surroundings(c, out);
+}
+
+fn inside(p: PixelPoint, (width, height): (usize, usize)) -> bool {
+    let within = |x: f64, size: usize| x >= -1.0 && x <= size as f64;
+    within(p.u_px, width) && within(p.v_px, height)
+}
+
+/// The file's own size of the picture in metres, where the scale tells.
+fn metres_per_pixel(c: &Calibration, size: (usize, usize)) -> Option<f64> {
+    let q = c.metres_per_unit(&ScaleEvidence::default()).ok()?;
+    let middle = PixelPoint::new(size.0 as f64 / 2.0, size.1 as f64 / 2.0);
+    let jacobian = c.rectification().ok()?.jacobian(middle)?;
+    Some(q.value * jacobian.determinant().abs().sqrt())
+}
+
+fn scale(c: &Calibration, size: Option<(usize, usize)>, out: &mut Findings) {
+    if let Some(size) = size
+        && let Some(q) = metres_per_pixel(c, size)
+    {
+        let width_m = q * size.0 as f64;
+        if !(1e-3..200.0).contains(&width_m) {
+            out.problem(
+                "scale",
+                format!(
+                    "the picture would be {width_m:.3e} m wide ({} px of {q:.3e} m): check the unit, lengths are metres",
+                    size.0
+                ),
+            );
+        }
+    }
+    let evidence = ScaleEvidence::default();
+    match &c.scale {
+        Scale::MetresPerPixel { std: None, .. } => out.remark(
+            "scale.std_uncertainty",
+            "not given: lengths and speeds will have the tracking's uncertainty only",
+        ),
+        Scale::Ruler {
+            from,
+            to,
+            length_std_m,
+            point_std_px,
+            ..
+        } => {
+            if length_std_m.is_none() {
+                out.remark(
+                    "scale.length_std_m",
+                    "not given, so that the ruler's length counts as exact; a tape measure is good to about 0.5 mm",
+                );
+            }
+            if point_std_px.is_none() {
+                out.remark(
+                    "scale.point_std_px",
+                    "not given, so that its ends count as read to the pixel (0.29 px); by eye 1 px is usual",
+                );
+            }
+            let relative = c
+                .metres_per_unit(&evidence)
+                .ok()
+                .and_then(|q| Some(q.std_uncertainty? / q.value));
+            if let Some(relative) = relative.filter(|r| *r > 0.01) {
+                out.remark(
+                    "scale",
+                    format!(
+                        "the ruler is {:.0} px long, which makes every length and speed uncertain by {:.1} %: use marks farther apart",
+                        from.distance_px(*to),
+                        100.0 * relative
+                    ),
+                );
+            }
+        }
+        Scale::Gravity if c.frame_rate_hz.is_none() => out.remark(
+            "scale",
+            "lengths come from the fall, so they are right only where the file's time stamps are those of the capture; give frame_rate_hz for slow motion",
+        ),
+        Scale::Homography(h) => homography(c, h.relative_std, h.origin_known, size, out),
+        _ => {}
+    }
+}
+
+fn homography(
+    c: &Calibration,
+    relative_std: Option<f64>,
+    origin_known: bool,
+    size: Option<(usize, usize)>,
+    out: &mut Findings,
+) {
+    let key = "scale.world_from_pixel";
+    if relative_std.is_none() {
+        out.remark(
+            "scale.relative_std",
+            "not given, so that the board's (or the points') size counts as exact; 0.001 is 0.1 %",
+        );
+    }
+    if !origin_known {
+        out.remark(
+            "scale.origin_unknown",
+            "the origin is not that of the experiment: the floor is found from the impacts, and x0 needs the launch edge (calibrate with --floor and --edge)",
+        );
+    }
+    let (Some(size), Ok(map)) = (size, c.rectification()) else {
+        return;
+    };
+    let middle = PixelPoint::new(size.0 as f64 / 2.0, size.1 as f64 / 2.0);
+    if map.jacobian(middle).is_some_and(|j| j.determinant() > 0.0) {
+        out.problem(
+            key,
+            "it mirrors the picture: with x to the right, its second coordinate runs down; the world's z is up",
+        );
+    }
+    let (right, bottom) = (size.0 as f64 - 1.0, size.1 as f64 - 1.0);
+    let corners = [(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)];
+    if corners
+        .iter()
+        .any(|&(u, v)| map.plane_from_pixel(PixelPoint::new(u, v)).is_none())
+    {
+        out.remark(key, "a corner of the picture is beyond the plane's horizon (or the lens's reach): a ball there is not measured");
+    }
+}
+
+fn ball(c: &Calibration, size: Option<(usize, usize)>, out: &mut Findings) {
+    let Some(radius_m) = c.ball.radius_m else { return };
+    if !(2e-4..0.5).contains(&radius_m) {
+        out.problem(
+            "ball.radius_m",
+            format!(
+                "{radius_m} m is no ball's radius: give half the diameter, in metres (20 mm across: 0.01)"
+            ),
+        );
+    } else if let Some(size) = size
+        && let Some(q) = metres_per_pixel(c, size)
+    {
+        let radius_px = radius_m / q;
+        let most = size.0.min(size.1) as f64 / 2.0;
+        if !(1.5..most).contains(&radius_px) {
+            out.problem(
+                "ball.radius_m",
+                format!(
+                    "by the scale the ball's radius is {radius_px:.2} px in a picture of {}x{} px: ball or scale is wrong",
+                    size.0, size.1
+                ),
+            );
+        }
+    }
+    if let Some(mass_kg) = c.ball.mass_kg {
+        let density = mass_kg / (4.0 / 3.0 * PI * radius_m.powi(3));
+        if !(5.0..25_000.0).contains(&density) {
+            out.problem(
+                "ball.mass_kg",
+                format!(
+                    "{mass_kg} kg in a ball of {:.1} mm radius are {density:.0} kg/m³ (foam has 20, steel 7800): check mass and radius",
+                    1e3 * radius_m
+                ),
+            );
+        }
+    }
+}
+
+fn up(c: &Calibration, out: &mut Findings) {
+    let [a, b] = c.up_px;
+    if b > 0.5 {
+        out.problem(
+            "up_px",
+            format!("[{a:.3}, {b:.3}] points down in the picture (v grows downwards): up is [0, -1] unless the camera stood on its head"),
+        );
+    } else if a.abs() > 0.35 && c.view == View::Side {
+        let lean = a.atan2(-b).to_degrees();
+        out.remark(
+            "up_px",
+            format!("the camera leaned by {lean:.0} degrees: right for one on its side, otherwise check it"),
+        );
+    }
+}
+
+fn lens_findings(lens: &Lens, size: (usize, usize), out: &mut Findings) {
+    let m = lens.camera_matrix();
+    let (fx, fy, centre) = (m[(0, 0)], m[(1, 1)], lens.principal_point());
+    let (width, height) = (size.0 as f64, size.1 as f64);
+    let off = ((centre.u_px - width / 2.0) / width)
+        .abs()
+        .max(((centre.v_px - height / 2.0) / height).abs());
+    let key = "lens.camera_matrix";
+    if off > 0.2 {
+        out.problem(
+            key,
+            format!(
+                "its centre, [{:.0}, {:.0}], is far from the middle of a picture of {}x{} px: it was made for another size or cut of the picture",
+                centre.u_px, centre.v_px, size.0, size.1
+            ),
+        );
+    }
+    if (fx / fy - 1.0).abs() > 0.05 {
+        out.problem(
+            key,
+            format!("fx is {fx:.0} and fy {fy:.0}: pixels are square in almost every camera; calibrate the lens again"),
+        );
+    }
+    if !(0.2..30.0).contains(&(fx / width)) {
+        out.problem(
+            key,
+            format!(
+                "a focal length of {fx:.0} px with a picture {} px wide sees {:.1} degrees: check it",
+                size.0,
+                2.0 * (0.5 * width / fx).atan().to_degrees()
+            ),
+        );
+    }
+    let corners = [
+        (0.0, 0.0),
+        (width - 1.0, 0.0),
+        (0.0, height - 1.0),
+        (width - 1.0, height - 1.0),
+    ];
+    let lost = corners
+        .iter()
+        .filter(|&&(u, v)| lens.undistort(PixelPoint::new(u, v)).is_none())
+        .count();
+    if lost > 0 {
+        out.problem(
+            "lens.distortion",
+            format!("{lost} of the picture's 4 corners cannot be undistorted: the model folds back before; calibrate with the board in the corners"),
+        );
+    }
+}
+
+/// Gravity, spin: what has usual values.
+fn surroundings(c: &Calibration, out: &mut Findings) {
+    if !(9.76..=9.84).contains(&c.gravity_m_s2) {
+        out.remark(
+            "gravity_m_s2",
+            format!("{}: on the Earth it is between 9.76 and 9.84", c.gravity_m_s2),
+        );
+    }
+    if let Some(spin) = c.launch.spin_ratio.filter(|s| s.abs() > 3.0) {
+        out.remark(
+            "launch.spin_ratio",
+            format!("{spin}: R w / u is 1 for a rolling ball, rarely above 2"),
+        );
+    }
+}
+
+fn against(c: &Calibration, recording: &SourceInfo, out: &mut Findings) {
+    let size = (recording.width_px, recording.height_px);
+    if let Err(CalibrationError::ImageSize {
+        calibrated,
+        found,
+        hint,
+    }) = c.check_image_size(size.0, size.1)
+    {
+        out.problem(
+            "image_size_px",
+            format!(
+                "the calibration is for pictures of {}x{} px, the recording has {}x{} px; {hint}",
+                calibrated.0, calibrated.1, found.0, found.1
+            ),
+        );
+    }
+    if c.image_size_px.is_none()
+        && let Scale::Ruler { from, to, .. } = c.scale
+    {
+        for (key, end) in [("scale.from_px", from), ("scale.to_px", to)] {
+            if !inside(end, size) {
+                out.problem(
+                    key,
+                    format!(
+                        "[{}, {}] is outside the recording's picture of {}x{} px",
+                        end.u_px, end.v_px, size.0, size.1
+                    ),
+                );
+            }
+        }
+    }
+    if (recording.pixel_aspect - 1.0).abs() > 1e-3 {
+        out.problem(
+            "scale",
+            format!(
+                "the recording's pixels are {:.3} times as wide as high, so one scale cannot hold for both directions; convert it first (ffmpeg -i in -vf scale=iw*sar:ih,setsar=1 out.mp4)",
+                recording.pixel_aspect
+            ),
+        );
+    }
+    frame_rate(c, recording, out);
+}
+
+/// Capture rate over stored rate that slow-motion files and doubled frames have.
+const FACTORS: [f64; 16] = [
+    0.25, 0.5, 1.0, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 32.0, 40.0,
+];
+
+fn frame_rate(c: &Calibration, recording: &SourceInfo, out: &mut Findings) {
+    let key = "frame_rate_hz";
+    match (c.frame_rate_hz, recording.nominal_rate_hz) {
+        (None, _) if !recording.has_time_base => {
+            out.problem(key, "the recording has no time stamps, so the capture rate must be given");
+        }
+        (None, Some(stored)) => out.remark(
+            key,
+            format!("not given: times are the file's own, {stored:.4} frames a second; a slow-motion file needs the true rate"),
+        ),
+        (Some(given), Some(stored)) => {
+            let ratio = given / stored;
+            let usual = FACTORS.iter().any(|f| (ratio / f - 1.0).abs() < 0.02);
+            if !usual {
+                out.problem(
+                    key,
+                    format!(
+                        "{given} Hz is {ratio:.3} times the file's {stored:.4} frames a second, which no camera makes; if times are the file's own, leave it out"
+                    ),
+                );
+            } else if (ratio - 1.0).abs() >= 0.02 {
+                out.remark(
+                    key,
+                    format!("{given} Hz is {ratio:.2} times the file's {stored:.4}: right for slow motion (or stored repeats), otherwise leave it out"),
+                );
+            }
+        }
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+    use std::path::PathBuf;
+
+    fn recording() -> SourceInfo {
+        SourceInfo {
+            path: PathBuf::from("clip.mp4"),
+            width_px: 1280,
+            height_px: 720,
+            nominal_rate_hz: Some(30.0),
+            frames_expected: None,
+            luma_range: crate::frames::LumaRange {
+                black: 16,
+                white: 235,
+            },
+            codec: "h264".into(),
+            has_time_base: true,
+            time_resolution_s: None,
+            pixel_aspect: 1.0,
+        }
+    }
+
+    fn findings(text: &str, recording: Option<&SourceInfo>) -> Vec<Finding> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.calib.json");
+        std::fs::write(&path, text).unwrap();
+        check(&path, recording).unwrap()
+    }
+
+    fn problems(text: &str, recording: Option<&SourceInfo>) -> Vec<String> {
+        let found = findings(text, recording);
+        let grave = found.iter().filter(|f| f.weight == Weight::Problem);
+        grave.map(|f| format!("{}: {}", f.key, f.message)).collect()
+    }
+
+    fn sound() -> serde_json::Value {
+        json!({
+            "schema": "track.calib/1",
+            "image_size_px": [1280, 720],
+            "scale": {"from_px": [100, 600], "to_px": [1100, 600], "length_m": 0.8, "length_std_m": 0.0005, "point_std_px": 0.5},
+            "origin_px": [120, 660], "origin_std_px": 0.5,
+            "frame_rate_hz": 240,
+            "ball": {"radius_m": 0.0125, "mass_kg": 0.0639}
+        })
+    }
+
+    #[test]
+    fn a_sound_file_has_no_problem() {
+        assert_eq!(problems(&sound().to_string(), None), [""; 0]);
+        let found = findings(&sound().to_string(), Some(&recording()));
+        assert!(found.iter().all(|f| f.weight == Weight::Remark), "{found:?}");
+        assert!(found[0].message.contains("8.00 times"), "{found:?}");
+    }
+
+    #[test]
+    fn everything_wrong_is_told_at_once() {
+        let mut c = sound();
+        c["scale"]["length_m"] = json!("0.8");
+        c["up_px"] = json!([0, 1]);
+        c["ball"] = json!({"radius_m": 12.5, "mass_kg": 0.06});
+        c["fps"] = json!(240);
+        c["image_size_px"] = json!([720, 1280]);
+        c["frame_rate_hz"] = json!(100);
+        let found = problems(&c.to_string(), Some(&recording()));
+        for key in ["fps", "scale.length_m"] {
+            assert!(found.iter().any(|f| f.starts_with(key)), "{key} in {found:?}");
+        }
+        // Without a scale there is no calibration to judge further; with one there is.
+        c["scale"] = json!({"metres_per_pixel": 0.0008});
+        let found = problems(&c.to_string(), Some(&recording()));
+        for words in [
+            "fps",
+            "up_px",
+            "ball.radius_m",
+            "image_size_px",
+            "swapped",
+            "frame_rate_hz",
+            "3.333",
+        ] {
+            assert!(found.iter().any(|f| f.contains(words)), "{words} in {found:#?}");
+        }
+    }
+
+    #[test]
+    fn units_give_themselves_away() {
+        let told = |change: serde_json::Value, words: &str| {
+            let mut c = sound();
+            for (key, value) in change.as_object().unwrap() {
+                c[key] = value.clone();
+            }
+            let found = problems(&c.to_string(), None);
+            assert!(found.iter().any(|f| f.contains(words)), "{words} in {found:#?}");
+        };
+        told(json!({"scale": {"metres_per_pixel": 0.8}}), "m wide");
+        told(json!({"ball": {"radius_m": 0.0125, "mass_kg": 63.9}}), "kg/m³");
+        told(json!({"ball": {"radius_m": 0.4}}), "by the scale");
+        let lens = json!({"camera_matrix": [[900, 0, 960], [0, 900, 540], [0, 0, 1]], "distortion": [-0.1, 0, 0, 0, 0]});
+        told(json!({"lens": lens}), "another size");
+        let folding = json!({"camera_matrix": [[900, 0, 640], [0, 900, 360], [0, 0, 1]], "distortion": [-0.6, 0, 0, 0, 0]});
+        told(json!({"lens": folding}), "corners");
+        let mirrored = json!({"world_from_pixel": [[0.001, 0, 0], [0, 0.001, 0], [0, 0, 1]]});
+        let mut c = sound();
+        c.as_object_mut().unwrap().retain(|k, _| !k.starts_with("origin"));
+        c["scale"] = mirrored;
+        assert!(
+            problems(&c.to_string(), None)
+                .iter()
+                .any(|f| f.contains("mirrors"))
+        );
+    }
+
+    #[test]
+    fn a_recording_without_a_clock_needs_a_rate() {
+        let mut c = sound();
+        c.as_object_mut().unwrap().remove("frame_rate_hz");
+        let mut images = recording();
+        images.has_time_base = false;
+        images.nominal_rate_hz = None;
+        assert!(problems(&c.to_string(), Some(&images))[0].contains("no time stamps"));
+        let mut wide = recording();
+        wide.pixel_aspect = 1.333;
+        assert!(problems(&c.to_string(), Some(&wide))[0].contains("as wide as high"));
+    }
+}

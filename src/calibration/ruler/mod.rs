@@ -1,0 +1,560 @@
+//! A calibration from marks in a frame: two ends of a ruler and a length, or the ball, or the fall; floor and launch edge.
+
+mod snap;
+
+pub use snap::{Snapped, snap};
+
+use super::{Ball, Calibration, CalibrationError, Launch, Rectification, Scale};
+use crate::frames::Luma;
+use crate::geometry::{PixelPoint, PlanePoint};
+use thiserror::Error;
+
+/// Where metres are to come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Length {
+    /// Two marks in the plane of motion, and the length between them.
+    Ruler {
+        /// One end, as the picture shows it.
+        from: PixelPoint,
+        /// The other.
+        to: PixelPoint,
+        /// m.
+        length_m: f64,
+        /// Its standard uncertainty, m.
+        length_std_m: Option<f64>,
+    },
+    /// The ball's radius.
+    Ball,
+    /// The fall.
+    Gravity,
+}
+
+/// How the ruler stood.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Held {
+    /// Along a plumb line.
+    Upright,
+    /// Along the floor.
+    Level,
+}
+
+/// What is marked in the frame, and what else is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// The scale.
+    pub length: Length,
+    /// How the ruler stood, where that tells "up".
+    pub held: Option<Held>,
+    /// Direction of "up" in the picture.
+    pub up_px: [f64; 2],
+    /// Standard uncertainty of "up" or of how the ruler stood, rad.
+    pub up_std_rad: Option<f64>,
+    /// x = 0 at the floor.
+    pub origin: Option<PixelPoint>,
+    /// A point at the height of the floor.
+    pub floor: Option<PixelPoint>,
+    /// A point at the x of the launch edge.
+    pub edge: Option<PixelPoint>,
+    /// Standard uncertainty of a mark that was read off by eye, each coordinate, px.
+    pub point_std_px: f64,
+    /// How far a mark may be moved to the nearest edge, px; `None`: not at all.
+    pub snap_px: Option<f64>,
+    /// The calibration with what marks do not tell: lens, frame rate, gravity, ball, spin.
+    pub known: Calibration,
+}
+
+/// What a mark stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// An end of the ruler.
+    From,
+    /// The other end.
+    To,
+    /// A point of the floor.
+    Floor,
+    /// A point at the launch edge's x.
+    Edge,
+    /// The world's origin.
+    Origin,
+}
+
+impl Role {
+    /// The option that gives it.
+    #[must_use]
+    pub const fn option(self) -> &'static str {
+        match self {
+            Self::From => "--from",
+            Self::To => "--to",
+            Self::Floor => "--floor",
+            Self::Edge => "--edge",
+            Self::Origin => "--origin",
+        }
+    }
+}
+
+/// A mark as it was used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mark {
+    /// What it stands for.
+    pub role: Role,
+    /// As given.
+    pub given: PixelPoint,
+    /// As used.
+    pub at: PixelPoint,
+    /// The edge it was moved to.
+    pub snapped: Option<Snapped>,
+}
+
+/// A calibration from marks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ruled {
+    /// The calibration.
+    pub calibration: Calibration,
+    /// The marks, as given and as used.
+    pub marks: Vec<Mark>,
+}
+
+/// Why marks make no calibration.
+#[derive(Debug, Error)]
+pub enum RulerError {
+    /// The ends of the ruler are one point.
+    #[error(
+        "--from and --to are the same point, [{}, {}]{}: accepted are two ends at least 2 px apart; read both off a \
+         frame, as far apart as the picture allows",
+        .0.u_px, .0.v_px,
+        if *.1 { " once moved to the nearest edge" } else { "" }
+    )]
+    SamePoint(PixelPoint, bool),
+    /// A mark outside the picture.
+    #[error(
+        "{}: [{}, {}] is outside the picture of {}x{} px; accepted are u from 0 to {} (right) and v from 0 to {} (down); \
+         give the column first, then the row", .role.option(), .at.u_px, .at.v_px, .size.0, .size.1, .size.0 - 1,
+        .size.1 - 1
+    )]
+    Outside {
+        /// The mark.
+        role: Role,
+        /// Where.
+        at: PixelPoint,
+        /// The picture's.
+        size: (usize, usize),
+    },
+    /// Nothing to snap to.
+    #[error(
+        "{}: there is no edge within {reach_px} px of [{}, {}] that stands out; mark nearer to one, allow more (--snap={}), \
+         or leave out --snap", .role.option(), .at.u_px, .at.v_px, (2.0 * .reach_px).ceil()
+    )]
+    NoEdge {
+        /// The mark.
+        role: Role,
+        /// Where.
+        at: PixelPoint,
+        /// How far was searched, px.
+        reach_px: f64,
+    },
+    /// An edge without a floor.
+    #[error(
+        "--edge says where x = 0 is, but not at what height: give --floor too, a point at the height of the floor"
+    )]
+    EdgeWithoutFloor,
+    /// A mark that the lens has no place for.
+    #[error(
+        "{}: the lens has no place for [{}, {}]; mark a point nearer to the picture's middle, or calibrate the lens again \
+         with the board in the corners of the picture", .role.option(), .at.u_px, .at.v_px
+    )]
+    BeyondLens {
+        /// The mark.
+        role: Role,
+        /// Where.
+        at: PixelPoint,
+    },
+    /// The parts do not make a calibration.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+}
+
+/// Ends of a ruler nearer than this are one point, px.
+const LEAST_LENGTH_PX: f64 = 2.0;
+
+/// The calibration that `request` describes, on the frame `picture`.
+///
+/// # Errors
+/// See [`RulerError`].
+pub fn calibrate(request: &Request, picture: &Luma) -> Result<Ruled, RulerError> {
+    let marker = Marker { request, picture };
+    let mut calibration = request.known.clone();
+    calibration.image_size_px = Some((picture.width, picture.height));
+    calibration.up_px = request.up_px;
+    calibration.up_std_rad = request.up_std_rad;
+    let mut marks = Vec::new();
+    calibration.scale = match request.length {
+        Length::Ruler { from, to, .. } => {
+            let ends = marker.ends(from, to)?;
+            marks.extend(ends);
+            marker.ruler(ends)
+        }
+        Length::Ball => Scale::Ball,
+        Length::Gravity => Scale::Gravity,
+    };
+    if let (Some(held), Scale::Ruler { .. }) = (request.held, &calibration.scale) {
+        marker.up_from_ruler(&mut calibration, held)?;
+    }
+    marker.origin(&mut calibration, &mut marks)?;
+    // Whatever is still wrong with it is told as for a file.
+    let checked = Calibration::parse(&calibration.to_json().to_string(), "the marks")?;
+    Ok(Ruled {
+        calibration: checked,
+        marks,
+    })
+}
+
+struct Marker<'a> {
+    request: &'a Request,
+    picture: &'a Luma,
+}
+
+impl Marker<'_> {
+    fn ends(&self, from: PixelPoint, to: PixelPoint) -> Result<[Mark; 2], RulerError> {
+        let apart = |a: PixelPoint, b: PixelPoint| a.distance_px(b) >= LEAST_LENGTH_PX;
+        self.inside(Role::From, from)?;
+        self.inside(Role::To, to)?;
+        if !apart(from, to) {
+            return Err(RulerError::SamePoint(to, false));
+        }
+        let along = [to.u_px - from.u_px, to.v_px - from.v_px];
+        let ends = [
+            self.mark(Role::From, from, along)?,
+            self.mark(Role::To, to, along)?,
+        ];
+        if !apart(ends[0].at, ends[1].at) {
+            return Err(RulerError::SamePoint(ends[1].at, true));
+        }
+        Ok(ends)
+    }
+
+    fn ruler(&self, [from, to]: [Mark; 2]) -> Scale {
+        let Length::Ruler {
+            length_m,
+            length_std_m,
+            ..
+        } = self.request.length
+        else {
+            return Scale::Gravity;
+        };
+        // One number for both ends: their mean square.
+        let std = (0.5 * (self.std_px(&from).powi(2) + self.std_px(&to).powi(2))).sqrt();
+        Scale::Ruler {
+            from: from.at,
+            to: to.at,
+            length_m,
+            length_std_m,
+            point_std_px: Some(std),
+        }
+    }
+
+    fn std_px(&self, mark: &Mark) -> f64 {
+        mark.snapped.map_or(self.request.point_std_px, |s| s.std_px)
+    }
+
+    fn inside(&self, role: Role, at: PixelPoint) -> Result<(), RulerError> {
+        let (width, height) = (self.picture.width, self.picture.height);
+        let within = |x: f64, size: usize| x >= -0.5 && x <= size as f64 - 0.5;
+        if within(at.u_px, width) && within(at.v_px, height) {
+            return Ok(());
+        }
+        Err(RulerError::Outside {
+            role,
+            at,
+            size: (width, height),
+        })
+    }
+
+    fn mark(&self, role: Role, given: PixelPoint, direction: [f64; 2]) -> Result<Mark, RulerError> {
+        self.inside(role, given)?;
+        let snapped = match self.request.snap_px {
+            Some(reach_px) => Some(snap(self.picture, given, direction, reach_px).ok_or(
+                RulerError::NoEdge {
+                    role,
+                    at: given,
+                    reach_px,
+                },
+            )?),
+            None => None,
+        };
+        Ok(Mark {
+            role,
+            given,
+            at: snapped.map_or(given, |s| s.at),
+            snapped,
+        })
+    }
+
+    /// "Up" from the ruler's direction in the undistorted picture, the one nearer to the given "up".
+    fn up_from_ruler(&self, calibration: &mut Calibration, held: Held) -> Result<(), RulerError> {
+        let Scale::Ruler {
+            from,
+            to,
+            point_std_px,
+            ..
+        } = calibration.scale
+        else {
+            return Ok(());
+        };
+        let ideal = |role: Role, at: PixelPoint| {
+            let beyond = RulerError::BeyondLens { role, at };
+            calibration
+                .lens
+                .as_ref()
+                .map_or(Some(at), |l| l.undistort(at))
+                .ok_or(beyond)
+        };
+        let (a, b) = (ideal(Role::From, from)?, ideal(Role::To, to)?);
+        let (du, dv) = (b.u_px - a.u_px, b.v_px - a.v_px);
+        let length = du.hypot(dv);
+        let axis = match held {
+            Held::Upright => [du / length, dv / length],
+            Held::Level => [-dv / length, du / length],
+        };
+        let given = self.request.up_px;
+        let sign = (axis[0] * given[0] + axis[1] * given[1]).signum();
+        // Adding 0 turns −0 into 0.
+        calibration.up_px = axis.map(|x| x * sign + 0.0);
+        let read = point_std_px.map_or(0.0, |s| std::f64::consts::SQRT_2 * s / length);
+        calibration.up_std_rad =
+            Some(read.hypot(self.request.up_std_rad.unwrap_or(0.0))).filter(|s| *s > 0.0);
+        Ok(())
+    }
+
+    fn origin(&self, calibration: &mut Calibration, marks: &mut Vec<Mark>) -> Result<(), RulerError> {
+        let [a, b] = calibration.up_px;
+        if let Some(origin) = self.request.origin {
+            self.inside(Role::Origin, origin)?;
+            marks.push(Mark {
+                role: Role::Origin,
+                given: origin,
+                at: origin,
+                snapped: None,
+            });
+            place_origin(calibration, origin, self.request.point_std_px, true);
+            return Ok(());
+        }
+        let (floor, edge) = match (self.request.floor, self.request.edge) {
+            (None, None) => return Ok(()),
+            (None, Some(_)) => return Err(RulerError::EdgeWithoutFloor),
+            (Some(floor), edge) => (floor, edge),
+        };
+        let floor = self.mark(Role::Floor, floor, [a, b])?;
+        let edge = edge.map(|e| self.mark(Role::Edge, e, [-b, a])).transpose()?;
+        marks.push(floor);
+        marks.extend(edge);
+        let std = edge.map_or(self.std_px(&floor), |e| self.std_px(&floor).max(self.std_px(&e)));
+        let origin = match edge {
+            Some(edge) => crossing(&calibration.rectification()?, &floor, &edge)?,
+            None => floor.at,
+        };
+        place_origin(calibration, origin, std, edge.is_some());
+        Ok(())
+    }
+}
+
+/// The pixel at the height of one mark and the x of the other.
+fn crossing(map: &Rectification, floor: &Mark, edge: &Mark) -> Result<PixelPoint, RulerError> {
+    let plane = |mark: &Mark| {
+        map.plane_from_pixel(mark.at).ok_or(RulerError::BeyondLens {
+            role: mark.role,
+            at: mark.at,
+        })
+    };
+    let (low, left) = (plane(floor)?, plane(edge)?);
+    map.pixel_from_plane(PlanePoint::new(left.right, low.up))
+        .ok_or(RulerError::BeyondLens {
+            role: edge.role,
+            at: edge.at,
+        })
+}
+
+fn place_origin(calibration: &mut Calibration, origin: PixelPoint, std_px: f64, edge_known: bool) {
+    calibration.origin_px = Some(origin);
+    calibration.origin_std_px = Some(std_px);
+    calibration.launch = Launch {
+        edge_x_m: edge_known.then_some(calibration.launch.edge_x_m.unwrap_or(0.0)),
+        ..calibration.launch
+    };
+}
+
+/// A calibration that knows nothing but the ball's radius (m) and the true capture rate (Hz), where given.
+#[must_use]
+pub fn known(radius_m: Option<f64>, frame_rate_hz: Option<f64>) -> Calibration {
+    Calibration {
+        ball: Ball {
+            radius_m,
+            ..Ball::default()
+        },
+        frame_rate_hz,
+        ..Calibration::new(Scale::Gravity)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::{Lens, ScaleEvidence};
+    use nalgebra::Matrix3;
+
+    /// Dark, with a bright bar from u = 100.5 to 499.5 and v = 299.5 to 339.5.
+    fn frame() -> Luma {
+        let (width, height) = (640, 480);
+        let data = (0..width * height)
+            .map(|k| {
+                let (u, v) = (k % width, k / width);
+                if (101..500).contains(&u) && (300..340).contains(&v) {
+                    180
+                } else {
+                    60
+                }
+            })
+            .collect();
+        Luma { width, height, data }
+    }
+
+    fn request(from: (f64, f64), to: (f64, f64)) -> Request {
+        Request {
+            length: Length::Ruler {
+                from: PixelPoint::new(from.0, from.1),
+                to: PixelPoint::new(to.0, to.1),
+                length_m: 0.4,
+                length_std_m: Some(0.0005),
+            },
+            held: None,
+            up_px: [0.0, -1.0],
+            up_std_rad: None,
+            origin: None,
+            floor: None,
+            edge: None,
+            point_std_px: 1.0,
+            snap_px: None,
+            known: known(Some(0.02), None),
+        }
+    }
+
+    #[test]
+    fn a_ruler_gives_a_scale_with_the_doubt_of_its_ends() {
+        let ruled = calibrate(&request((100.0, 320.0), (500.0, 320.0)), &frame()).unwrap();
+        let q = ruled
+            .calibration
+            .metres_per_unit(&ScaleEvidence::default())
+            .unwrap();
+        assert!((q.value - 0.001).abs() < 1e-12);
+        let relative = (2.0_f64.sqrt() / 400.0).hypot(0.0005 / 0.4);
+        assert!((q.std_uncertainty.unwrap() / q.value - relative).abs() < 1e-9);
+        assert_eq!(ruled.calibration.image_size_px, Some((640, 480)));
+        assert_eq!(
+            ruled.calibration.up_std_rad, None,
+            "nobody said how level the camera is"
+        );
+    }
+
+    #[test]
+    fn snapped_ends_lie_on_the_bar() {
+        let mut r = request((104.0, 318.0), (494.0, 322.0));
+        r.snap_px = Some(10.0);
+        r.floor = Some(PixelPoint::new(300.0, 344.0));
+        r.edge = Some(PixelPoint::new(98.0, 330.0));
+        let ruled = calibrate(&r, &frame()).unwrap();
+        let Scale::Ruler {
+            from,
+            to,
+            point_std_px,
+            ..
+        } = ruled.calibration.scale
+        else {
+            panic!("no ruler")
+        };
+        assert!(
+            (from.u_px - 100.5).abs() < 0.05 && (to.u_px - 499.5).abs() < 0.05,
+            "{from:?} {to:?}"
+        );
+        assert!(point_std_px.unwrap() < 0.1);
+        let origin = ruled.calibration.origin_px.unwrap();
+        assert!(
+            (origin.u_px - 100.5).abs() < 0.05 && (origin.v_px - 339.5).abs() < 0.05,
+            "{origin:?}"
+        );
+        assert_eq!(ruled.calibration.launch.edge_x_m, Some(0.0));
+        assert_eq!(ruled.marks.len(), 4);
+    }
+
+    #[test]
+    fn a_floor_alone_leaves_the_edge_unknown() {
+        let mut r = request((100.0, 320.0), (500.0, 320.0));
+        r.floor = Some(PixelPoint::new(300.0, 344.0));
+        let calibration = calibrate(&r, &frame()).unwrap().calibration;
+        assert_eq!(calibration.launch.edge_x_m, None);
+        assert_eq!(calibration.origin_px, Some(PixelPoint::new(300.0, 344.0)));
+        assert_eq!(calibration.origin_std_px, Some(1.0));
+    }
+
+    #[test]
+    fn floor_and_edge_meet_along_the_tilted_axes_of_the_undistorted_picture() {
+        let mut r = request((100.0, 320.0), (500.0, 340.0));
+        r.held = Some(Held::Level);
+        let camera = Matrix3::new(500.0, 0.0, 319.5, 0.0, 500.0, 239.5, 0.0, 0.0, 1.0);
+        r.known.lens = Some(Lens::new(camera, [-0.2, 0.05, 0.0, 0.0, 0.0]).unwrap());
+        r.floor = Some(PixelPoint::new(400.0, 450.0));
+        r.edge = Some(PixelPoint::new(60.0, 200.0));
+        let calibration = calibrate(&r, &frame()).unwrap().calibration;
+        let map = calibration.rectification().unwrap();
+        let plane = |p| map.plane_from_pixel(p).unwrap();
+        assert!(plane(PixelPoint::new(400.0, 450.0)).up.abs() < 1e-6);
+        assert!(plane(PixelPoint::new(60.0, 200.0)).right.abs() < 1e-6);
+        let (a, b) = (
+            plane(PixelPoint::new(100.0, 320.0)),
+            plane(PixelPoint::new(500.0, 340.0)),
+        );
+        assert!((a.up - b.up).abs() < 1e-6, "the ruler is level");
+        assert!(calibration.up_px[1] < 0.0 && calibration.up_std_rad.unwrap() > 0.0);
+    }
+
+    #[test]
+    fn an_upright_ruler_tells_up_from_either_end() {
+        for (from, to) in [((300.0, 400.0), (310.0, 100.0)), ((310.0, 100.0), (300.0, 400.0))] {
+            let mut r = request(from, to);
+            r.held = Some(Held::Upright);
+            let [a, b] = calibrate(&r, &frame()).unwrap().calibration.up_px;
+            assert!((a - 10.0 / 10.0_f64.hypot(300.0)).abs() < 1e-12 && b < 0.0);
+        }
+    }
+
+    #[test]
+    fn marks_that_make_no_sense_are_told() {
+        let told = |r: &Request| calibrate(r, &frame()).unwrap_err().to_string();
+        let same = told(&request((100.0, 320.0), (100.0, 321.0)));
+        assert!(
+            same.contains("same point") && same.contains("far apart"),
+            "{same}"
+        );
+        let outside = told(&request((100.0, 320.0), (320.0, 500.0)));
+        assert!(
+            outside.contains("--to") && outside.contains("640x480"),
+            "{outside}"
+        );
+        let mut r = request((20.0, 100.0), (500.0, 100.0));
+        r.snap_px = Some(10.0);
+        let nothing = told(&r);
+        assert!(
+            nothing.contains("no edge within 10 px") && nothing.contains("--snap=20"),
+            "{nothing}"
+        );
+        // Both ends snap to the bar's left end.
+        let mut r = request((98.0, 320.0), (104.0, 320.0));
+        r.snap_px = Some(10.0);
+        assert!(told(&r).contains("once moved"));
+        let mut r = request((100.0, 320.0), (500.0, 320.0));
+        r.edge = Some(PixelPoint::new(98.0, 330.0));
+        assert!(told(&r).contains("--floor"));
+        let mut r = request((100.0, 320.0), (500.0, 320.0));
+        r.length = Length::Ball;
+        r.known.ball.radius_m = None;
+        assert!(told(&r).contains("ball.radius_m"));
+    }
+}

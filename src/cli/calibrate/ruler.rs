@@ -1,0 +1,326 @@
+//! `track calibrate ruler VIDEO --from U,V --to U,V --length-m L [--floor U,V --edge U,V] [--out CALIB]`.
+
+use super::{Known, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
+use crate::calibration::ruler::{Held, Length, Mark, Request, Role, Ruled, calibrate};
+use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence};
+use crate::frames::Luma;
+use crate::geometry::{PixelPoint, PlanePoint};
+use crate::report::marks::{Ink, Shape, marks_png};
+use crate::report::table::format_quantity;
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+/// Marks in a frame, and what they mean.
+#[derive(Debug, Args)]
+pub(super) struct RulerArgs {
+    /// The recording (or a picture taken in the same mode).
+    video: PathBuf,
+    /// One end of a known length in the plane of motion, px: column, row.
+    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "to", requires = "length_m")]
+    from: Option<PixelPoint>,
+    /// The other end.
+    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "from")]
+    to: Option<PixelPoint>,
+    /// The length between them, m.
+    #[arg(long, value_name = "L", value_parser = positive, requires = "from")]
+    length_m: Option<f64>,
+    /// Its standard uncertainty, m.
+    #[arg(long, value_name = "S", value_parser = positive, requires = "length_m")]
+    length_std_m: Option<f64>,
+    /// Take the fall as the scale.
+    #[arg(long, conflicts_with = "from")]
+    gravity: bool,
+    /// How the ruler stood; tells "up".
+    #[arg(long, value_enum, requires = "from")]
+    held: Option<HeldArg>,
+    /// A point at the height of the floor.
+    #[arg(long, value_name = "U,V", value_parser = pixel)]
+    floor: Option<PixelPoint>,
+    /// A point at the x of the launch edge.
+    #[arg(long, value_name = "U,V", value_parser = pixel)]
+    edge: Option<PixelPoint>,
+    /// Both in one: the point at x = 0 at the floor.
+    #[arg(long, value_name = "U,V", value_parser = pixel, conflicts_with_all = ["floor", "edge"])]
+    origin: Option<PixelPoint>,
+    /// Move from, to, floor and edge to the nearest edge in the picture, up to PX (10) pixels.
+    #[arg(long, value_name = "PX", value_parser = positive, num_args = 0..=1, require_equals = true, default_missing_value = "10")]
+    snap: Option<f64>,
+    /// How well marks were read by eye, each coordinate, px.
+    #[arg(long, value_name = "S", value_parser = positive, default_value = "1")]
+    point_std_px: f64,
+    /// Direction of "up" in the picture: 1,0 for a camera on its side.
+    #[arg(long, value_name = "DU,DV", value_parser = direction, default_value = "0,-1", allow_hyphen_values = true)]
+    up: [f64; 2],
+    /// Standard uncertainty of "up" (or of how the ruler stood), degrees.
+    #[arg(long, value_name = "S", value_parser = positive)]
+    up_std_deg: Option<f64>,
+    /// Take the lens from this calibration (of track calibrate board).
+    #[arg(long, value_name = "CALIB")]
+    lens: Option<PathBuf>,
+    /// Number of the frame in which the marks were read, from 0.
+    #[arg(long, value_name = "N", default_value = "0")]
+    frame: usize,
+    #[command(flatten)]
+    known: Known,
+    /// Write the calibration here, and beside it the frame with the marks drawn in.
+    #[arg(long, value_name = "CALIB")]
+    out: Option<PathBuf>,
+    /// Print the calibration as JSON in place of the table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How the ruler stood.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HeldArg {
+    /// Along a plumb line.
+    Upright,
+    /// Along the floor.
+    Level,
+}
+
+pub(super) fn run(args: &RulerArgs) -> anyhow::Result<Status> {
+    let request = request(args)?;
+    let _folders = args.out.as_deref().map(check_folder).transpose()?;
+    let still = super::still(&args.video, args.frame)?;
+    let ruled = calibrate(&request, &still.raw)?;
+    let table = table(&ruled);
+    if let Some(out) = &args.out {
+        let shapes = shapes(&ruled, still.luma.width, still.luma.height)?;
+        super::write_files(out, &ruled.calibration, Some(picture(&still.luma, &shapes)?))?;
+    }
+    if args.json || args.out.is_none() {
+        if !args.json {
+            say(table.trim_end());
+        }
+        answer_calibration(&ruled.calibration)?;
+    } else {
+        answer(&table)?;
+    }
+    Ok(Status::Done)
+}
+
+fn request(args: &RulerArgs) -> anyhow::Result<Request> {
+    let length = match (args.from, args.to, args.length_m) {
+        (Some(from), Some(to), Some(length_m)) => Length::Ruler {
+            from,
+            to,
+            length_m,
+            length_std_m: args.length_std_m,
+        },
+        _ if args.gravity => Length::Gravity,
+        _ if args.known.ball_radius_m.is_some() => Length::Ball,
+        _ => bail!(
+            "no scale: give --from U,V --to U,V --length-m L (two marks in the plane of motion and the length between \
+             them), or --ball-radius-m R (the ball is the scale), or --gravity (the fall is the scale)"
+        ),
+    };
+    let mut known = args.known.calibration();
+    if let Some(path) = &args.lens {
+        let with_lens = Calibration::read(path)?;
+        if with_lens.lens.is_none() {
+            bail!(
+                "{} (--lens) holds no lens: accepted is a calib.json as track calibrate board writes it; leave --lens out to \
+                 measure without a lens",
+                path.display()
+            );
+        }
+        known.lens = with_lens.lens;
+        known.lens_std = with_lens.lens_std;
+        known.deviations = with_lens.deviations;
+        known
+            .deviations
+            .iter_mut()
+            .for_each(|d| d.world_from_pixel = None);
+        lens_fits(args, path, with_lens.image_size_px)?;
+    }
+    Ok(Request {
+        length,
+        held: args.held.map(|h| match h {
+            HeldArg::Upright => Held::Upright,
+            HeldArg::Level => Held::Level,
+        }),
+        up_px: args.up.map(|x| x / args.up[0].hypot(args.up[1])),
+        up_std_rad: args.up_std_deg.map(f64::to_radians),
+        origin: args.origin,
+        floor: args.floor,
+        edge: args.edge,
+        point_std_px: args.point_std_px,
+        snap_px: args.snap,
+        known,
+    })
+}
+
+/// A lens belongs to one size of picture.
+fn lens_fits(args: &RulerArgs, lens: &std::path::Path, size: Option<(usize, usize)>) -> anyhow::Result<()> {
+    let Some(size) = size else { return Ok(()) };
+    let still = super::still(&args.video, args.frame)?;
+    let found = (still.raw.width, still.raw.height);
+    if found != size {
+        bail!(
+            "{} (--lens) is for pictures of {}x{} px, {} has {}x{} px: take the pictures of the board in the recording's mode",
+            lens.display(),
+            size.0,
+            size.1,
+            args.video.display(),
+            found.0,
+            found.1
+        );
+    }
+    Ok(())
+}
+
+fn table(ruled: &Ruled) -> String {
+    let c = &ruled.calibration;
+    let mut text = String::new();
+    let mut row = |name: &str, content: String| {
+        // Writing into a String cannot fail.
+        let _ = writeln!(text, "{name:<9}{content}");
+    };
+    match &c.scale {
+        Scale::Ball => row("scale", "the ball's radius against the one seen".into()),
+        Scale::Gravity => row(
+            "scale",
+            "the fall, with the times of the file (or --frame-rate-hz)".into(),
+        ),
+        _ => {
+            let q = c.metres_per_unit(&ScaleEvidence::default()).ok();
+            let relative = q.and_then(|q| Some(100.0 * q.std_uncertainty? / q.value));
+            row(
+                "scale",
+                format!(
+                    "{} a pixel{}",
+                    format_quantity(q.map(|q| q.scaled(1e3)), "mm"),
+                    relative.map_or(String::new(), |r| format!(
+                        "; every length and speed is uncertain by {r:.2} % from this"
+                    ))
+                ),
+            );
+        }
+    }
+    for mark in &ruled.marks {
+        row(&mark.role.option()[2..], place(mark));
+    }
+    if let Some(origin) = c.origin_px {
+        let edge = match c.launch.edge_x_m {
+            Some(_) => "",
+            None => "; x = 0 is where the floor was marked, the launch edge is not known",
+        };
+        row(
+            "origin",
+            format!("[{:.2}, {:.2}] px{edge}", origin.u_px, origin.v_px),
+        );
+    }
+    let [a, b] = c.up_px;
+    let std = c
+        .up_std_rad
+        .map_or("?".into(), |s| format!("{:.2}", s.to_degrees()));
+    row(
+        "up",
+        format!(
+            "{:.2} ± {std}° clockwise from the picture's own",
+            a.atan2(-b).to_degrees() + 0.0
+        ),
+    );
+    text
+}
+
+fn place(mark: &Mark) -> String {
+    let at = format!("[{:.2}, {:.2}] px", mark.at.u_px, mark.at.v_px);
+    match mark.snapped {
+        Some(s) => format!(
+            "{at}, moved by {:.2} px to {} (± {:.2} px)",
+            s.moved_px,
+            if s.line { "the middle of a line" } else { "an edge" },
+            s.std_px
+        ),
+        None => format!("{at}, as given"),
+    }
+}
+
+fn picture(frame: &Luma, shapes: &[Shape]) -> anyhow::Result<Vec<u8>> {
+    marks_png(frame, shapes).context("the picture of the marks could not be drawn")
+}
+
+/// The marks as they were meant.
+fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shape>> {
+    let map = ruled.calibration.rectification()?;
+    let at = |role: Role| ruled.marks.iter().find(|m| m.role == role).map(|m| m.at);
+    let mut shapes = Vec::new();
+    if let (Some(from), Some(to)) = (at(Role::From), at(Role::To)) {
+        shapes.push(Shape::Line {
+            points: vec![from, to],
+            ink: Ink::Orange,
+            fine: true,
+        });
+        if let Scale::Ruler { length_m, .. } = ruled.calibration.scale {
+            let middle = PixelPoint::new(0.5 * (from.u_px + to.u_px), 0.5 * (from.v_px + to.v_px));
+            let text = format!("{length_m} m");
+            shapes.push(Shape::Label {
+                at: middle,
+                text,
+                ink: Ink::Orange,
+            });
+        }
+    }
+    let reach = (width as f64).hypot(height as f64);
+    for (role, across, ink) in [(Role::Floor, true, Ink::Green), (Role::Edge, false, Ink::Blue)] {
+        if let Some(points) = at(role).and_then(|p| through(&map, p, across, reach)) {
+            shapes.push(Shape::Line {
+                points,
+                ink,
+                fine: true,
+            });
+        }
+    }
+    for mark in &ruled.marks {
+        let ink = match mark.role {
+            Role::From | Role::To => Ink::Orange,
+            Role::Floor | Role::Origin => Ink::Green,
+            Role::Edge => Ink::Blue,
+        };
+        shapes.push(Shape::Ring { at: mark.at, ink });
+        if mark.snapped.is_some() {
+            shapes.push(Shape::Cross {
+                at: mark.given,
+                ink: Ink::White,
+            });
+        }
+        let text = mark.role.option()[2..].to_owned();
+        shapes.push(Shape::Label {
+            at: mark.at,
+            text,
+            ink,
+        });
+    }
+    shapes.extend(up_arrow(&map, width, height));
+    Ok(shapes)
+}
+
+/// The line through a mark along the floor, or along "up", as the lens shows it.
+fn through(map: &Rectification, mark: PixelPoint, across: bool, reach: f64) -> Option<Vec<PixelPoint>> {
+    let p = map.plane_from_pixel(mark)?;
+    let points = (-40..=40).filter_map(|i| {
+        let t = f64::from(i) / 40.0 * reach;
+        map.pixel_from_plane(if across {
+            PlanePoint::new(p.right + t, p.up)
+        } else {
+            PlanePoint::new(p.right, p.up + t)
+        })
+    });
+    Some(points.collect())
+}
+
+fn up_arrow(map: &Rectification, width: usize, height: usize) -> Option<Shape> {
+    let (w, h) = (width as f64, height as f64);
+    let from = PixelPoint::new(0.93 * w, 0.25 * h);
+    let foot = map.plane_from_pixel(from)?;
+    let to = map.pixel_from_plane(PlanePoint::new(foot.right, foot.up + 0.15 * w.min(h)))?;
+    Some(Shape::Arrow {
+        from,
+        to,
+        ink: Ink::Green,
+    })
+}

@@ -1,0 +1,88 @@
+//! `track calibrate show CALIB VIDEO [--out PAGE]`.
+
+use super::{Status, answer, beside, check_folder};
+use crate::calibration::{CalibrationError, SCHEMA};
+use crate::frames;
+use crate::report::calibrate_page::{PageFrame, calibrate_html};
+use crate::report::write;
+use anyhow::{Context, bail};
+use clap::Args;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Which calibration, on which recording.
+#[derive(Debug, Args)]
+pub(super) struct ShowArgs {
+    /// The calibration to begin with; a file that does not exist yet begins anew.
+    calib: PathBuf,
+    /// The recording.
+    video: PathBuf,
+    /// Where the page goes; by default beside the calibration, as <name>.show.html.
+    #[arg(long, value_name = "PAGE")]
+    out: Option<PathBuf>,
+}
+
+/// Frames to choose from on the page.
+const FRAMES: usize = 7;
+
+pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| beside(&args.calib, "show.html"));
+    let _folders = check_folder(&out)?;
+    let calib = content(&args.calib)?;
+    let range = super::facts(&args.video)?.luma_range;
+    let shown: Vec<PageFrame> = frames::open_sparse(&args.video, FRAMES)?
+        .iter()
+        .map(|frame| PageFrame {
+            name: format!("at {:.2} s", frame.time_s),
+            luma: range.stretched(&frame.luma),
+        })
+        .collect();
+    let size = shown.first().map(|f| (f.luma.width, f.luma.height));
+    check_size(&calib, size, args)?;
+    let name = |path: &Path| {
+        path.file_name()
+            .map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+    };
+    let page = calibrate_html(&name(&args.video), &name(&args.calib), &calib, &shown)
+        .with_context(|| format!("{}: the page could not be made", args.video.display()))?;
+    write::write_together(&[(&out, page.as_bytes())])?;
+    answer(&format!("{}\n", out.display()))?;
+    super::say("open that page in a browser, drag the marks, and save the calibration");
+    Ok(Status::Done)
+}
+
+/// The file as it stands, checked; a new one where there is none.
+fn content(path: &Path) -> anyhow::Result<Value> {
+    match crate::calibration::Calibration::read(path) {
+        Ok(_) => {
+            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+            Ok(serde_json::from_str(text)?)
+        }
+        Err(CalibrationError::Unreadable { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            Ok(json!({"schema": SCHEMA}))
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Marks of one size of picture are meaningless on another.
+fn check_size(calib: &Value, shown: Option<(usize, usize)>, args: &ShowArgs) -> anyhow::Result<()> {
+    let side = |i: usize| calib["image_size_px"][i].as_u64();
+    if let (Some(width), Some(height), Some(shown)) = (side(0), side(1), shown)
+        && (width, height) != (shown.0 as u64, shown.1 as u64)
+    {
+        bail!(
+            "{} is for pictures of {width}x{height} px, {} has {}x{} px: give the recording it was made for, or the name of a new \
+             calibration",
+            args.calib.display(),
+            args.video.display(),
+            shown.0,
+            shown.1
+        );
+    }
+    Ok(())
+}

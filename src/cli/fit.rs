@@ -1,0 +1,90 @@
+//! `track fit PATH [--out DIR] [--json] [--itf TEMPERATURE_C]`: a series of bounces.
+
+use super::{Status, answer, say};
+use crate::fit::{self, Options, SeriesFit};
+use crate::report::{series_json, series_table, write};
+use clap::Args;
+use std::path::PathBuf;
+
+/// What to fit, and where to put it.
+#[derive(Debug, Args)]
+pub struct FitArgs {
+    /// A series: a CSV file, or the folder that `track batch` wrote (then its series.csv).
+    pub path: PathBuf,
+    /// Write fit.json and report.html into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print the result as one JSON document in place of the table.
+    #[arg(long)]
+    pub json: bool,
+    /// Rate the court's pace (ITF CS 01/02) at this temperature, in °C.
+    #[arg(long, value_name = "TEMPERATURE_C", allow_negative_numbers = true, value_parser = temperature)]
+    pub itf: Option<f64>,
+}
+
+/// A temperature at which somebody plays.
+fn temperature(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(t) if (-60.0..=80.0).contains(&t) => Ok(t),
+        _ => Err("a temperature in °C, from -60 to 80".to_owned()),
+    }
+}
+
+/// Fits and reports.
+///
+/// # Errors
+///
+/// Whatever keeps the series from being read, or the results from being written.
+pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
+    let series = fit::csv::read(&args.path)?;
+    // Kept to the end: a folder that nothing came into goes again.
+    let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
+    let options = Options {
+        court_temperature_c: args.itf,
+    };
+    let fitted = fit::fit(&series, &options);
+    warn(&fitted);
+    if let Some(dir) = &args.out {
+        let paths = write::write_fit(&series, &fitted, dir)?;
+        for path in [&paths.fit_json, &paths.report_html] {
+            say(&format!("wrote {}", path.display()));
+        }
+    }
+    if args.json {
+        answer(&String::from_utf8_lossy(&write::json_text(
+            &series_json::fit_json(&fitted),
+        )?))?;
+    } else {
+        answer(&series_table::fit_table(&fitted))?;
+    }
+    let empty: Vec<&str> = fitted
+        .groups
+        .iter()
+        .filter(|group| group.models.is_empty())
+        .map(|group| group.name.as_str())
+        .collect();
+    if empty.is_empty() {
+        return Ok(Status::Done);
+    }
+    say(&format!(
+        "rejected: no row can be used in group {}; see the reasons of each",
+        empty.join(", ")
+    ));
+    Ok(Status::Rejected)
+}
+
+fn warn(fitted: &SeriesFit) {
+    for note in &fitted.notes {
+        say(&format!("warning: {}: {}", note.code, note.message));
+    }
+    for group in &fitted.groups {
+        let named = if fitted.groups.len() > 1 {
+            format!("group {}: ", group.name)
+        } else {
+            String::new()
+        };
+        for note in &group.notes {
+            say(&format!("warning: {named}{}: {}", note.code, note.message));
+        }
+    }
+}

@@ -1,0 +1,383 @@
+//! The picture of a ball: what each pixel near its outline holds, as a function of where the centre is.
+//!
+//! Seen from the centre a pixel stands at (x, y) = r (cos φ, sin φ). With B the background behind it,
+//!
+//! ```text
+//! grey = B (1 - c) + m                        both averaged over the path swept during the exposure
+//! c(r)    = the disc of radius R, blurred by σ: the covered part of the pixel
+//! m(r, φ) = Σ a_k F_k(r) h_k(φ)               the ball's own light
+//! F_k     = f_k(ρ) [ρ < 1], blurred by σ,     ρ = r/R',  R' = R - σ²/(2R),  f = 1, ζ, ρ, ρζ, ρ²
+//! h_k     = 1, cos φ, sin φ, cos 2φ, sin 2φ
+//! ```
+//!
+//! (ρ cos φ, ρ sin φ, ζ = √(1 - ρ²)) is the normal of the sphere, so the first four terms hold the half-Lambert
+//! shading of a distant lamp exactly, all eight hold a matt sphere under any distant light to 1 % (Ramamoorthi and
+//! Hanrahan 2001). More terms would follow a highlight's skirts, and with noise they follow anything: they pulled
+//! the centre by three times what they mended. R' is where a blurred disc of radius R has half its height. The terms
+//! are blurred with the disc: the steep fall of ζ at the rim would otherwise pass for a shift of the edge. The
+//! background behind each pixel is known, so texture does not pull the centre.
+//!
+//! Limits: R below about 1.5 px (no inside is left to tell brightness from size); a swept path above 4 R.
+
+use super::{Disc, Patch};
+use crate::geometry::PixelPoint;
+
+/// Radial functions in a row of a table.
+const RADIAL: usize = 6;
+
+/// Angular factors.
+const HARMONICS: usize = 5;
+
+/// Terms of the ball's light at most.
+const MOST_TERMS: usize = 8;
+
+/// Numbers of terms to choose from; see the module's head.
+pub const TERM_LEVELS: [usize; 2] = [4, MOST_TERMS];
+
+/// Radial profile of each term, by its place in f.
+const PROFILE: [usize; MOST_TERMS] = [0, 1, 2, 2, 3, 3, 4, 4];
+/// Angular factor of each term, by its place in h.
+const HARMONIC: [usize; MOST_TERMS] = [0, 0, 1, 2, 1, 2, 3, 4];
+
+/// Range of blurs that a fit may take, px (a pixel's square alone is 0.29).
+pub const BLUR_RANGE_PX: (f64, f64) = (0.25, 6.0);
+
+/// Radial functions on equal steps of r, with slopes.
+#[derive(Debug, Clone)]
+pub struct RadialTable {
+    first_px: f64,
+    steps_a_px: f64,
+    rows: Vec<[f64; RADIAL]>,
+}
+
+/// Rows of the table for each standard deviation of blur: the parabola between three rows is then good to 1e-4.
+const ROWS_A_BLUR: f64 = 10.0;
+
+/// Nodes of the blur integral over ±5 standard deviations.
+const NODES: usize = 24;
+
+impl RadialTable {
+    /// The profiles F for a disc of `radius_px` blurred by `blur_px`, from `inside_px` within the rim outwards.
+    #[must_use]
+    pub fn profiles(radius_px: f64, blur_px: f64, inside_px: f64) -> Self {
+        let rim = radius_px - half_height_shift(radius_px, blur_px);
+        let step_px = blur_px / ROWS_A_BLUR;
+        let first_px = (rim - inside_px - 1.0).max(0.0) - 2.0 * step_px;
+        let count = ((rim + 6.0 * blur_px - first_px) / step_px).ceil() as usize + 3;
+        let rows = (0..count)
+            .map(|i| profile_row(first_px + i as f64 * step_px, rim, blur_px))
+            .collect();
+        Self {
+            first_px,
+            steps_a_px: 1.0 / step_px,
+            rows,
+        }
+    }
+
+    /// The table of a whole ball from the profiles: c, then the sums that go with 1, cos φ, sin φ, cos 2φ, sin 2φ.
+    #[must_use]
+    pub fn of_ball(&self, terms: &[f64]) -> Self {
+        let rows = self.rows.iter().map(|f| {
+            let mut row = [f[0], 0.0, 0.0, 0.0, 0.0, 0.0];
+            for (k, a) in terms.iter().enumerate() {
+                row[1 + HARMONIC[k]] += a * f[PROFILE[k]];
+            }
+            row
+        });
+        Self {
+            rows: rows.collect(),
+            ..*self
+        }
+    }
+
+    /// Values and slopes at r: a parabola through the three nearest rows.
+    #[inline]
+    fn at(&self, r: f64) -> ([f64; RADIAL], [f64; RADIAL]) {
+        let x = (r - self.first_px) * self.steps_a_px;
+        let last = self.rows.len() - 2;
+        let (mut value, mut slope) = ([0.0; RADIAL], [0.0; RADIAL]);
+        if x > last as f64 {
+            return (value, slope);
+        }
+        let i = ((x + 0.5).max(1.0) as usize).min(last);
+        let t = x - i as f64;
+        let (a, b, c) = (&self.rows[i - 1], &self.rows[i], &self.rows[i + 1]);
+        for k in 0..RADIAL {
+            let rise = 0.5 * (c[k] - a[k]);
+            let bend = c[k] - 2.0 * b[k] + a[k];
+            value[k] = b[k] + t * (rise + 0.5 * t * bend);
+            slope[k] = (rise + t * bend) * self.steps_a_px;
+        }
+        (value, slope)
+    }
+}
+
+/// The profiles at r: ∫ f(ρ) N(r - ρR'; σ) dρR' over the disc. With ρ = sin θ the root of ζ at the rim becomes smooth,
+/// and the midpoint rule converges faster than any power.
+fn profile_row(r: f64, rim: f64, blur_px: f64) -> [f64; RADIAL] {
+    let low = ((r - 5.0 * blur_px) / rim).clamp(-1.0, 1.0).asin();
+    let high = ((r + 5.0 * blur_px) / rim).clamp(-1.0, 1.0).asin();
+    let width = (high - low) / NODES as f64;
+    let mut row = [0.0; RADIAL];
+    for k in 0..NODES {
+        let (rho, zeta) = (low + (k as f64 + 0.5) * width).sin_cos();
+        let z = (r - rho * rim) / blur_px;
+        let weight = width * zeta * rim / blur_px * (-0.5 * z * z).exp() * FRAC_1_SQRT_TAU;
+        let rho = rho.abs();
+        for (f, value) in row[1..].iter_mut().zip([zeta, rho, rho * zeta, rho * rho]) {
+            *f += weight * value;
+        }
+    }
+    // The edge itself exactly: it is what the centre hangs on.
+    row[0] = 0.5 * libm::erfc((r - rim) / blur_px * std::f64::consts::FRAC_1_SQRT_2);
+    row
+}
+
+const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
+
+/// A disc of radius R blurred by σ has half its height at R - σ²/(2R), to first order in σ/R.
+fn half_height_shift(radius_px: f64, blur_px: f64) -> f64 {
+    (blur_px * blur_px / (2.0 * radius_px)).min(0.25 * radius_px)
+}
+
+/// The angular factors from cos φ and sin φ.
+#[inline]
+fn harmonics(c: f64, s: f64) -> [f64; HARMONICS] {
+    [1.0, c, s, c * c - s * s, 2.0 * c * s]
+}
+
+/// What a pixel holds of the ball, averaged over the swept path, and how that changes with the pixel's place.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Light {
+    /// Covered part.
+    pub cover: f64,
+    /// Slope of `cover` along u and v, 1/px.
+    pub cover_slope: [f64; 2],
+    /// Light of the ball, grey levels.
+    pub ball: f64,
+    /// Slope of `ball` along u and v, grey levels/px.
+    pub ball_slope: [f64; 2],
+    /// `cover` times (x, y)/R, averaged.
+    pub dipole: [f64; 2],
+    /// Slope of `cover` and `ball` outwards, averaged: change with a smaller ball, 1/px and grey levels/px.
+    pub outward: [f64; 2],
+    /// Slopes along the path, times the place on it (-½ … ½), averaged: change with a longer path, for `cover` and
+    /// `ball`.
+    pub lengthening: [f64; 2],
+}
+
+/// A ball on its way: how a table is to be read.
+#[derive(Debug, Clone, Copy)]
+pub struct Pose {
+    /// The table's radius, px.
+    pub radius_px: f64,
+    /// How much larger this frame's ball is, px.
+    pub larger_px: f64,
+    /// Displacement during the exposure, px.
+    pub swept_px: [f64; 2],
+    /// Places on that path.
+    pub points: usize,
+}
+
+/// The ball as a pixel `offset` from the middle of its path sees it. `table` by [`RadialTable::of_ball`].
+#[inline]
+#[must_use]
+pub fn light(table: &RadialTable, pose: &Pose, offset: (f64, f64)) -> Light {
+    let Pose {
+        radius_px,
+        larger_px,
+        swept_px,
+        points,
+    } = *pose;
+    let mut sum = Light::default();
+    for k in 0..points {
+        let s = (k as f64 + 0.5) / points as f64 - 0.5;
+        let x = offset.0 - s * swept_px[0];
+        let y = offset.1 - s * swept_px[1];
+        let r = (x * x + y * y).sqrt().max(1e-6);
+        let (c, t) = (x / r, y / r);
+        // A little larger: the same, further out.
+        let (f, d) = table.at(r - larger_px);
+        let h = harmonics(c, t);
+        let (mut value, mut by_r) = (0.0, 0.0);
+        for i in 0..HARMONICS {
+            value += f[1 + i] * h[i];
+            by_r += d[1 + i] * h[i];
+        }
+        let by_phi = f[3] * h[1] - f[2] * h[2] + 2.0 * (f[5] * h[3] - f[4] * h[4]);
+        let across = by_phi / r;
+        let (bu, bv) = (by_r * c - across * t, by_r * t + across * c);
+        let (cu, cv) = (d[0] * c, d[0] * t);
+        sum.cover += f[0];
+        sum.cover_slope[0] += cu;
+        sum.cover_slope[1] += cv;
+        sum.ball += value;
+        sum.ball_slope[0] += bu;
+        sum.ball_slope[1] += bv;
+        sum.outward[0] += d[0];
+        sum.outward[1] += by_r;
+        sum.dipole[0] += f[0] * x;
+        sum.dipole[1] += f[0] * y;
+        sum.lengthening[0] -= s * (cu * swept_px[0] + cv * swept_px[1]);
+        sum.lengthening[1] -= s * (bu * swept_px[0] + bv * swept_px[1]);
+    }
+    let n = 1.0 / points as f64;
+    let both = |a: [f64; 2], by: f64| [a[0] * by, a[1] * by];
+    Light {
+        cover: sum.cover * n,
+        cover_slope: both(sum.cover_slope, n),
+        ball: sum.ball * n,
+        ball_slope: both(sum.ball_slope, n),
+        dipole: both(sum.dipole, n / radius_px),
+        outward: both(sum.outward, n),
+        lengthening: both(sum.lengthening, n),
+    }
+}
+
+/// Each term's share in a pixel `offset` from the middle of the path, averaged over it. `profiles` by
+/// [`RadialTable::profiles`].
+pub fn term_shares(profiles: &RadialTable, pose: &Pose, offset: (f64, f64), out: &mut [f64]) {
+    let Pose {
+        larger_px,
+        swept_px,
+        points,
+        ..
+    } = *pose;
+    out.fill(0.0);
+    let n = 1.0 / points as f64;
+    for k in 0..points {
+        let s = (k as f64 + 0.5) / points as f64 - 0.5;
+        let x = offset.0 - s * swept_px[0];
+        let y = offset.1 - s * swept_px[1];
+        let r = (x * x + y * y).sqrt().max(1e-6);
+        let (f, _) = profiles.at(r - larger_px);
+        let h = harmonics(x / r, y / r);
+        for (i, o) in out.iter_mut().enumerate() {
+            *o += n * f[PROFILE[i]] * h[HARMONIC[i]];
+        }
+    }
+}
+
+/// Points along the swept path: midpoints of equal parts, so short that the blur hides the steps.
+#[must_use]
+pub fn path_points(swept_px: [f64; 2], blur_px: f64) -> usize {
+    ((norm(swept_px[0], swept_px[1]) / (1.2 * blur_px)).ceil() as usize).clamp(1, 48)
+}
+
+/// A pixel of the band around the outline.
+#[derive(Debug, Clone, Copy)]
+pub struct BandPixel {
+    /// Column.
+    pub u: f64,
+    /// Row.
+    pub v: f64,
+    /// What it holds, grey levels.
+    pub grey: f64,
+    /// What is behind the ball there, grey levels.
+    pub background: f64,
+    /// The part of the outline it belongs to.
+    pub sector: u16,
+    /// Within a blur or so of the edge, or beyond: what tells whether the outline is spoilt here.
+    pub at_edge: bool,
+}
+
+/// How far a band reaches from the outline, and how many pixels it may have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// Inwards, px.
+    pub inside_px: f64,
+    /// Outwards, px.
+    pub outside_px: f64,
+    /// A larger band is thinned evenly.
+    pub most_pixels: usize,
+}
+
+/// Sectors of the outline, about three pixels each.
+#[must_use]
+pub fn sector_count(radius_px: f64) -> usize {
+    ((std::f64::consts::TAU * radius_px / 3.0) as usize).clamp(8, 48)
+}
+
+/// The pixels of the band around `disc`, whose outline is counted in so many `sectors`.
+#[must_use]
+pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors: usize) -> Vec<BandPixel> {
+    let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
+    let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
+    let beyond = disc.radius_px + reach.outside_px;
+    // In the frame, whose pixels are gone through, the disc may be drawn out.
+    let (middle, most) = patch.drawn_out.map_or((disc.centre, 1.0), |d| (d.frame(disc.centre), d.most()));
+    let span = |centre: f64, reach: f64, n: usize| {
+        let low = (centre - reach).floor().max(0.0) as usize;
+        let high = ((centre + reach).ceil() + 1.0).clamp(0.0, n as f64) as usize;
+        low.min(high)..high
+    };
+    let length = norm(disc.swept_px[0], disc.swept_px[1]);
+    let along = |swept_px: f64| if most > 1.0 { length } else { swept_px.abs() };
+    let rows = span(middle.v_px - v0, most * (beyond + 0.5 * along(disc.swept_px[1])), h);
+    let columns = span(middle.u_px - u0, most * (beyond + 0.5 * along(disc.swept_px[0])), w);
+    let wide = reach.inside_px + reach.outside_px;
+    let share = reach.most_pixels as f64 / ((std::f64::consts::TAU * disc.radius_px + 2.0 * length) * wide);
+    let (inner, outer) = (
+        (disc.radius_px - reach.inside_px).max(0.0).powi(2),
+        beyond * beyond,
+    );
+    let edge2 = (disc.radius_px - 2.0 * blur_px).max(0.0).powi(2);
+    let mut pixels = Vec::with_capacity(((rows.len() * columns.len()) as f64 * share.min(1.0)) as usize + 16);
+    // An even share of a large band: a golden-ratio sequence over the pixels' order.
+    let mut turn = 0.0;
+    for row in rows {
+        for column in columns.clone() {
+            let (u, v) = (u0 + column as f64, v0 + row as f64);
+            let (u, v) = patch.drawn_out.map_or((u, v), |d| d.round(u, v));
+            let (x, y) = nearest_offset(disc, u, v);
+            let r2 = x * x + y * y;
+            if r2 < inner || r2 > outer {
+                continue;
+            }
+            turn += 0.618_033_988_749_894_9;
+            if turn > 1.0 {
+                turn -= 1.0;
+            }
+            if turn > share {
+                continue;
+            }
+            let i = row * w + column;
+            let around = y.atan2(x) / std::f64::consts::TAU + 0.5;
+            pixels.push(BandPixel {
+                u,
+                v,
+                grey: f64::from(patch.crop.luma.data[i]),
+                background: f64::from(patch.background[i]),
+                sector: ((around * sectors as f64) as usize).min(sectors - 1) as u16,
+                at_edge: r2 > edge2,
+            });
+        }
+    }
+    pixels
+}
+
+/// From the nearest point of the swept path to the pixel.
+#[must_use]
+pub fn nearest_offset(disc: &Disc, u: f64, v: f64) -> (f64, f64) {
+    let (x, y) = (u - disc.centre.u_px, v - disc.centre.v_px);
+    let [a, b] = disc.swept_px;
+    let length2 = a * a + b * b;
+    if length2 < 1e-12 {
+        return (x, y);
+    }
+    let s = ((x * a + y * b) / length2).clamp(-0.5, 0.5);
+    (x - s * a, y - s * b)
+}
+
+/// From the middle of the path to a pixel.
+#[inline]
+#[must_use]
+pub fn offset(centre: PixelPoint, p: &BandPixel) -> (f64, f64) {
+    (p.u - centre.u_px, p.v - centre.v_px)
+}
+
+/// Length of (x, y); pixels neither over- nor underflow, and `hypot` is five times slower.
+#[must_use]
+pub fn norm(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
+}

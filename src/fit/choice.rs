@@ -1,0 +1,245 @@
+//! Which model is preferred, and why.
+//!
+//! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: grip-slide holds both
+//! other models as special cases (e_x = 0; friction never reached), so that it always fits as well and can never be beaten
+//! by much. Up to [`DECISIVE`] better it does not count, and the choice is between the other two; from [`GENERAL`] on it is
+//! preferred (chance makes that of 1 series in 70); between, nothing is.
+//!
+//! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
+//! freedom, lest a wrong scale of the deviations decide.
+
+use super::criteria::{LEAST_PROBABILITY, Marks};
+use super::data::Data;
+use super::models::Solution;
+use super::result::{ModelFit, ModelName, Preferred};
+use super::series::{Note, Weights};
+
+/// A difference of AICc that decides.
+const DECISIVE: f64 = 2.0;
+
+/// Where no model fits, how many times the χ² of the preferred one its rival's has to be: less may be the rivals' different
+/// luck with what all of them lack.
+const FAR_BETTER: f64 = 10.0;
+
+/// What grip-slide has to be better by than its own special cases.
+const GENERAL: f64 = 4.0;
+
+/// The choice among `fits`, whose solutions are `solutions`.
+pub(super) fn choose(
+    data: &Data,
+    solutions: &[Solution],
+    fits: &[ModelFit],
+) -> (Preferred, String, Vec<Note>) {
+    let spread = spread(data, fits);
+    let notes = notes(data, fits, spread);
+    let mut candidates: Vec<(ModelName, f64)> = Vec::new();
+    let mut excluded = Vec::new();
+    for (solution, fit) in solutions.iter().zip(fits) {
+        let name = fit.name.name();
+        let limit = usize::from(solution.jump().is_some());
+        let marks = Marks::new(data, solution.found.chi2, solution.rank + limit, spread);
+        match (&fit.impossible, marks.aicc, fit.converged) {
+            (Some(why), ..) => excluded.push(format!("{name} cannot be: {why}")),
+            (_, _, false) => excluded.push(format!("{name}: the search did not come to an end")),
+            (_, None, _) => excluded.push(format!(
+                "{name}: {} equations are too few for {} parameters",
+                marks.equations, marks.parameters
+            )),
+            (None, Some(aicc), true) => candidates.push((fit.name, aicc)),
+        }
+    }
+    candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
+    // A model that the rows are too few to judge may be the right one; grip-slide has to show that it is needed.
+    let unjudged = |fit: &&ModelFit| {
+        let judged = candidates.iter().any(|c| c.0 == fit.name);
+        fit.name != ModelName::GripSlide && fit.impossible.is_none() && !judged
+    };
+    if fits.iter().any(|fit| unjudged(&fit)) {
+        candidates.clear();
+    }
+    let rolling = fits.iter().any(|f| f.name == ModelName::MuE && f.sliding == 0);
+    let (mut preferred, mut sentences) = decide(&candidates, rolling);
+    if let Preferred::Model(name) = preferred
+        && spread > 1.0
+        && !far_better(name, fits)
+    {
+        preferred = Preferred::Undetermined;
+        sentences.push(format!("{} is the least bad, but not by far", name.name()));
+    }
+    sentences.extend(excluded);
+    if spread > 1.0 && candidates.len() > 1 {
+        sentences.push(format!(
+            "differences of χ² are divided by the scatter, {spread:.1}"
+        ));
+    }
+    if notes.iter().any(|n| n.code == "no_model_fits") {
+        sentences.push(match preferred {
+            Preferred::Model(_) => "no model describes the data: the preference is only relative".to_owned(),
+            Preferred::Undetermined => "no model describes the data".to_owned(),
+        });
+    }
+    let mut reason = sentences.join("; ");
+    reason.push('.');
+    (preferred, reason, notes)
+}
+
+/// Whether a model that does not fit is still in another class than its rivals.
+fn far_better(name: ModelName, fits: &[ModelFit]) -> bool {
+    let chi2 = |of: ModelName| {
+        fits.iter()
+            .find(|f| f.name == of)
+            .map_or(f64::INFINITY, |f| f.chi2)
+    };
+    let rivals = ModelName::ALL.into_iter().filter(|&rival| {
+        // Grip-slide fits as well as its special cases do: it is no rival of theirs.
+        rival != name && rival != ModelName::GripSlide
+    });
+    rivals
+        .into_iter()
+        .all(|rival| chi2(rival) > FAR_BETTER * chi2(name))
+}
+
+fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<String>) {
+    let Some(&(best, least)) = candidates.first() else {
+        return (
+            Preferred::Undetermined,
+            vec!["the models cannot be compared".to_owned()],
+        );
+    };
+    let aicc = |name| candidates.iter().find(|c| c.0 == name).map(|c| c.1);
+    let list = |preferred: ModelName, base: f64| {
+        candidates
+            .iter()
+            .filter(|c| c.0 != preferred)
+            .map(|c| {
+                let contains = if c.0 == ModelName::GripSlide {
+                    " (which holds the others as special cases)"
+                } else {
+                    ""
+                };
+                format!("AICc of {}{contains} is {}", c.0.name(), difference(c.1 - base))
+            })
+            .collect::<Vec<String>>()
+    };
+    if candidates.len() == 1 {
+        return (
+            Preferred::Model(best),
+            vec![format!("{} is the only model left", best.name())],
+        );
+    }
+    let simple = [ModelName::MuE, ModelName::EE]
+        .into_iter()
+        .filter_map(|name| aicc(name).map(|a| (name, a)))
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((simple, simple_aicc)) = simple else {
+        return (Preferred::Model(best), list(best, least));
+    };
+    let general = aicc(ModelName::GripSlide);
+    let lead = general.map_or(0.0, |g| simple_aicc - g);
+    if lead >= GENERAL {
+        return (
+            Preferred::Model(ModelName::GripSlide),
+            list(ModelName::GripSlide, general.unwrap_or(least)),
+        );
+    }
+    if lead >= DECISIVE {
+        let mut sentences = list(simple, simple_aicc);
+        sentences.push(format!(
+            "a model that holds the other as a special case is ahead by {DECISIVE} to {GENERAL} by chance now and then"
+        ));
+        return (Preferred::Undetermined, sentences);
+    }
+    let other = if simple == ModelName::MuE {
+        ModelName::EE
+    } else {
+        ModelName::MuE
+    };
+    let gap = aicc(other).map(|a| a - simple_aicc);
+    // Where all rows leave rolling, μ-e is e-e with e_x = 0 and saves a parameter: that is no evidence.
+    let same = rolling && gap.is_some_and(|gap| simple == ModelName::MuE || gap < DECISIVE);
+    if same {
+        let mut sentences = vec![
+            "no row slides, and none needs an e_x other than 0, with which e_e says what mu_e says"
+                .to_owned(),
+        ];
+        sentences.extend(list(simple, simple_aicc));
+        return (Preferred::Undetermined, sentences);
+    }
+    match gap {
+        Some(gap) if gap < DECISIVE => {
+            let mut sentences = vec![format!(
+                "the difference is under {DECISIVE}, which decides nothing"
+            )];
+            sentences.splice(0..0, list(simple, simple_aicc));
+            (Preferred::Undetermined, sentences)
+        }
+        _ => (Preferred::Model(simple), list(simple, simple_aicc)),
+    }
+}
+
+fn difference(gap: f64) -> String {
+    if gap.abs() < 0.05 {
+        "the same".to_owned()
+    } else if gap > 0.0 {
+        format!("{gap:.1} higher")
+    } else {
+        format!("{:.1} lower", -gap)
+    }
+}
+
+/// Least χ² per degree of freedom where chance does not explain it; 1 elsewhere.
+fn spread(data: &Data, fits: &[ModelFit]) -> f64 {
+    if data.weights == Weights::Unit {
+        return 1.0;
+    }
+    let passes = |fit: &ModelFit| fit.p_value.is_some_and(|p| p >= LEAST_PROBABILITY);
+    if fits.iter().any(passes) {
+        return 1.0;
+    }
+    fits.iter()
+        .filter(|fit| fit.degrees_of_freedom > 0 && fit.impossible.is_none())
+        .map(|fit| fit.chi2 / fit.degrees_of_freedom as f64)
+        .reduce(f64::min)
+        .map_or(1.0, |spread| spread.max(1.0))
+}
+
+fn notes(data: &Data, fits: &[ModelFit], spread: f64) -> Vec<Note> {
+    if data.weights == Weights::Unit || !(spread > 1.0) {
+        return Vec::new();
+    }
+    let each: Vec<String> = fits
+        .iter()
+        .filter_map(|fit| {
+            let p = fit.p_value?;
+            Some(format!(
+                "{} has χ² = {:.1} for {} degrees of freedom (probability {})",
+                fit.name.name(),
+                fit.chi2,
+                fit.degrees_of_freedom,
+                probability(p)
+            ))
+        })
+        .collect();
+    if each.is_empty() {
+        return Vec::new();
+    }
+    vec![Note {
+        code: "no_model_fits",
+        message: format!(
+            "no model with constant coefficients describes these rows: {}. Either the standard deviations are too small \
+             (by about {:.1} times), or the coefficients change from row to row, as they do with the elastic give of a \
+             contact. Uncertainties are widened by the scatter; look at the residuals.",
+            each.join("; "),
+            spread.sqrt()
+        ),
+    }]
+}
+
+/// A probability for people.
+pub(super) fn probability(p: f64) -> String {
+    if p < 1e-4 {
+        "under 0.0001".to_owned()
+    } else {
+        super::estimate::three_digits(p)
+    }
+}

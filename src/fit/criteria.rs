@@ -1,0 +1,138 @@
+//! What a χ² is worth: likelihood, AICc, BIC, probability, and the spread of the rows.
+//!
+//! With stated deviations the likelihood of the rows, their true values profiled out, is exp(−χ²/2) times a constant that
+//! is the same for every model. Without, the deviation σ is a parameter like the others: σ² = χ²/N at the highest
+//! likelihood, N the number of equations.
+//!
+//! ```text
+//! AICc = −2 ln L + 2 p + 2 p (p + 1) / (N − p − 1)        BIC = −2 ln L + p ln N
+//! ```
+
+use super::data::Data;
+use super::series::Weights;
+use statrs::distribution::{ChiSquared, ContinuousCDF as _, FisherSnedecor, Normal, StudentsT};
+use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
+/// Probability of a χ² at least this large below which a model counts as not describing the data.
+pub const LEAST_PROBABILITY: f64 = 0.01;
+
+/// A model's marks on a set of rows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Marks {
+    /// N.
+    pub equations: usize,
+    /// p, with the scale where it is fitted.
+    pub parameters: usize,
+    pub log_likelihood: Option<f64>,
+    pub aicc: Option<f64>,
+    pub bic: Option<f64>,
+}
+
+impl Marks {
+    /// For `chi2` reached with `rank` parameters; `spread` divides χ² where the rows scatter more than their deviations say.
+    pub fn new(data: &Data, chi2: f64, rank: usize, spread: f64) -> Self {
+        let n = data.equations();
+        let parameters = rank + usize::from(data.weights == Weights::Unit);
+        let twice = match data.weights {
+            Weights::Stated => Some(chi2 / spread + constant(data)),
+            Weights::Unit => (n > 0).then(|| {
+                // No scatter at all would be an infinite likelihood; the numbers' own rounding is scatter enough.
+                let variance = (chi2 / n as f64).max(data.rounding).max(f64::MIN_POSITIVE);
+                n as f64 * ((TAU * variance).ln() + 1.0)
+            }),
+        };
+        let p = parameters as f64;
+        let room = n as f64 - p - 1.0;
+        Self {
+            equations: n,
+            parameters,
+            log_likelihood: twice.map(|t| -0.5 * t),
+            aicc: twice
+                .filter(|_| room > 0.0)
+                .map(|t| t + 2.0 * p + 2.0 * p * (p + 1.0) / room),
+            bic: twice.filter(|_| n > 0).map(|t| t + p * (n as f64).ln()),
+        }
+    }
+
+    /// AICc; with too few rows for it, what it would be for many.
+    pub fn criterion(&self) -> f64 {
+        let aic = self
+            .log_likelihood
+            .map(|l| -2.0 * l + 2.0 * self.parameters as f64);
+        self.aicc.or(aic).unwrap_or(f64::INFINITY)
+    }
+}
+
+/// −2 ln of the part of the likelihood that no model changes: ln |2π Σ| of what was measured.
+fn constant(data: &Data) -> f64 {
+    data.rows
+        .iter()
+        .map(|row| {
+            let measured = row.variance.iter().filter(|v| **v > 0.0);
+            measured.map(|v| (TAU * v).ln()).sum::<f64>() + row.log_correlation
+        })
+        .sum()
+}
+
+/// Probability of a χ² of at least `chi2` with `freedom` degrees of freedom.
+pub(super) fn chi2_tail(chi2: f64, freedom: usize) -> Option<f64> {
+    if freedom == 0 || !(chi2.is_finite() && chi2 >= 0.0) {
+        return None;
+    }
+    let distribution = ChiSquared::new(freedom as f64).ok()?;
+    Some(distribution.sf(chi2).clamp(0.0, 1.0))
+}
+
+/// The χ² that is exceeded with probability `tail`.
+pub(super) fn chi2_quantile(tail: f64, freedom: usize) -> f64 {
+    ChiSquared::new(freedom.max(1) as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - tail))
+}
+
+/// Medians of χ² with one to four degrees of freedom.
+pub(super) static MEDIANS: LazyLock<[f64; 4]> =
+    LazyLock::new(|| std::array::from_fn(|i| chi2_quantile(0.5, i + 1)));
+
+/// How much further χ² of one to four equations reaches than that of one, far out in its tail.
+pub(super) static TAIL_RATIOS: LazyLock<[f64; 4]> = LazyLock::new(|| {
+    const TAIL: f64 = 1e-5;
+    std::array::from_fn(|i| chi2_quantile(TAIL, i + 1) / chi2_quantile(TAIL, 1))
+});
+
+/// The ratio of two mean squares that is exceeded with probability `tail`.
+pub(super) fn f_quantile(tail: f64, above: usize, below: usize) -> f64 {
+    if below == 0 {
+        return f64::INFINITY;
+    }
+    FisherSnedecor::new(above.max(1) as f64, below as f64)
+        .map_or(f64::INFINITY, |d| d.inverse_cdf(1.0 - tail))
+}
+
+/// Standard uncertainties to either side that hold 95 %.
+pub(super) fn coverage_factor(weights: Weights, freedom: usize) -> f64 {
+    const TAIL: f64 = 0.975;
+    match weights {
+        Weights::Stated => Normal::standard().inverse_cdf(TAIL),
+        Weights::Unit => {
+            StudentsT::new(0.0, 1.0, freedom.max(1) as f64).map_or(f64::INFINITY, |d| d.inverse_cdf(TAIL))
+        }
+    }
+}
+
+/// What standard uncertainties are multiplied by: 1 where the rows scatter as their deviations say; more where they
+/// scatter more than chance allows (Birge's ratio); without deviations whatever the scatter is, `None` where a fit leaves
+/// none.
+pub(super) fn scatter(data: &Data, chi2: f64, freedom: usize) -> Option<f64> {
+    match data.weights {
+        Weights::Stated => {
+            let improbable = chi2_tail(chi2, freedom).is_some_and(|p| p < LEAST_PROBABILITY);
+            Some(if improbable {
+                (chi2 / freedom as f64).sqrt().max(1.0)
+            } else {
+                1.0
+            })
+        }
+        // Rows that agree to their last digit are not known better than that digit.
+        Weights::Unit => (freedom > 0).then(|| (chi2 / freedom as f64).max(data.rounding).sqrt()),
+    }
+}

@@ -1,0 +1,186 @@
+//! What centres scatter by beyond their own uncertainty: a codec that leaves the ball where it was predicted, a camera
+//! that shakes, a path that is not quite an arc.
+//!
+//! Each frame's own uncertainty comes from its pixels; a displacement of the whole ball is not seen there. It is seen in
+//! the distances to the arcs, and it has nothing to do with the pixels' noise, so it is a variance to add, not a factor.
+//! Frames that are coded differently have each their own: interpolated (B) frames are displaced by several times what
+//! predicted (P) frames are, those by more than whole ones, and the arcs should lean on the better.
+
+use crate::frames::Coded;
+
+/// A point's distance to its arc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distance {
+    /// Squared, plane units².
+    pub square: f64,
+    /// Variance of each coordinate by the frame's own pixels, plane units².
+    pub own: f64,
+    /// How the frame is stored.
+    pub coded: Coded,
+    /// Part of the point's own error that its arc follows, 0..1.
+    pub leverage: f64,
+}
+
+/// Variances that add to the centres' own, plane units².
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Extra {
+    whole: f64,
+    predicted: f64,
+    interpolated: f64,
+}
+
+/// Fewer points of a kind do not tell its variance; that of all kinds together has to do.
+const LEAST_POINTS: usize = 12;
+
+/// Median of the squared length of a plane vector whose coordinates are normal with variance 1.
+const MEDIAN_SQUARE: f64 = 2.0 * std::f64::consts::LN_2;
+
+impl Extra {
+    /// The variance to add to that of a centre's coordinate.
+    #[must_use]
+    pub fn of(&self, coded: Coded) -> f64 {
+        match coded {
+            Coded::Whole => self.whole,
+            Coded::Predicted => self.predicted,
+            Coded::Interpolated => self.interpolated,
+        }
+    }
+
+    /// By medians: right also when a quarter of the points are somewhere else.
+    #[must_use]
+    pub fn robust(distances: &[Distance]) -> Self {
+        Self::by_kind(distances, |part, extra| {
+            let mut squares: Vec<f64> = part
+                .iter()
+                .map(|d| d.square / ((1.0 - d.leverage) * (d.own + extra)))
+                .collect();
+            crate::quantity::median(&mut squares).unwrap_or(0.0) / MEDIAN_SQUARE
+        })
+    }
+
+    /// By mean squares: the most exact, once what is somewhere else has been set aside.
+    #[must_use]
+    pub fn efficient(distances: &[Distance]) -> Self {
+        Self::by_kind(distances, |part, extra| {
+            let sum: f64 = part
+                .iter()
+                .map(|d| d.square / (2.0 * (1.0 - d.leverage) * (d.own + extra)))
+                .sum();
+            sum / part.len().max(1) as f64
+        })
+    }
+
+    /// For each kind the variance for which `ratio` (of seen to expected squares) is 1.
+    fn by_kind(distances: &[Distance], ratio: impl Fn(&[Distance], f64) -> f64) -> Self {
+        let all = balance(distances, &ratio);
+        let of = |coded: Coded| {
+            let part: Vec<Distance> = distances.iter().filter(|d| d.coded == coded).copied().collect();
+            if part.len() < LEAST_POINTS {
+                all
+            } else {
+                balance(&part, &ratio)
+            }
+        };
+        Self {
+            whole: of(Coded::Whole),
+            predicted: of(Coded::Predicted),
+            interpolated: of(Coded::Interpolated),
+        }
+    }
+}
+
+/// The least variance of at least 0 for which `ratio`, which falls as it grows, is no more than 1.
+fn balance(part: &[Distance], ratio: impl Fn(&[Distance], f64) -> f64) -> f64 {
+    if !(ratio(part, 0.0) > 1.0) {
+        return 0.0;
+    }
+    let mut high = part.iter().map(|d| d.square).fold(0.0, f64::max);
+    while ratio(part, high) > 1.0 && high.is_finite() {
+        high *= 2.0;
+    }
+    let mut low = 0.0;
+    // 40 halvings: to a millionth of a millionth of the largest.
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if ratio(part, middle) > 1.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn normal(seed: &mut u64) -> f64 {
+        let mut unit = || {
+            *seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            ((*seed >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        };
+        let (a, b) = (unit(), unit());
+        (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+
+    fn distances(count: usize, own: f64, extra: impl Fn(Coded) -> f64) -> Vec<Distance> {
+        let mut seed = 1;
+        (0..count)
+            .map(|i| {
+                let coded = if i % 3 == 0 {
+                    Coded::Predicted
+                } else {
+                    Coded::Interpolated
+                };
+                let std = (own + extra(coded)).sqrt();
+                let square = (std * normal(&mut seed)).powi(2) + (std * normal(&mut seed)).powi(2);
+                Distance {
+                    square,
+                    own,
+                    coded,
+                    leverage: 0.0,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn each_kind_gets_the_variance_it_shows() {
+        let true_extra = |c: Coded| if c == Coded::Predicted { 0.5 } else { 4.0 };
+        let seen = distances(3000, 0.1, true_extra);
+        for found in [Extra::robust(&seen), Extra::efficient(&seen)] {
+            assert!((found.of(Coded::Predicted) / 0.5 - 1.0).abs() < 0.15, "{found:?}");
+            assert!(
+                (found.of(Coded::Interpolated) / 4.0 - 1.0).abs() < 0.15,
+                "{found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn centres_as_good_as_they_say_get_nothing_added() {
+        let seen = distances(3000, 1.0, |_| 0.0);
+        let found = Extra::efficient(&seen);
+        assert!(
+            found.of(Coded::Predicted) < 0.1 && found.of(Coded::Interpolated) < 0.1,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn points_somewhere_else_do_not_fool_the_medians() {
+        let mut seen = distances(300, 1.0, |_| 0.0);
+        for d in seen.iter_mut().step_by(5) {
+            d.square = 1e6;
+        }
+        assert!(Extra::robust(&seen).of(Coded::Interpolated) < 1.0);
+    }
+
+    #[test]
+    fn nothing_seen_adds_nothing() {
+        assert_eq!(Extra::robust(&[]), Extra::default());
+    }
+}

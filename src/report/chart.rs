@@ -1,0 +1,379 @@
+//! Figures of a series: points with error bars, curves, and what is left below.
+//!
+//! Shapes, dashes and widths carry the meaning; colour only helps, so that grey print loses nothing.
+
+use super::plots::{ARC, Axis, FINE, GRID, IMPACT, INK, PlotError, UNUSED, WIDTH};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use std::ops::Range;
+
+/// Design size, screen pixels.
+const MAIN_HEIGHT: u32 = 300;
+const RESIDUAL_HEIGHT: u32 = 110;
+const AXIS_HEIGHT: u32 = 46;
+const GREY: RGBColor = RGBColor(186, 186, 186);
+
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stroke {
+    /// Thin and unbroken.
+    Solid,
+    /// Dashed.
+    Dashed,
+    /// Broad and light, so that a thin one on top of it shows.
+    Broad,
+    /// Fine dashes, for what is not a curve of the ordinate: a transition.
+    Fine,
+}
+
+/// How a point is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Marker {
+    /// ●
+    Disc,
+    /// ○
+    Ring,
+    /// ▲
+    Triangle,
+    /// □
+    Square,
+    /// ■
+    Block,
+    /// △
+    OpenTriangle,
+    /// ×
+    Cross,
+}
+
+/// A point with its error bars.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Dot {
+    pub x: f64,
+    pub y: f64,
+    pub x_std: Option<f64>,
+    pub y_std: Option<f64>,
+    pub marker: Marker,
+}
+
+/// A figure.
+#[derive(Debug, Clone)]
+pub(super) struct Chart {
+    /// For those who cannot see it.
+    pub name: String,
+    pub x_label: String,
+    pub y_label: String,
+    pub x: Range<f64>,
+    pub y: Range<f64>,
+    /// Drawn in this order, below the points.
+    pub curves: Vec<(Stroke, Vec<(f64, f64)>)>,
+    pub dots: Vec<Dot>,
+    /// Abscissae of transitions.
+    pub transitions: Vec<f64>,
+    /// Words in the figure: where, what.
+    pub words: Vec<(f64, f64, String)>,
+    /// Observed minus computed; none for no panel.
+    pub residuals: Vec<Dot>,
+}
+
+type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+impl Chart {
+    /// The figure as a complete `<svg>` element.
+    pub fn svg(&self) -> Result<String, PlotError> {
+        let below = !self.residuals.is_empty();
+        let main_height = MAIN_HEIGHT + if below { 0 } else { AXIS_HEIGHT };
+        let height = main_height + if below { RESIDUAL_HEIGHT + AXIS_HEIGHT } else { 0 };
+        let mut svg = String::new();
+        {
+            let root = SVGBackend::with_string(&mut svg, (WIDTH * FINE, height * FINE)).into_drawing_area();
+            let (main, rest) = root.split_vertically(main_height * FINE);
+            self.main(&main, !below)?;
+            if below {
+                self.residual(&rest)?;
+            }
+            root.present()?;
+        }
+        let size = format!(r#"width="{}" height="{}""#, WIDTH * FINE, height * FINE);
+        let name = format!(
+            r#"class="plot" role="img" aria-label="{}""#,
+            super::page::escape(&self.name)
+        );
+        Ok(svg.replacen(&size, &name, 1))
+    }
+
+    fn main(&self, area: &Area<'_>, axis: bool) -> Result<(), PlotError> {
+        let mut panel = self.panel(area, self.y.clone(), 6, &self.y_label, axis)?;
+        self.draw_transitions(&mut panel, &self.y)?;
+        for (stroke, points) in &self.curves {
+            for piece in clipped(points, &self.x, &self.y) {
+                draw_curve(&mut panel, *stroke, &piece)?;
+            }
+        }
+        for dot in &self.dots {
+            draw_dot(&mut panel, dot, &self.x, &self.y)?;
+        }
+        let style = ("sans-serif", 15 * FINE)
+            .into_font()
+            .style(FontStyle::Italic)
+            .color(&INK);
+        for (x, y, text) in &self.words {
+            panel
+                .draw_series([EmptyElement::at((*x, *y)) + Text::new(text.clone(), (0, 0), style.clone())])?;
+        }
+        Ok(())
+    }
+
+    fn residual(&self, area: &Area<'_>) -> Result<(), PlotError> {
+        let used = self.residuals.iter().filter(|dot| dot.marker != Marker::Cross);
+        let reach = used
+            .map(|dot| dot.y.abs() + dot.y_std.unwrap_or(0.0))
+            .filter(|r| r.is_finite())
+            .fold(0.0, f64::max);
+        let reach = if reach > 0.0 { 1.15 * reach } else { 1.0 };
+        let range = -reach..reach;
+        let mut panel = self.panel(area, range.clone(), 3, "residual", true)?;
+        self.draw_transitions(&mut panel, &range)?;
+        panel.draw_series(LineSeries::new(
+            [(self.x.start, 0.0), (self.x.end, 0.0)],
+            INK.stroke_width(8),
+        ))?;
+        for dot in &self.residuals {
+            if dot.y.abs() <= reach {
+                draw_dot(&mut panel, &Dot { x_std: None, ..*dot }, &self.x, &range)?;
+            } else if self.x.contains(&dot.x) {
+                let size = 5 * FINE as i32 * if dot.y > 0.0 { 1 } else { -1 };
+                let at = (dot.x, 0.9 * reach.copysign(dot.y));
+                panel.draw_series([TriangleMarker::new(at, size, UNUSED.filled())])?;
+            }
+        }
+        Ok(())
+    }
+
+    fn panel<'a, 'b>(
+        &self,
+        area: &'a Area<'b>,
+        y: Range<f64>,
+        ticks: usize,
+        label: &str,
+        axis: bool,
+    ) -> Result<Panel<'a, 'b>, PlotError> {
+        let mut chart = ChartBuilder::on(area)
+            .margin_top(10 * FINE)
+            .margin_right(14 * FINE)
+            .margin_left(4 * FINE)
+            .set_label_area_size(LabelAreaPosition::Left, 74 * FINE)
+            .set_label_area_size(
+                LabelAreaPosition::Bottom,
+                if axis { AXIS_HEIGHT * FINE } else { 0 },
+            )
+            .build_cartesian_2d(Axis::new(self.x.clone(), 9), Axis::new(y, ticks))?;
+        let text = ("sans-serif", 16 * FINE).into_font().color(&INK);
+        let mut mesh = chart.configure_mesh();
+        mesh.max_light_lines(1)
+            .light_line_style(GRID.stroke_width(0))
+            .bold_line_style(GRID.stroke_width(8))
+            .axis_style(INK.stroke_width(9))
+            .label_style(text.clone())
+            .axis_desc_style(text)
+            .set_all_tick_mark_size(4 * FINE)
+            .y_desc(label);
+        if axis {
+            mesh.x_desc(self.x_label.clone());
+        }
+        mesh.draw()?;
+        Ok(chart)
+    }
+
+    fn draw_transitions(&self, panel: &mut Panel<'_, '_>, y: &Range<f64>) -> Result<(), PlotError> {
+        for &x in self.transitions.iter().filter(|x| self.x.contains(x)) {
+            draw_curve(panel, Stroke::Fine, &[(x, y.start), (x, y.end)])?;
+        }
+        Ok(())
+    }
+}
+
+fn draw_curve(panel: &mut Panel<'_, '_>, stroke: Stroke, points: &[(f64, f64)]) -> Result<(), PlotError> {
+    let points = points.iter().copied();
+    match stroke {
+        Stroke::Solid => {
+            panel.draw_series(LineSeries::new(points, ARC.stroke_width(12)))?;
+        }
+        Stroke::Broad => {
+            panel.draw_series(LineSeries::new(points, GREY.stroke_width(50)))?;
+        }
+        Stroke::Dashed => {
+            panel.draw_series(DashedLineSeries::new(
+                points,
+                9 * FINE,
+                6 * FINE,
+                INK.stroke_width(13),
+            ))?;
+        }
+        Stroke::Fine => {
+            panel.draw_series(DashedLineSeries::new(
+                points,
+                2 * FINE,
+                4 * FINE,
+                IMPACT.stroke_width(11),
+            ))?;
+        }
+    }
+    Ok(())
+}
+
+fn draw_dot(panel: &mut Panel<'_, '_>, dot: &Dot, x: &Range<f64>, y: &Range<f64>) -> Result<(), PlotError> {
+    let at = (dot.x, dot.y);
+    if !(x.contains(&dot.x) && (y.start..=y.end).contains(&dot.y)) {
+        return Ok(());
+    }
+    let ink = if dot.marker == Marker::Cross { UNUSED } else { INK };
+    if let Some(std) = dot.x_std {
+        let ends = [
+            ((dot.x - std).max(x.start), dot.y),
+            ((dot.x + std).min(x.end), dot.y),
+        ];
+        panel.draw_series([PathElement::new(ends, ink.stroke_width(8))])?;
+    }
+    if let Some(std) = dot.y_std {
+        let ends = [
+            (dot.x, (dot.y - std).max(y.start)),
+            (dot.x, (dot.y + std).min(y.end)),
+        ];
+        panel.draw_series([PathElement::new(ends, ink.stroke_width(8))])?;
+    }
+    const SIZE: i32 = 36;
+    let corner = |dx: i32, dy: i32| (dx * SIZE, dy * SIZE);
+    let square = || vec![corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
+    let triangle = || vec![corner(0, -1), corner(1, 1), corner(-1, 1)];
+    let closed = |mut points: Vec<(i32, i32)>| {
+        points.push(points[0]);
+        PathElement::new(points, INK.stroke_width(11))
+    };
+    let here = || EmptyElement::at(at);
+    match dot.marker {
+        Marker::Disc => panel
+            .draw_series([Circle::new(at, SIZE, INK.filled())])
+            .map(drop)?,
+        Marker::Ring => {
+            panel.draw_series([Circle::new(at, SIZE, WHITE.filled())])?;
+            panel.draw_series([Circle::new(at, SIZE, INK.stroke_width(12))])?;
+        }
+        Marker::Triangle => {
+            panel.draw_series([here() + Polygon::new(triangle(), INK.filled())])?;
+        }
+        Marker::OpenTriangle => {
+            panel.draw_series([here() + Polygon::new(triangle(), WHITE.filled()) + closed(triangle())])?;
+        }
+        Marker::Block => {
+            panel.draw_series([here() + Polygon::new(square(), INK.filled())])?;
+        }
+        Marker::Square => {
+            panel.draw_series([here() + Polygon::new(square(), WHITE.filled()) + closed(square())])?;
+        }
+        Marker::Cross => {
+            panel.draw_series([Cross::new(at, SIZE, UNUSED.stroke_width(13))])?;
+        }
+    }
+    Ok(())
+}
+
+/// The pieces of a line that lie inside, cut at the edges.
+fn clipped(points: &[(f64, f64)], x: &Range<f64>, y: &Range<f64>) -> Vec<Vec<(f64, f64)>> {
+    let inside = |p: &(f64, f64)| (x.start..=x.end).contains(&p.0) && (y.start..=y.end).contains(&p.1);
+    let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
+    let mut piece: Vec<(f64, f64)> = Vec::new();
+    for pair in points.windows(2) {
+        let (a, b) = (pair[0], pair[1]);
+        match (inside(&a), inside(&b)) {
+            (true, true) => {
+                if piece.is_empty() {
+                    piece.push(a);
+                }
+                piece.push(b);
+            }
+            (true, false) => {
+                if piece.is_empty() {
+                    piece.push(a);
+                }
+                piece.push(edge(a, b, &inside));
+                pieces.push(std::mem::take(&mut piece));
+            }
+            (false, true) => piece = vec![edge(b, a, &inside), b],
+            (false, false) => {}
+        }
+    }
+    pieces.push(piece);
+    pieces.retain(|piece| piece.len() > 1);
+    pieces
+}
+
+/// The last point inside on the way from `from` (inside) to `to` (outside).
+fn edge(from: (f64, f64), to: (f64, f64), inside: &impl Fn(&(f64, f64)) -> bool) -> (f64, f64) {
+    let at = |t: f64| (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1));
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..30 {
+        let middle = 0.5 * (low + high);
+        if inside(&at(middle)) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    at(low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_cut_at_the_edges() {
+        let line = [(0.0, 0.0), (1.0, 2.0), (2.0, 0.0), (3.0, -2.0)];
+        let pieces = clipped(&line, &(0.0..3.0), &(-1.0..1.0));
+        assert_eq!(pieces.len(), 2);
+        assert!((pieces[0][1].0 - 0.5).abs() < 1e-6 && (pieces[0][1].1 - 1.0).abs() < 1e-6);
+        assert!((pieces[1][0].0 - 1.5).abs() < 1e-6);
+        assert!((pieces[1].last().unwrap().1 + 1.0).abs() < 1e-6);
+        assert!(clipped(&line, &(5.0..6.0), &(0.0..1.0)).is_empty());
+    }
+
+    #[test]
+    fn every_marker_is_drawn() {
+        let markers = [
+            Marker::Disc,
+            Marker::Ring,
+            Marker::Triangle,
+            Marker::OpenTriangle,
+            Marker::Square,
+            Marker::Block,
+            Marker::Cross,
+        ];
+        let dots: Vec<Dot> = markers
+            .iter()
+            .enumerate()
+            .map(|(i, &marker)| Dot {
+                x: i as f64,
+                y: 0.5,
+                x_std: Some(0.1),
+                y_std: Some(0.1),
+                marker,
+            })
+            .collect();
+        let chart = Chart {
+            name: "a < b".to_owned(),
+            x_label: "x".to_owned(),
+            y_label: "y".to_owned(),
+            x: -1.0..8.0,
+            y: 0.0..1.0,
+            curves: vec![(Stroke::Dashed, vec![(0.0, 0.0), (8.0, 2.0)])],
+            residuals: dots.clone(),
+            dots,
+            transitions: vec![3.0],
+            words: Vec::new(),
+        };
+        let svg = chart.svg().unwrap();
+        assert!(svg.contains("a &lt; b") && !svg.contains("NaN"));
+        assert!(svg.matches("<circle").count() >= 4 && svg.matches("<polygon").count() >= 8);
+    }
+}

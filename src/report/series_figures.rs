@@ -1,0 +1,397 @@
+//! The paper's figures from a series: which points and curves each holds.
+
+use super::chart::{Chart, Dot, Marker, Stroke};
+use super::plots::span;
+use crate::fit::coordinates::{Coordinates, Mark, Prediction};
+use crate::fit::{Curve, GroupFit, ModelFit, ModelName, RowRegime, Series};
+use crate::models::SOLID_SPHERE;
+use crate::quantity::median;
+use std::f64::consts::FRAC_PI_2;
+
+/// Rows drawn of a group; of more, every n-th.
+const MOST_ROWS: usize = 400;
+
+/// Points of a curve.
+const STEPS: usize = 240;
+
+/// Which figure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Figure {
+    /// tan φ against tan θ.
+    Angles,
+    /// x / x_o against x_o.
+    Distances,
+    /// R ω / u_o against θ.
+    Spin,
+    /// Spin before against θ: where a ball grips and where it slides.
+    Regimes,
+}
+
+impl Figure {
+    pub const ALL: [Self; 4] = [Self::Angles, Self::Distances, Self::Spin, Self::Regimes];
+
+    fn labels(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Angles => ("tan θ", "tan φ"),
+            Self::Distances => ("x₀ / m", "x / x₀"),
+            Self::Spin => ("θ / degrees", "Rω / u₀"),
+            Self::Regimes => ("θ / degrees", "Rω₀ / u₀ before"),
+        }
+    }
+
+    /// What it is called on the page.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Angles => "Rebound against incidence",
+            Self::Distances => "Distances",
+            Self::Spin => "Spin after the bounce",
+            Self::Regimes => "Where the ball grips and where it slides",
+        }
+    }
+
+    fn place(self, c: &Coordinates) -> Option<(Mark, Mark)> {
+        let degrees = |mark: Mark| Mark {
+            value: mark.value.to_degrees(),
+            std: mark.std.map(f64::to_degrees),
+        };
+        match self {
+            Self::Angles => Some((c.incident_tangent, c.rebound_tangent?)),
+            Self::Distances => Some((c.x0_m?, c.distance_ratio?)),
+            Self::Spin => Some((degrees(c.incident_rad), c.spin_after_ratio?)),
+            Self::Regimes => Some((degrees(c.incident_rad), c.spin_ratio?)),
+        }
+    }
+
+    fn predicted(self, p: &Prediction) -> Option<f64> {
+        match self {
+            Self::Angles => Some(p.rebound_tangent),
+            Self::Distances => Some(p.distance_ratio),
+            Self::Spin => Some(p.spin_after_ratio),
+            Self::Regimes => None,
+        }
+    }
+}
+
+/// A row to be drawn.
+struct Drawn {
+    coordinates: Coordinates,
+    /// `None` where it is not in the fit.
+    regime: Option<RowRegime>,
+    inertia_factor: f64,
+}
+
+/// What is drawn of a group.
+pub(super) struct Drawing<'a> {
+    group: &'a GroupFit,
+    rows: Vec<Drawn>,
+    /// Of the curves: the rows' own medians.
+    spin_ratio: f64,
+    inertia_factor: f64,
+    /// tan θ times x_o: u_o²/g, the same for all launches at one speed.
+    reach_m: Option<f64>,
+    /// Every how many-th row is drawn.
+    pub every: usize,
+}
+
+impl<'a> Drawing<'a> {
+    pub fn new(series: &Series, group: &'a GroupFit) -> Self {
+        let shown = group.shown();
+        let restitution = shown.map_or(f64::NAN, |fit| fit.curve.restitution());
+        let shared = shown.and_then(|fit| fit.shared_spin_ratio);
+        let coordinates = |index: usize| {
+            let row = &series.rows[index];
+            let c = Coordinates::new(row, series.set, series.weights, restitution, shared)?;
+            Some((c, row.inertia_factor()))
+        };
+        let every = group.row_indices.len().div_ceil(MOST_ROWS).max(1);
+        let mut rows: Vec<Drawn> = group
+            .row_indices
+            .iter()
+            .enumerate()
+            .step_by(every)
+            .filter_map(|(place, &index)| {
+                let (coordinates, inertia_factor) = coordinates(index)?;
+                Some(Drawn {
+                    coordinates,
+                    regime: shown.and_then(|fit| fit.rows.get(place)).map(|row| row.regime),
+                    inertia_factor,
+                })
+            })
+            .collect();
+        let aside: std::collections::HashSet<usize> = group.rows_set_aside.iter().map(|s| s.row).collect();
+        let out = series
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|(_, row)| row.group == group.name && aside.contains(&row.number));
+        rows.extend(out.take(MOST_ROWS).filter_map(|(index, _)| {
+            let (coordinates, inertia_factor) = coordinates(index)?;
+            Some(Drawn {
+                coordinates,
+                regime: None,
+                inertia_factor,
+            })
+        }));
+        let middle = |of: &dyn Fn(&Drawn) -> Option<f64>| {
+            median(
+                &mut rows
+                    .iter()
+                    .filter_map(of)
+                    .filter(|v| v.is_finite())
+                    .collect::<Vec<_>>(),
+            )
+        };
+        Self {
+            spin_ratio: middle(&|d| d.coordinates.spin_ratio.map(|m| m.value)).unwrap_or(0.0),
+            inertia_factor: middle(&|d| Some(d.inertia_factor)).unwrap_or(SOLID_SPHERE),
+            reach_m: middle(&|d| Some(d.coordinates.x0_m?.value * d.coordinates.incident_tangent.value)),
+            group,
+            rows,
+            every,
+        }
+    }
+
+    /// Whether the rows' spins before differ, so that one curve is not that of all of them.
+    pub fn spins_differ(&self) -> bool {
+        let spins = self.rows.iter().filter_map(|d| d.coordinates.spin_ratio);
+        let (least, most) = spins.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), m| {
+            (least.min(m.value), most.max(m.value))
+        });
+        most - least > 0.05
+    }
+
+    /// The figure; `None` where the rows hold no such numbers.
+    pub fn figure(&self, figure: Figure) -> Option<Chart> {
+        let shown = self.group.shown()?;
+        let dots: Vec<Dot> = self.rows.iter().filter_map(|row| dot(figure, row)).collect();
+        let used = || dots.iter().filter(|dot| dot.marker != Marker::Cross);
+        used().next()?;
+        let (x_label, y_label) = figure.labels();
+        let x = axis(used().map(|d| (d.x, d.x_std)), figure)?;
+        let curves: Vec<(ModelName, Vec<(f64, f64)>)> = self
+            .group
+            .models
+            .iter()
+            .flat_map(|fit| {
+                self.curve(figure, fit, &x)
+                    .into_iter()
+                    .map(|line| (fit.name, line))
+            })
+            .collect();
+        let y = if figure == Figure::Regimes {
+            regime_axis(used().map(|d| d.y))
+        } else {
+            span(used().map(|d| d.y), 0.12)?
+        };
+        let residuals = match figure {
+            Figure::Regimes => Vec::new(),
+            _ => self
+                .rows
+                .iter()
+                .filter_map(|row| self.residual(figure, row, shown))
+                .collect(),
+        };
+        let mut curves: Vec<(Stroke, Vec<(f64, f64)>)> = curves
+            .into_iter()
+            .map(|(name, line)| (stroke(name), line))
+            .collect();
+        // The broad one lies below.
+        curves.sort_by_key(|(stroke, _)| *stroke != Stroke::Broad);
+        Some(Chart {
+            name: format!("{y_label} against {x_label}, group {}", self.group.name),
+            x_label: x_label.to_owned(),
+            y_label: y_label.to_owned(),
+            words: regime_words(figure, &curves, &x, &y),
+            transitions: self.transition(figure, shown).into_iter().collect(),
+            x,
+            y,
+            curves,
+            dots,
+            residuals,
+        })
+    }
+
+    /// The curve of a model, in pieces where it jumps.
+    fn curve(&self, figure: Figure, fit: &ModelFit, x: &std::ops::Range<f64>) -> Vec<Vec<(f64, f64)>> {
+        if figure == Figure::Regimes {
+            return self.border(&fit.curve);
+        }
+        let at = |abscissa: f64| -> Option<(f64, f64)> {
+            let tangent = match figure {
+                Figure::Angles => abscissa,
+                Figure::Distances => self.reach_m? / abscissa,
+                _ => abscissa.to_radians().tan(),
+            };
+            let p = fit.curve.predict(tangent, self.spin_ratio, self.inertia_factor)?;
+            Some((abscissa, figure.predicted(&p)?))
+        };
+        let mut places: Vec<f64> = (0..=STEPS)
+            .map(|i| x.start + (x.end - x.start) * (i as f64 + 1e-6) / STEPS as f64)
+            .collect();
+        let kink = self.transition(figure, fit);
+        if let Some(kink) = kink.filter(|k| x.contains(k)) {
+            let step = 1e-9 * (x.end - x.start);
+            places.extend([kink - step, kink + step]);
+            places.sort_by(f64::total_cmp);
+        }
+        let points: Vec<Option<(f64, f64)>> = places.into_iter().map(at).collect();
+        let cut = kink.unwrap_or(f64::INFINITY);
+        let side = |upper: bool| {
+            points
+                .iter()
+                .flatten()
+                .copied()
+                .filter(|p| (p.0 > cut) == upper)
+                .collect::<Vec<_>>()
+        };
+        [side(false), side(true)]
+            .into_iter()
+            .filter(|piece| piece.len() > 1)
+            .collect()
+    }
+
+    /// Abscissa at which sliding begins.
+    fn transition(&self, figure: Figure, fit: &ModelFit) -> Option<f64> {
+        let angle = fit.curve.transition_rad(self.spin_ratio, self.inertia_factor)?;
+        if !(angle > 0.0 && angle < FRAC_PI_2) {
+            return None;
+        }
+        match figure {
+            Figure::Angles => Some(angle.tan()),
+            Figure::Distances => Some(self.reach_m? / angle.tan()),
+            Figure::Spin => Some(angle.to_degrees()),
+            Figure::Regimes => None,
+        }
+    }
+
+    /// θ_L over all spins before.
+    fn border(&self, curve: &Curve) -> Vec<Vec<(f64, f64)>> {
+        let spins = (0..=2 * STEPS).map(|i| -5.0 + 12.0 * i as f64 / (2.0 * STEPS as f64));
+        let line: Vec<(f64, f64)> = spins
+            .filter_map(|r| Some((curve.transition_rad(r, self.inertia_factor)?.to_degrees(), r)))
+            .collect();
+        if line.is_empty() { Vec::new() } else { vec![line] }
+    }
+
+    fn residual(&self, figure: Figure, row: &Drawn, fit: &ModelFit) -> Option<Dot> {
+        let place = dot(figure, row)?;
+        let spin = row.coordinates.spin_ratio.map_or(self.spin_ratio, |m| m.value);
+        let tangent = row.coordinates.incident_tangent.value;
+        let p = fit.curve.predict(tangent, spin, row.inertia_factor)?;
+        Some(Dot {
+            y: place.y - figure.predicted(&p)?,
+            ..place
+        })
+    }
+}
+
+fn dot(figure: Figure, row: &Drawn) -> Option<Dot> {
+    let (x, y) = figure.place(&row.coordinates)?;
+    Some(Dot {
+        x: x.value,
+        y: y.value,
+        x_std: x.std,
+        y_std: y.std,
+        marker: match row.regime {
+            Some(RowRegime::Sliding) => Marker::Disc,
+            Some(RowRegime::Gripping) => Marker::Ring,
+            None => Marker::Cross,
+        },
+    })
+}
+
+fn stroke(name: ModelName) -> Stroke {
+    match name {
+        ModelName::MuE => Stroke::Solid,
+        ModelName::EE => Stroke::Dashed,
+        ModelName::GripSlide => Stroke::Broad,
+    }
+}
+
+/// From zero, where the paper's axes begin, unless the points lie on the other side of it.
+fn axis(points: impl Iterator<Item = (f64, Option<f64>)>, figure: Figure) -> Option<std::ops::Range<f64>> {
+    let mut least = f64::INFINITY;
+    let ends = points.flat_map(|(x, std)| {
+        least = least.min(x);
+        let std = std.unwrap_or(0.0);
+        [x - std, x + std]
+    });
+    let range = span(ends, 0.06)?;
+    let start = if least >= 0.0 { 0.0 } else { range.start.max(-90.0) };
+    let end = match figure {
+        Figure::Spin => range.end.min(90.0),
+        Figure::Regimes => 90.0,
+        _ => range.end,
+    };
+    Some(start..end.max(start + 1e-9))
+}
+
+/// Around no spin and pure rolling, wider where the points are.
+fn regime_axis(spins: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    let (low, high) = spins.fold((0.0_f64, 2.0_f64), |(low, high), r| (low.min(r), high.max(r)));
+    low - 0.5..high + 0.5
+}
+
+fn regime_words(
+    figure: Figure,
+    curves: &[(Stroke, Vec<(f64, f64)>)],
+    x: &std::ops::Range<f64>,
+    y: &std::ops::Range<f64>,
+) -> Vec<(f64, f64, String)> {
+    if figure != Figure::Regimes || curves.is_empty() {
+        return Vec::new();
+    }
+    let across = |share: f64| x.start + share * (x.end - x.start);
+    let up = |share: f64| y.start + share * (y.end - y.start);
+    vec![
+        (across(0.02), up(0.55), "grips, or leaves rolling".to_owned()),
+        (across(0.86), up(0.97), "slides".to_owned()),
+        (across(0.86), up(0.08), "slides".to_owned()),
+    ]
+}
+
+/// All groups in one figure, as the paper's Fig. 4: a marker for each, and the curve of its model.
+pub(super) fn overview(drawings: &[Drawing<'_>], figure: Figure) -> Option<Chart> {
+    let mut dots = Vec::new();
+    for (i, drawing) in drawings.iter().enumerate() {
+        let used = drawing.rows.iter().filter(|row| row.regime.is_some());
+        dots.extend(used.filter_map(|row| dot(figure, row)).map(|d| Dot {
+            marker: group_marker(i),
+            ..d
+        }));
+    }
+    let x = axis(dots.iter().map(|d| (d.x, d.x_std)), figure)?;
+    let y = span(dots.iter().map(|d| d.y), 0.08)?;
+    let curves = drawings
+        .iter()
+        .filter_map(|d| Some((d, d.group.shown()?)))
+        .flat_map(|(d, fit)| d.curve(figure, fit, &x))
+        .map(|line| (Stroke::Solid, line))
+        .collect();
+    let (x_label, y_label) = figure.labels();
+    Some(Chart {
+        name: format!("{y_label} against {x_label}, all groups"),
+        x_label: x_label.to_owned(),
+        y_label: y_label.to_owned(),
+        x,
+        y,
+        curves,
+        dots,
+        transitions: Vec::new(),
+        words: Vec::new(),
+        residuals: Vec::new(),
+    })
+}
+
+/// The marker of a group in the overview.
+pub(super) fn group_marker(index: usize) -> Marker {
+    const MARKERS: [Marker; 6] = [
+        Marker::Disc,
+        Marker::Ring,
+        Marker::Triangle,
+        Marker::Square,
+        Marker::OpenTriangle,
+        Marker::Block,
+    ];
+    MARKERS[index % MARKERS.len()]
+}

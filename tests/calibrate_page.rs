@@ -1,0 +1,423 @@
+//! The page of `track calibrate show` in a real browser: headless Chromium, in which a script drags the marks by pointer
+//! events, types, presses keys and clicks, and reads what the page makes of it.
+//!
+//! Runs where there is a Chromium (or Chrome) in PATH, or where `TRACK_CHROMIUM` names one; elsewhere it says so and
+//! passes: a browser is too much to install for one test (Debian: apt-get install chromium).
+
+#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
+#![allow(clippy::print_stdout, reason = "what was skipped, for those who read along")]
+
+use assert_cmd::Command;
+use base64::Engine as _;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use tempfile::{TempDir, tempdir};
+use track::calibration::ruler::{self, Length, Request, calibrate};
+use track::calibration::{Calibration, Scale};
+use track::frames::{Coding, Luma, VideoWriter};
+use track::geometry::PixelPoint;
+
+const SIZE: (usize, usize) = (640, 360);
+
+fn chromium() -> Option<PathBuf> {
+    if let Some(named) = std::env::var_os("TRACK_CHROMIUM") {
+        return Some(named.into());
+    }
+    let path = std::env::var_os("PATH")?;
+    let names = [
+        "chromium",
+        "chromium-browser",
+        "google-chrome",
+        "google-chrome-stable",
+    ];
+    let found = std::env::split_paths(&path)
+        .flat_map(|dir| names.map(|name| dir.join(name)))
+        .find(|p| p.is_file());
+    if found.is_none() {
+        println!(
+            "skipped: there is no chromium in PATH (apt-get install chromium), and TRACK_CHROMIUM names none"
+        );
+    }
+    found
+}
+
+/// A clip of a few frames: something with structure, so that the loupe has something to show.
+fn clip(dir: &Path) -> PathBuf {
+    let path = dir.join("clip.mp4");
+    let mut writer = VideoWriter::create(&path, SIZE.0, SIZE.1, 30.0, Coding::Lossless).unwrap();
+    for frame in 0..10 {
+        let data = (0..SIZE.0 * SIZE.1)
+            .map(|k| {
+                let (u, v) = (k % SIZE.0, k / SIZE.0);
+                if (u / 8 + v / 8) % 2 == 0 {
+                    60 + 10 * frame
+                } else {
+                    180
+                }
+            })
+            .collect();
+        let luma = Luma {
+            width: SIZE.0,
+            height: SIZE.1,
+            data,
+        };
+        writer.write(&luma).unwrap();
+    }
+    writer.finish().unwrap();
+    path
+}
+
+/// The helpers that a test's script has. Pixels are those of the picture.
+const HELPERS: &str = r#"
+const errors = [];
+window.addEventListener("error", (e) => errors.push(String(e.message)));
+const by = (id) => document.getElementById(id);
+const mark = (name) => document.querySelector(`[data-mark="${name}"]`);
+const stage = by("stage");
+function screen(u, v) {
+  return new DOMPoint(u, v).matrixTransform(stage.getScreenCTM());
+}
+function at(name) {
+  return mark(name).getAttribute("transform").match(/-?\d[\d.]*(?:e-?\d+)?/g).map(Number);
+}
+function pointer(name, type, [u, v], kind) {
+  const p = screen(u, v);
+  mark(name).dispatchEvent(new PointerEvent(type, {
+    bubbles: true, cancelable: true, pointerId: 7, pointerType: kind, isPrimary: true, clientX: p.x, clientY: p.y, button: 0,
+    buttons: type === "pointerup" ? 0 : 1,
+  }));
+}
+// Takes a mark a little off its middle, as people do, and carries it there in steps.
+function drag(name, [u, v], kind = "mouse") {
+  const [a, b] = at(name), [du, dv] = [2.3, -1.6];
+  pointer(name, "pointerdown", [a + du, b + dv], kind);
+  for (let i = 1; i <= 5; i++) pointer(name, "pointermove", [a + du + (u - a) * i / 5, b + dv + (v - b) * i / 5], kind);
+  pointer(name, "pointerup", [u + du, v + dv], kind);
+  pointer(name, "pointermove", [u + 50, v + 50], kind);
+}
+function key(name, key, more = {}) {
+  mark(name).dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true, ...more }));
+}
+function type(id, value) {
+  by(id).value = value;
+  by(id).dispatchEvent(new Event("input", { bubbles: true }));
+}
+function tick(id, on) {
+  by(id).checked = on;
+  by(id).dispatchEvent(new Event("input", { bubbles: true }));
+}
+function choose(scale) {
+  const radio = document.querySelector(`input[name="scale"][value="${scale}"]`);
+  radio.checked = true;
+  radio.dispatchEvent(new Event("input", { bubbles: true }));
+}
+const calib = () => by("calib").textContent;
+const told = () => Array.from(by("problems").children).map((li) => li.textContent);
+"#;
+
+/// What a script returns after it ran on the page of `calib` (`None`: a file that does not exist yet).
+fn on_page(browser: &Path, calib: Option<&Value>, script: &str) -> Value {
+    let dir: TempDir = tempdir().unwrap();
+    let video = clip(dir.path());
+    let path = dir.path().join("my.calib.json");
+    if let Some(calib) = calib {
+        std::fs::write(&path, calib.to_string()).unwrap();
+    }
+    let page = dir.path().join("my.show.html");
+    Command::new(env!("CARGO_BIN_EXE_track"))
+        .args(["calibrate", "show"])
+        .args([&path, &video])
+        .assert()
+        .success()
+        .stdout(format!("{}\n", page.display()));
+    let html = std::fs::read_to_string(&page).unwrap();
+    let test = format!(
+        "<script>\n{HELPERS}\nwindow.addEventListener(\"load\", async () => {{\n\
+         let out;\ntry {{ out = await (async () => {{ {script} }})(); }} catch (e) {{ out = {{ thrown: String(e) }}; }}\n\
+         out.errors = errors;\nconst box = document.createElement(\"div\");\nbox.id = \"outcome\";\n\
+         box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(out))));\ndocument.body.appendChild(box);\n}});\n</script></body>"
+    );
+    let tested = dir.path().join("tested.html");
+    std::fs::write(&tested, html.replace("</body>", &test)).unwrap();
+    let output = Command::new(browser)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--window-size=1300,900",
+            "--virtual-time-budget=5000",
+            "--dump-dom",
+        ])
+        .arg(format!(
+            "--user-data-dir={}",
+            dir.path().join("profile").display()
+        ))
+        .arg(format!("file://{}", tested.display()))
+        .timeout(std::time::Duration::from_secs(120))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&output.stdout);
+    let outcome = dom
+        .split_once("id=\"outcome\">")
+        .and_then(|(_, rest)| rest.split_once('<'))
+        .unwrap_or_else(|| {
+            panic!(
+                "the page's script did not end: {}",
+                String::from_utf8_lossy(&output.stderr)
+            )
+        });
+    let bytes = base64::engine::general_purpose::STANDARD
+        .decode(outcome.0.trim())
+        .unwrap();
+    let value: Value = serde_json::from_slice(&bytes).unwrap();
+    assert_eq!(value["errors"], json!([]), "{value}");
+    assert_eq!(value.get("thrown"), None, "{value}");
+    value
+}
+
+fn parsed(text: &Value) -> Calibration {
+    Calibration::parse(text.as_str().unwrap(), "the page").unwrap()
+}
+
+#[test]
+fn a_newcomer_drags_a_ruler_and_saves_a_file() {
+    let Some(browser) = chromium() else { return };
+    let out = on_page(
+        &browser,
+        None,
+        r#"
+        const before = { told: told(), disabled: by("save").disabled };
+        type("length", "0.5");
+        drag("from", [100.25, 300.5]);
+        drag("to", [500.75, 300.5], "touch");
+        const loupe = by("loupe");
+        const shades = new Set(loupe.getContext("2d").getImageData(0, 0, 200, 200).data);
+        key("to", "ArrowRight");
+        key("to", "ArrowUp", { shiftKey: true });
+        key("to", "ArrowLeft", { altKey: true });
+        tick("floor-on", true);
+        drag("floor", [320, 340]);
+        const floorOnly = calib();
+        tick("edge-on", true);
+        drag("edge", [60.5, 100]);
+        type("rate", "240");
+        type("radius", "0.0125");
+        let saved = null;
+        URL.createObjectURL = (blob) => { saved = { blob }; return "blob:nothing"; };
+        HTMLAnchorElement.prototype.click = function () { saved.name = this.download; };
+        by("save").click();
+        const slider = by("frame-slider"), first = by("frame").getAttribute("href");
+        slider.value = 0;
+        slider.dispatchEvent(new Event("input", { bubbles: true }));
+        return {
+          before, floorOnly, calib: calib(), shades: shades.size, loupe: loupe.style.visibility,
+          saved: { name: saved.name, text: await saved.blob.text() },
+          frames: Number(slider.max) + 1, changed: first !== by("frame").getAttribute("href"),
+        };
+        "#,
+    );
+    assert!(
+        out["before"]["told"][0]
+            .as_str()
+            .unwrap()
+            .contains("length between"),
+        "{out}"
+    );
+    assert_eq!(out["before"]["disabled"], true);
+    let c = parsed(&out["calib"]);
+    let Scale::Ruler {
+        from,
+        to,
+        length_m,
+        point_std_px,
+        ..
+    } = c.scale
+    else {
+        panic!("{out}")
+    };
+    let near = |a: PixelPoint, u: f64, v: f64| a.distance_px(PixelPoint::new(u, v)) < 0.02;
+    assert!(near(from, 100.25, 300.5), "{from:?}");
+    assert!(near(to, 500.75 + 1.0 - 0.1, 300.5 - 10.0), "{to:?}");
+    assert_eq!((length_m, point_std_px), (0.5, Some(1.0)));
+    assert_eq!(c.image_size_px, Some(SIZE));
+    assert!(near(c.origin_px.unwrap(), 60.5, 340.0), "{:?}", c.origin_px);
+    assert_eq!((c.launch.edge_x_m, c.origin_std_px), (Some(0.0), Some(1.0)));
+    assert_eq!((c.frame_rate_hz, c.ball.radius_m), (Some(240.0), Some(0.0125)));
+    let floor_only = parsed(&out["floorOnly"]);
+    assert!((floor_only.origin_px.unwrap().v_px - 340.0).abs() < 0.02);
+    assert_eq!(floor_only.launch.edge_x_m, None);
+    assert_eq!(out["saved"]["name"], "my.calib.json");
+    assert_eq!(out["saved"]["text"], out["calib"]);
+    assert_eq!(out["loupe"], "visible");
+    assert!(out["shades"].as_u64().unwrap() > 3, "the loupe shows the picture");
+    assert!(
+        out["frames"].as_u64().unwrap() > 1 && out["changed"] == true,
+        "{out}"
+    );
+}
+
+#[test]
+fn what_makes_no_calibration_is_told_and_cannot_be_saved() {
+    let Some(browser) = chromium() else { return };
+    let out = on_page(
+        &browser,
+        None,
+        r#"
+        type("length", "0.5");
+        drag("from", [200, 200]);
+        drag("to", [200.5, 200]);
+        const same = told();
+        choose("ball");
+        const ball = told();
+        type("radius", "-1");
+        const negative = told();
+        choose("gravity");
+        type("radius", "");
+        const fall = { told: told(), calib: calib() };
+        tick("edge-on", true);
+        const edge = told();
+        choose("ruler");
+        drag("to", [-500, 9000]);
+        return { same, ball, negative, fall, edge, outside: at("to"), saveable: !by("save").disabled };
+        "#,
+    );
+    let says = |key: &str, words: &str| {
+        assert!(out[key][0].as_str().unwrap().contains(words), "{key}: {out}");
+    };
+    says("same", "same point");
+    says("ball", "radius");
+    says("negative", "above 0");
+    says("edge", "needs the floor");
+    assert_eq!(out["fall"]["told"], json!([]));
+    assert_eq!(parsed(&out["fall"]["calib"]).scale, Scale::Gravity);
+    assert_eq!(
+        out["outside"],
+        json!([0, SIZE.1 - 1]),
+        "a mark stays in the picture"
+    );
+    assert_eq!(out["saveable"], false);
+}
+
+#[test]
+fn with_a_lens_the_page_and_the_program_agree() {
+    let Some(browser) = chromium() else { return };
+    let lens = json!({"camera_matrix": [[520, 0, 321], [0, 522, 178], [0, 0, 1]], "distortion": [-0.25, 0.06, 0.001, -0.0008, 0.0]});
+    let file = json!({
+        "schema": "track.calib/1", "image_size_px": [SIZE.0, SIZE.1], "scale": {"gravity": true}, "lens": lens,
+        "deviations": [{"lens": [1, 1, 0, 0, 0.001, 0, 0, 0, 0]}], "gravity_m_s2": 9.803,
+    });
+    let out = on_page(
+        &browser,
+        Some(&file),
+        r#"
+        choose("ruler");
+        type("length", "0.3");
+        drag("from", [80, 320]);
+        drag("to", [560, 300]);
+        by("held").value = "level";
+        by("held").dispatchEvent(new Event("input", { bubbles: true }));
+        tick("floor-on", true);
+        tick("edge-on", true);
+        drag("floor", [600, 330]);
+        drag("edge", [40, 60]);
+        return { calib: calib() };
+        "#,
+    );
+    let page = parsed(&out["calib"]);
+    let mut known = ruler::known(None, None);
+    known.lens = Calibration::parse(&file.to_string(), "file").unwrap().lens;
+    let p = PixelPoint::new;
+    let request = Request {
+        length: Length::Ruler {
+            from: p(80.0, 320.0),
+            to: p(560.0, 300.0),
+            length_m: 0.3,
+            length_std_m: None,
+        },
+        held: Some(ruler::Held::Level),
+        up_px: [0.0, -1.0],
+        up_std_rad: None,
+        origin: None,
+        floor: Some(p(600.0, 330.0)),
+        edge: Some(p(40.0, 60.0)),
+        point_std_px: 1.0,
+        snap_px: None,
+        known,
+    };
+    let frame = Luma {
+        width: SIZE.0,
+        height: SIZE.1,
+        data: vec![0; SIZE.0 * SIZE.1],
+    };
+    let ours = calibrate(&request, &frame).unwrap().calibration;
+    let (a, b) = (page.origin_px.unwrap(), ours.origin_px.unwrap());
+    assert!(a.distance_px(b) < 0.05, "{a:?} {b:?}");
+    let turn = (page.up_px[0] - ours.up_px[0]).hypot(page.up_px[1] - ours.up_px[1]);
+    assert!(turn < 1e-4, "{:?} {:?}", page.up_px, ours.up_px);
+    assert!((page.up_std_rad.unwrap() / ours.up_std_rad.unwrap() - 1.0).abs() < 1e-3);
+    assert_eq!(
+        (page.gravity_m_s2, page.deviations.len()),
+        (9.803, 1),
+        "what the page does not show stays"
+    );
+}
+
+#[test]
+fn the_origin_of_a_homography_moves_with_its_marks() {
+    let Some(browser) = chromium() else { return };
+    let h = [
+        [0.001, 0.00002, -0.2],
+        [0.00001, -0.00104, 0.33],
+        [0.00008, -0.00002, 1.0],
+    ];
+    let file = json!({
+        "schema": "track.calib/1", "image_size_px": [SIZE.0, SIZE.1],
+        "scale": {"world_from_pixel": h, "relative_std": 0.001, "origin_unknown": true},
+        "lens": {"camera_matrix": [[900, 0, 321], [0, 900, 178], [0, 0, 1]], "distortion": [-0.1, 0, 0, 0, 0]},
+        "deviations": [{"lens": [2, 2, 0, 0, 0.002, 0, 0, 0, 0], "world_from_pixel": [[1e-6, 0, 1e-4], [0, 1e-6, 2e-4], [0, 0, 0]]}],
+    });
+    let out = on_page(
+        &browser,
+        Some(&file),
+        r#"
+        const before = calib();
+        tick("floor-on", true);
+        tick("edge-on", true);
+        drag("floor", [400, 310]);
+        drag("edge", [90, 200]);
+        return { before, calib: calib() };
+        "#,
+    );
+    assert!(!parsed(&out["before"]).has_origin());
+    let c = parsed(&out["calib"]);
+    assert!(c.has_origin() && c.launch.edge_x_m == Some(0.0));
+    for c in c.deviated().iter().chain([&c]) {
+        let map = c.rectification().unwrap();
+        let plane = |u: f64, v: f64| map.plane_from_pixel(PixelPoint::new(u, v)).unwrap();
+        // To the hundredth of a pixel that a drag has; lens and matrix off, the marks stay where they are.
+        assert!(plane(400.0, 310.0).up.abs() < 2e-5, "{:?}", plane(400.0, 310.0));
+        assert!(plane(90.0, 200.0).right.abs() < 2e-5, "{:?}", plane(90.0, 200.0));
+    }
+    let before = Calibration::parse(&file.to_string(), "file")
+        .unwrap()
+        .rectification()
+        .unwrap();
+    let after = c.rectification().unwrap();
+    let step = |map: &track::calibration::Rectification| {
+        let (a, b) = (
+            map.plane_from_pixel(PixelPoint::new(100.0, 300.0)).unwrap(),
+            map.plane_from_pixel(PixelPoint::new(500.0, 100.0)).unwrap(),
+        );
+        (b.right - a.right, b.up - a.up)
+    };
+    let (a, b) = (step(&before), step(&after));
+    assert!(
+        (a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9,
+        "only the origin moved"
+    );
+}
