@@ -828,7 +828,7 @@ fn use_all(text: &str) -> Result<(), TestCaseError> {
         let p = PixelPoint::new(p.0, p.1);
         if let Some(q) = r.plane_from_pixel(p) {
             prop_assert!(q.right.is_finite() && q.up.is_finite());
-            let centre = viewpoint.and_then(|v| v.centre_of_outline(&r, q, 20.0));
+            let centre = viewpoint.and_then(|v| v.optics.centre_of_outline(&r, q, 20.0));
             prop_assert!(centre.is_none_or(|c| c.right.is_finite() && c.up.is_finite()));
             if let Some(back) = r.pixel_from_plane(q) {
                 prop_assert!(back.u_px.is_finite() && back.v_px.is_finite());

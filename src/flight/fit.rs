@@ -243,6 +243,16 @@ impl ArcFit {
         }
     }
 
+    /// Upward speed over gravity on arc `k` at time `t`, s, as a camera above sees the ball near it; `None` for others.
+    #[must_use]
+    pub fn rise_over_gravity_s(&self, parameters: &[f64], k: usize, t: f64) -> Option<f64> {
+        let Forces::Overhead(known) = &self.forces else {
+            return None;
+        };
+        let fall_per_s2 = known.fall_per_s2 * parameters[overhead::Layout::new(self.arcs()).fall()].exp();
+        Some(overhead::flying(known, parameters, &self.times, k, t).rate / fall_per_s2)
+    }
+
     /// What of the camera's height the ball is up on arc `k` at time `t`; 0 where the camera is not above.
     #[must_use]
     pub fn nearness(&self, k: usize, t: f64) -> f64 {
