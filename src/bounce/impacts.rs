@@ -8,6 +8,8 @@ use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion, return_time};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
+mod top;
+
 /// The measured motion with everything that turns it into metres.
 #[derive(Debug)]
 pub struct Scene<'a> {
@@ -60,9 +62,6 @@ const PLACES_STD_PX: f64 = 0.02;
 const HALF_CONTACT_S: f64 = 3.5e-5;
 /// Standard deviation of that from ball to ball, s.
 const HALF_CONTACT_STD_S: f64 = 3e-5;
-
-/// Vertical speeds that a camera above tells to a tenth or better are told.
-const VERTICAL_SIGMAS: f64 = 10.0;
 
 /// What kind of impact lies between two arcs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -266,6 +265,7 @@ impl<'a> Scene<'a> {
             let history = (k == i).then(|| &floors[..i]);
             let bounce = match self.calibration.view {
                 View::Side => self.side_bounce(k, history),
+                View::Top if self.bend().is_some() => top::all_without_doubt(&self.top_bounce(k)),
                 View::Top => self.top_bounce(k),
             };
             if !gains(&bounce) {
@@ -352,73 +352,22 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
-    /// (towards +y, seen from above) positive. Where the camera is near, the bend of the path tells the vertical speeds;
-    /// friction is then by the whole change of the horizontal velocity, as spin may push sideways.
-    fn top_bounce(&self, k: usize) -> Bounce {
-        let out = self.evidence.outputs(|p| {
-            let (t, a, b) = self.impact(p, k);
-            let (down, up) = self.vertical(p, k);
-            let restitution = -up / down;
-            let push = (b.vr - a.vr).hypot(b.vh - a.vh);
-            // Mirrored back, so that a turn to the left stays one for a launch to the left.
-            let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
-            let speed = ax.hypot(a.vh);
-            let along = (bx * ax + b.vh * a.vh) / speed;
-            let across = (ax * b.vh - a.vh * bx) / speed;
-            vec![
-                t,
-                0.5 * (a.r + b.r),
-                speed,
-                along,
-                along / speed,
-                across.atan2(along),
-                down,
-                speed.atan2(-down),
-                up,
-                along.atan2(up),
-                restitution,
-                push / (down.abs() * (1.0 + restitution)),
-            ]
-        });
-        let moving = out.stands_out(2, DIRECTION_SIGMAS);
-        let told = [6, 8].iter().all(|&i| out.stands_out(i, VERTICAL_SIGMAS));
-        let vertical = |i| told.then(|| out.quantity(i)).flatten();
-        let flight = |along, vertical_at| Leg {
-            vx_m_s: out.quantity(along),
-            vz_m_s: vertical(vertical_at),
-            angle_rad: vertical(vertical_at + 1),
-        };
-        Bounce {
-            time_s: out.quantity(0),
-            x_m: out.quantity(1),
-            incident: flight(2, 6),
-            rebound: flight(3, 8),
-            restitution: vertical(10),
-            tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
-            friction: vertical(11),
-            tangential_restitution: None,
-            spin_in_m_s: None,
-            spin_out_m_s: None,
-            azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
-        }
-    }
-
-    /// Vertical speeds before and after the impact between arcs k and k + 1 as a near camera above shows them, m/s; NaN
-    /// where it does not.
-    fn vertical(&self, p: &[f64], k: usize) -> (f64, f64) {
-        let t = self.impact_time(p, k);
-        let speed = |k: usize| {
-            let s = self.flight.fit.rise_over_gravity_s(p, k, t);
-            s.map_or(f64::NAN, |s| s * self.calibration.gravity_m_s2)
-        };
-        (speed(k), speed(k + 1))
-    }
-
     /// x0 from the edge to the first bounce, x from the first to the second (seen, or where the rebound's arc comes
     /// down to the first impact's height). `bounces` by [`Self::bounces`].
     #[must_use]
     pub fn distances(&self, bounces: &[(usize, Bounce)]) -> Distances {
+        let found = self.distances_of(bounces);
+        if self.bend().is_some() {
+            return Distances {
+                x0_m: found.x0_m.and_then(top::without_doubt),
+                x_m: found.x_m.and_then(top::without_doubt),
+                ..found
+            };
+        }
+        found
+    }
+
+    fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
         let Some(&(first, _)) = bounces.first() else {
             return Distances::default();
         };

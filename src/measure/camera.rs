@@ -103,6 +103,7 @@ impl Work<'_> {
             height: scale.map(|_| camera.height),
             contact: c.ball.radius_m.map(|r| r / height_m),
             drag: self.drag(scale),
+            inertia_factor: c.ball.inertia_factor,
         })
     }
 

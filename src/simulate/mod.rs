@@ -119,11 +119,15 @@ impl Recording {
 
     /// How far the camera is, unless it was rendered as if it were not: a perspective that was switched off.
     fn distance_m(&self) -> Option<f64> {
-        let left_out = self
-            .decisions
-            .iter()
-            .any(|d| d.name == "perspective" && !d.used && d.estimate.amount > d.tolerance);
-        self.scene.camera.distance_m.filter(|_| !left_out)
+        let wrong = |d: &Decision| {
+            // A turned camera's homography has it, or has not.
+            let matters = d.estimate.amount > d.tolerance || self.scene.camera.tilt_rad != 0.0;
+            d.name == "perspective" && !d.used && matters
+        };
+        self.scene
+            .camera
+            .distance_m
+            .filter(|_| !self.decisions.iter().any(wrong))
     }
 
     fn check_seen(&self) -> Result<(), SceneError> {

@@ -147,7 +147,9 @@ pub fn calibration(recording: &Recording) -> Value {
     if let Some(distance_m) = recording.distance_m() {
         calib.insert("distance_m".into(), json!(distance_m));
     }
-    if let Some(lens) = camera.lens {
+    // Without perspective and distortion nothing of the lens is in the picture.
+    let shows = recording.lens().is_some() || recording.distance_m().is_some();
+    if let Some(lens) = camera.lens.filter(|_| shows) {
         // A distortion that was not worth simulating is not in the picture; the optical axis is where it is all the same.
         let distortion = recording.lens().map_or([0.0; 5], |used| used.distortion);
         calib.insert(

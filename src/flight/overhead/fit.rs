@@ -6,8 +6,8 @@
 //!   half a contact earlier, the one after half a contact later. That half is fitted, with a wide prior: a soft ball
 //!   takes milliseconds, a steel ball a tenth of one.
 //! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it. A
-//!   ball of unknown mass may be as light as a table tennis ball, or as heavy as the flight says. Lift is about a part of
-//!   drag.
+//!   ball of unknown mass may be as light as a table tennis ball, or as heavy as the flight says. Lift is a part of drag, of
+//!   which the impacts tell something: [`lift`].
 //! * Close to the floor the ball's shadow pulls its centre by a small part of its radius, the same way at every impact.
 //! * No ball below the camera is out of its reach, nor faster than a fall from its height: a prior so wide that it
 //!   matters only where a far camera shows nothing of the fall.
@@ -16,6 +16,7 @@
 //! many frames cost nothing. The points' weights are lowered by the excess of their residuals, by their persistence and by
 //! what they may share before the last steps, so that the knowledge keeps its own.
 
+use super::lift::{self, Lift};
 use super::{Layout, Overhead, flying, seen};
 use crate::flight::fit::{DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
 use crate::flight::segment::Sample;
@@ -66,9 +67,6 @@ const SETTLED: f64 = 1e-8;
 /// shadow's two.
 const LOCAL: usize = 15;
 
-/// Lift over drag is 0 ± this in each direction: it grows with the spin ratio, to about 2/3.
-const LIFT_OVER_DRAG_STD: f64 = 0.4;
-
 /// Drag β of the lightest ball, times its radius: 3 ρ_air C_d/(8 ρ_ball) with C_d = 0.45 and a table tennis ball's 84 kg/m³.
 const LIGHTEST_DRAG: f64 = 0.0024;
 
@@ -97,6 +95,7 @@ fn fit_with(
     let start = job.start()?;
     job.take_doubts(&start, lift_drag);
     let (settled, _) = job.settle(start)?;
+    job.take_doubts(&settled, lift_drag);
     let residuals = job.residuals(&settled);
     let knowledge = job.knowledge(&settled);
     let squares = residuals.norm_squared() + knowledge.iter().map(|row| row.left * row.left).sum::<f64>();
@@ -199,8 +198,8 @@ struct Job<'a> {
     weights: Vec<f64>,
     /// How well the arcs before and after each impact meet: along the floor (plane units) and in height (ζ).
     impact_stds: Vec<(f64, f64)>,
-    /// How large each arc's lift may be, 1/s.
-    lift_stds: Vec<f64>,
+    /// What is known of each arc's lift.
+    lifts: Vec<Lift>,
 }
 
 impl<'a> Job<'a> {
@@ -217,13 +216,13 @@ impl<'a> Job<'a> {
             parts,
             weights: vec![1.0; arcs],
             impact_stds: Vec::new(),
-            lift_stds: Vec::new(),
+            lifts: Vec::new(),
         })
     }
 
     /// How large lifts may be and how well arcs meet, by the speeds that `p` has.
     fn take_doubts(&mut self, p: &DVector<f64>, lift_drag: f64) {
-        self.lift_stds = (0..self.arcs()).map(|k| self.lift_std(p, k, lift_drag)).collect();
+        self.lifts = lift::expected(&self.known, p.as_slice(), &self.times, lift_drag);
         self.impact_stds = (1..self.arcs()).map(|k| self.impact_std(p, k - 1)).collect();
     }
 
@@ -511,9 +510,9 @@ impl<'a> Job<'a> {
             rows.push(Row::prior(rise, p[rise], known.touching(), 1.0));
             rows.push(Row::prior(rise + 1, p[rise + 1], 0.0, known.fastest_per_s()));
         }
-        for (k, &std) in self.lift_stds.iter().enumerate() {
-            let lift = layout.lift(k);
-            rows.extend((lift..lift + 3).map(|i| Row::prior(i, p[i], 0.0, std)));
+        for (k, lift) in self.lifts.iter().enumerate() {
+            let first = layout.lift(k);
+            rows.extend((0..3).map(|i| Row::prior(first + i, p[first + i], lift.mean[i], lift.std[i])));
         }
         for k in 0..self.arcs() - 1 {
             self.impact(p, k, &mut rows);
@@ -532,15 +531,6 @@ impl<'a> Job<'a> {
             MIDDLE_STD_S * turn.max(slow * self.known.camera_height()),
             MIDDLE_STD_S * a.rate.abs().max(b.rate.abs()).max(slow),
         )
-    }
-
-    /// Standard deviation of arc `k`'s lift: a part of drag at its middle. A ball that hardly moves has some, too, so that
-    /// it is determined.
-    fn lift_std(&self, p: &DVector<f64>, k: usize, drag: f64) -> f64 {
-        let height = self.known.camera_height();
-        let m = flying(&self.known, p.as_slice(), &self.times, k, self.times[k]);
-        let speed = m.speed(height).max(0.01 * self.known.fastest_per_s() * height);
-        LIFT_OVER_DRAG_STD * drag * speed
     }
 
     /// Arcs `k` and `k + 1` are in one place in the middle of the contact, and touch the floor when it begins and ends.

@@ -16,11 +16,12 @@
 //! * [`find`] is the way from a track to a [`super::Flight`].
 //!
 //! Drag β (Newton's) is taken as known where the ball's mass and size are, and fitted elsewhere: it slows the ball along its
-//! path and hardly turns it. Lift s × v (Magnus; s along the spin) does turn it: each arc has an s of its own, zero but for
-//! what drag says lift may be.
+//! path and hardly turns it. Lift s × v (Magnus; s along the spin) does turn it: each arc has an s of its own, about what drag
+//! and the spin that the impacts tell say; see `lift`.
 
 pub mod find;
 pub mod fit;
+mod lift;
 pub mod segment;
 
 use super::fit::{ARCS, DRAG, Motion};
@@ -43,6 +44,8 @@ pub struct Overhead {
     pub contact: Option<f64>,
     /// β and its standard uncertainty, 1 / plane unit, where the ball's mass and size are known.
     pub drag: Option<(f64, f64)>,
+    /// I/(m R²).
+    pub inertia_factor: f64,
 }
 
 impl Overhead {

@@ -190,6 +190,7 @@ mod tests {
         height: Some(2500.0),
         contact: Some(0.006),
         drag: None,
+        inertia_factor: 0.4,
     };
 
     /// Falls from 0.15 camera heights with `v`, bounces with e = 0.8 without any turn; 240 Hz.

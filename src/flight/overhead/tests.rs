@@ -32,6 +32,7 @@ fn known(height: f64) -> Overhead {
         height: Some(height),
         contact: Some(12.0 / height),
         drag: Some((2e-6, 4e-7)),
+        inertia_factor: 0.4,
     }
 }
 
