@@ -45,14 +45,7 @@ fn render(scene: &Value) -> Rendered {
 }
 
 fn measured(video: &Path, calibration: &Calibration) -> Measurement {
-    measure(
-        video,
-        calibration,
-        "calib.json",
-        Accuracy::Standard,
-        &mut |_| {},
-    )
-    .unwrap()
+    measure(video, calibration, "calib.json", Accuracy::Standard, &mut |_| {}).unwrap()
 }
 
 /// A launch seen from above: small pictures, a shaded ball of 8 px with its shadow.
@@ -280,11 +273,7 @@ fn heights_are_told_by_the_path_and_spins_stay_unknown() {
     assert!(output.status.success());
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     let bounce = &result["bounces"][0];
-    for key in [
-        "/tangential_restitution",
-        "/spin_in_m_s",
-        "/spin_out_m_s",
-    ] {
+    for key in ["/tangential_restitution", "/spin_in_m_s", "/spin_out_m_s"] {
         assert!(bounce.pointer(key).unwrap().is_null(), "{key}: {bounce}");
     }
     assert!(m.bounces[0].restitution.is_some() && m.bounces[0].friction.is_some());
@@ -366,7 +355,11 @@ fn a_wrong_distance_is_noticed() {
     let told = m.warnings.iter().find(|w| w.code == "distance_mismatch").unwrap();
     // "... as for a camera 1.99 ± 0.03 m above the floor ..."
     let after = told.message.split("camera ").nth(1).unwrap();
-    let numbers: Vec<f64> = after.split(' ').filter_map(|word| word.parse().ok()).take(2).collect();
+    let numbers: Vec<f64> = after
+        .split(' ')
+        .filter_map(|word| word.parse().ok())
+        .take(2)
+        .collect();
     assert!(
         (numbers[0] - 2.0).abs() < MOST_SIGMAS * numbers[1] && numbers[1] < 0.06,
         "{}",

@@ -57,7 +57,7 @@ impl Background {
         let reference = survey.get(survey.len() / 2)?;
         let noise_grey = frame_noise_grey(survey);
         let first = Registrar::new(reference, noise_grey);
-        let mut registrations: Vec<Registration> = survey.iter().map(|f| first.locate(f)).collect();
+        let mut registrations: Vec<Registration> = first.locate(survey);
         let drift_px = registrations.iter().map(|r| r.shift_px()).fold(0.0, f64::max);
         let fixed = drift_px < FIXED_CAMERA_PX;
         let luma = if fixed {

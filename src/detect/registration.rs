@@ -11,6 +11,7 @@ use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Size};
 use opencv::imgproc;
+use rayon::prelude::*;
 
 /// How a frame differs from the reference as a whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,14 +149,23 @@ impl Registrar {
         }
     }
 
-    /// Where `frame` looks, with no idea of it beforehand (within a quarter of the picture).
+    /// Where each of `frames` looks, with no idea of it beforehand (within a quarter of the picture).
     #[must_use]
-    pub fn locate(&self, frame: &Luma) -> Registration {
+    pub fn locate(&self, frames: &[Luma]) -> Vec<Registration> {
+        let coarser = if self.sees_shift {
+            self.coarser()
+        } else {
+            Vec::new()
+        };
+        frames.par_iter().map(|f| self.locate_one(f, &coarser)).collect()
+    }
+
+    fn locate_one(&self, frame: &Luma, coarser: &[(usize, Self)]) -> Registration {
         let still = self.refine(frame, Registration::IDENTITY, true);
-        if !self.sees_shift {
+        if coarser.is_empty() {
             return still.0;
         }
-        let far = self.refine(frame, self.coarse_place(frame), true);
+        let far = self.refine(frame, coarse_place(frame, coarser), true);
         match far {
             // A moving hand can lead astray; the scene as a whole decides.
             far if far.1 < 0.8 * still.1 || !still.1.is_finite() => far.0,
@@ -163,31 +173,16 @@ impl Registrar {
         }
     }
 
-    /// A first shift from pictures reduced to an eighth, then a quarter and a half, where a far shift is a near one.
-    fn coarse_place(&self, frame: &Luma) -> Registration {
-        let mut found = Registration::IDENTITY;
-        for factor in [8, 4, 2] {
-            let (Some(reference), Some(small)) = (reduced(&self.reference, factor), reduced(frame, factor))
-            else {
-                continue;
-            };
-            let scale = factor as f64;
-            let start = Registration {
-                shift_u_px: found.shift_u_px / scale,
-                shift_v_px: found.shift_v_px / scale,
-                ..found
-            };
-            // Averaging lowers the noise by the side of what is averaged.
-            let (r, spread) = Self::new(&reference, self.noise_grey / scale).refine(&small, start, true);
-            if spread.is_finite() {
-                found = Registration {
-                    shift_u_px: r.shift_u_px * scale,
-                    shift_v_px: r.shift_v_px * scale,
-                    ..r
-                };
-            }
-        }
-        found
+    /// The same for the reference reduced to an eighth, a quarter and a half, with the factors.
+    fn coarser(&self) -> Vec<(usize, Self)> {
+        [8, 4, 2]
+            .into_iter()
+            .filter_map(|factor| {
+                let reference = reduced(&self.reference, factor)?;
+                // Averaging lowers the noise by the side of what is averaged.
+                Some((factor, Self::new(&reference, self.noise_grey / factor as f64)))
+            })
+            .collect()
     }
 
     /// Where `frame` looks, close to where `previous` looked. A fixed camera's shift is exactly zero.
@@ -282,6 +277,31 @@ impl Registrar {
         }
         normal.cholesky().map(|c| c.solve(&right))
     }
+}
+
+/// A first shift from reduced pictures, where a far shift is a near one.
+fn coarse_place(frame: &Luma, coarser: &[(usize, Registrar)]) -> Registration {
+    let mut found = Registration::IDENTITY;
+    for (factor, registrar) in coarser {
+        let Some(small) = reduced(frame, *factor) else {
+            continue;
+        };
+        let scale = *factor as f64;
+        let start = Registration {
+            shift_u_px: found.shift_u_px / scale,
+            shift_v_px: found.shift_v_px / scale,
+            ..found
+        };
+        let (r, spread) = registrar.refine(&small, start, true);
+        if spread.is_finite() {
+            found = Registration {
+                shift_u_px: r.shift_u_px * scale,
+                shift_v_px: r.shift_v_px * scale,
+                ..r
+            };
+        }
+    }
+    found
 }
 
 /// The pixels of strongest gradient in each cell of a coarse grid, so that they spread over the picture.
@@ -410,7 +430,7 @@ mod tests {
     fn shift_and_gain_are_found() {
         let registrar = Registrar::new(&textured((0.0, 0.0), 1.0), 0.3);
         for (shift, gain) in [((0.3, -0.2), 1.0), ((7.25, -4.5), 1.05), ((-20.0, 12.0), 0.95)] {
-            let r = registrar.locate(&textured(shift, gain));
+            let r = registrar.locate(&[textured(shift, gain)])[0];
             assert!((r.shift_u_px - shift.0).abs() < 0.03, "{r:?} for {shift:?}");
             assert!((r.shift_v_px - shift.1).abs() < 0.03, "{r:?} for {shift:?}");
             assert!(
@@ -431,7 +451,7 @@ mod tests {
             data: vec![84; 64 * 64],
             ..flat.clone()
         };
-        let r = Registrar::new(&flat, 0.3).locate(&brighter);
+        let r = Registrar::new(&flat, 0.3).locate(&[brighter])[0];
         assert!(r.is_still());
         assert!((r.gain - 1.05).abs() < 0.01, "{r:?}");
     }

@@ -2,14 +2,15 @@
 //!
 //! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: grip-slide holds both
 //! other models as special cases (e_x = 0; friction never reached), so that it always fits as well and can never be beaten
-//! by much. Up to [`DECISIVE`] better it does not count, and the choice is between the other two; from [`GENERAL`] on it is
-//! preferred (chance makes that of 1 series in 70); between, nothing is.
+//! by much. Up to [`NO_MORE`] better it does not count (where it is not needed, chance puts it beyond that in 1 series of 40),
+//! and the choice is between the other two; from [`GENERAL`] on it is preferred (1 series of 120); between, nothing is.
 //!
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
 
 use super::criteria::{LEAST_PROBABILITY, Marks};
 use super::data::Data;
+use super::estimate::three_digits;
 use super::models::Solution;
 use super::result::{ModelFit, ModelName, Preferred};
 use super::series::{Note, Weights};
@@ -21,8 +22,11 @@ const DECISIVE: f64 = 2.0;
 /// luck with what all of them lack.
 const FAR_BETTER: f64 = 10.0;
 
-/// What grip-slide has to be better by than its own special cases.
-const GENERAL: f64 = 4.0;
+/// Up to this much better than the best of its own special cases, grip-slide is not needed.
+const NO_MORE: f64 = 3.0;
+
+/// What grip-slide has to be better by than its own special cases to be preferred.
+const GENERAL: f64 = 5.0;
 
 /// The choice among `fits`, whose solutions are `solutions`.
 pub(super) fn choose(
@@ -69,7 +73,8 @@ pub(super) fn choose(
     sentences.extend(excluded);
     if spread > 1.0 && candidates.len() > 1 {
         sentences.push(format!(
-            "differences of χ² are divided by the scatter, {spread:.1}"
+            "differences of χ² are divided by the scatter, {}",
+            three_digits(spread)
         ));
     }
     if notes.iter().any(|n| n.code == "no_model_fits") {
@@ -142,10 +147,10 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
             list(ModelName::GripSlide, general.unwrap_or(least)),
         );
     }
-    if lead >= DECISIVE {
+    if lead >= NO_MORE {
         let mut sentences = list(simple, simple_aicc);
         sentences.push(format!(
-            "a model that holds the other as a special case is ahead by {DECISIVE} to {GENERAL} by chance now and then"
+            "a model that holds the other as a special case is ahead by {NO_MORE} to {GENERAL} by chance now and then"
         ));
         return (Preferred::Undetermined, sentences);
     }
@@ -212,9 +217,9 @@ fn notes(data: &Data, fits: &[ModelFit], spread: f64) -> Vec<Note> {
         .filter_map(|fit| {
             let p = fit.p_value?;
             Some(format!(
-                "{} has χ² = {:.1} for {} degrees of freedom (probability {})",
+                "{} has χ² = {} for {} degrees of freedom (probability {})",
                 fit.name.name(),
-                fit.chi2,
+                three_digits(fit.chi2),
                 fit.degrees_of_freedom,
                 probability(p)
             ))
@@ -227,10 +232,10 @@ fn notes(data: &Data, fits: &[ModelFit], spread: f64) -> Vec<Note> {
         code: "no_model_fits",
         message: format!(
             "no model with constant coefficients describes these rows: {}. Either the standard deviations are too small \
-             (by about {:.1} times), or the coefficients change from row to row, as they do with the elastic give of a \
+             (by about {} times), or the coefficients change from row to row, as they do with the elastic give of a \
              contact. Uncertainties are widened by the scatter; look at the residuals.",
             each.join("; "),
-            spread.sqrt()
+            three_digits(spread.sqrt())
         ),
     }]
 }
@@ -240,6 +245,6 @@ pub(super) fn probability(p: f64) -> String {
     if p < 1e-4 {
         "under 0.0001".to_owned()
     } else {
-        super::estimate::three_digits(p)
+        three_digits(p)
     }
 }

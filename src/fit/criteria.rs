@@ -55,12 +55,21 @@ impl Marks {
         }
     }
 
-    /// AICc; with too few rows for it, what it would be for many.
-    pub fn criterion(&self) -> f64 {
-        let aic = self
-            .log_likelihood
-            .map(|l| -2.0 * l + 2.0 * self.parameters as f64);
-        self.aicc.or(aic).unwrap_or(f64::INFINITY)
+    /// What variants of one model are compared by: with known deviations AIC, which is exact for any number of rows then;
+    /// else AICc.
+    pub fn criterion(&self, weights: Weights) -> Option<f64> {
+        match weights {
+            Weights::Stated => self
+                .log_likelihood
+                .map(|l| -2.0 * l + 2.0 * self.parameters as f64),
+            Weights::Unit => self.aicc,
+        }
+    }
+
+    /// By how much `self` is better than `other`; nothing where that cannot be told.
+    pub fn gain_over(&self, other: &Self, weights: Weights) -> f64 {
+        let both = self.criterion(weights).zip(other.criterion(weights));
+        both.map_or(0.0, |(here, there)| there - here)
     }
 }
 

@@ -68,6 +68,12 @@ impl Data {
         Self::of_rows(kept.map(|(row, _)| row.clone()).collect(), self.weights)
     }
 
+    /// The rows of the sample alone, where that is not all.
+    pub fn preview(&self) -> Option<Self> {
+        let rows = || self.sample.iter().map(|&i| self.rows[i].clone()).collect();
+        (self.sample.len() < self.rows.len()).then(|| Self::of_rows(rows(), self.weights))
+    }
+
     /// Equations in all.
     pub fn equations(&self) -> usize {
         self.rows.iter().map(Observation::equations).sum()

@@ -36,7 +36,7 @@ pub enum FitError {
     /// The columns do not hold one of the three sets.
     #[error(
         "{name}: {missing} (found: {found}); a series needs one of these sets of columns: {}",
-        super::series::SETS
+        super::columns::SETS
     )]
     Columns {
         /// The file.

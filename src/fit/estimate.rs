@@ -1,17 +1,22 @@
 //! From a model at its best to the numbers that are reported: parameters with uncertainties and intervals, or why there are
 //! none.
 
+mod profile;
+mod sliding;
+
+use super::coordinates::SAME_SPIN;
 use super::criteria;
 use super::data::{Data, demand};
-use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Regimes, Theta};
+use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Theta};
 use super::models::Solution;
 use super::observation::Observation;
-use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowRegime, Transition};
+use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowRegime};
 use super::series::{ColumnSet, Weights};
-use super::transition::{Limits, Profile};
+use super::transition::Limits;
 use crate::models::{e_e, grip_slide, mu_e, slip_share};
-use crate::quantity::{Quantity, median};
+use crate::quantity::{Quantity, commonest, median};
 use nalgebra::SMatrix;
+use profile::Region;
 
 /// A coefficient that is known to no better than this is not known: the deviation of anything at all in the range of e, e_x,
 /// μ, and spin ratios.
@@ -19,9 +24,6 @@ const KNOWN: Theta = [0.3, 0.6, 0.3, 1.0];
 
 /// Why a ball that rolls already tells nothing.
 const NO_SLIP: &str = "no row is seen to slip before the bounce";
-
-/// Static friction is given where its bounds are closer than this ratio; the paper's own best is 0.15 ± 0.02.
-const CLOSE: f64 = 1.5;
 
 /// Standard uncertainties by which a coefficient has to lie beyond what a bounce can have, to be impossible.
 const IMPOSSIBLE: f64 = 3.0;
@@ -35,6 +37,8 @@ struct Work<'a> {
     covariance: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// Other ways to part the rows that are not out of question.
     valleys: Vec<Valley>,
+    /// Where χ² stays within reach, where that is not as the covariance has it.
+    region: Region,
     /// `None`: the rows leave no scatter to tell uncertainties from.
     scatter: Option<f64>,
     /// Standard uncertainties to a side that hold 95 %.
@@ -50,7 +54,7 @@ struct Work<'a> {
 /// The numbers of a model. `rows_order` are indices into the data in the order of the file.
 pub(super) fn model_fit(data: &Data, solution: &Solution, rows_order: &[usize]) -> ModelFit {
     let work = Work::new(data, solution);
-    let freedom = work.freedom();
+    let freedom = solution.freedom();
     let limits = work.limits();
     ModelFit {
         name: solution.name,
@@ -111,8 +115,8 @@ impl<'a> Work<'a> {
         // The search ended where every row has one.
         let nearest = task.all_nearest(&theta).unwrap_or_default();
         let sliding = nearest.iter().filter(|n| n.state.slides()).count();
-        let freedom = solution.marks.equations.saturating_sub(parameters(solution));
-        let scatter = criteria::scatter(data, solution.found.chi2, freedom);
+        let freedom = solution.freedom();
+        let scatter = solution.scatter(data);
         let covariance =
             solution
                 .found
@@ -128,27 +132,23 @@ impl<'a> Work<'a> {
             .filter(|r| r.is_finite())
             .collect();
         let mut shares: Vec<f64> = data.rows.iter().map(|row| row.slip_share).collect();
-        Self {
+        let mut work = Self {
             data,
             solution,
             theta,
             covariance,
             valleys,
+            region: Region::default(),
             scatter,
             factor,
-            spin_ratio: median(&mut ratios).unwrap_or(0.0),
+            spin_ratio: commonest(&mut ratios, SAME_SPIN).unwrap_or(0.0),
             slip_share: median(&mut shares).unwrap_or_else(|| slip_share(crate::models::SOLID_SPHERE)),
             sliding,
             gripping: nearest.len() - sliding,
             nearest,
-        }
-    }
-
-    fn freedom(&self) -> usize {
-        self.solution
-            .marks
-            .equations
-            .saturating_sub(parameters(self.solution))
+        };
+        work.region = Region::around(&work);
+        work
     }
 
     /// Standard uncertainty of a function of the parameters, to first order.
@@ -156,8 +156,9 @@ impl<'a> Work<'a> {
         std_of(&function, &self.theta, &self.covariance)
     }
 
-    /// A function of the parameters, with what it may be in every valley.
-    fn estimate(&self, function: impl Fn(&Theta) -> f64) -> Fitted {
+    /// A function of the parameters, with what it may be in every valley and at every end of their region; `open` tells
+    /// whether it has no end downwards and upwards.
+    fn estimate(&self, function: impl Fn(&Theta) -> f64, open: (bool, bool)) -> Fitted {
         let value = function(&self.theta);
         let std = self.std(&function);
         let Some(mut quantity) = Quantity::new(value, std) else {
@@ -181,6 +182,13 @@ impl<'a> Work<'a> {
             ends.0 = ends.0.map(|low| low.min(there - reach));
             ends.1 = ends.1.map(|high| high.max(there + reach));
         }
+        for theta in &self.region.ends {
+            let there = function(theta);
+            ends.0 = ends.0.map(|low| low.min(there));
+            ends.1 = ends.1.map(|high| high.max(there));
+        }
+        ends.0 = ends.0.filter(|_| !open.0);
+        ends.1 = ends.1.filter(|_| !open.1);
         let longer = ends
             .0
             .zip(ends.1)
@@ -212,13 +220,32 @@ impl<'a> Work<'a> {
         if !self.solution.determined[j] {
             return Fitted::NotDetermined(why_not());
         }
+        let vague = |how: &str| {
+            let reason =
+                format!("the rows give it only to {how}, which is no more than is known of any bounce");
+            Fitted::NotDetermined(reason)
+        };
         let std = self.covariance[(j, j)].sqrt();
         if std > KNOWN[j] {
-            return Fitted::NotDetermined(format!(
-                "the rows give it only to ± {std:.2}, which is no more than is known of any bounce"
-            ));
+            return vague(&format!("± {std:.2}"));
         }
-        self.estimate(|theta| theta[j])
+        let estimate = self.estimate(|theta| theta[j], self.region.open[j]);
+        match self.region.open[j] {
+            (false, false) => estimate,
+            (low, high) => {
+                let ends = estimate.estimate().map_or((None, None), |e| e.interval_95);
+                match (low, ends.0, high, ends.1) {
+                    (true, _, false, Some(end)) => vague(&format!("below {}", three_digits(end))),
+                    (false, Some(end), true, _) => vague(&format!("above {}", three_digits(end))),
+                    _ => vague("anything"),
+                }
+            }
+        }
+    }
+
+    /// Whether a function of all parameters has no end, as some of them have none.
+    fn all_open(&self) -> (bool, bool) {
+        (self.region.is_open(), self.region.is_open())
     }
 
     fn restitution(&self) -> Fitted {
@@ -294,11 +321,11 @@ impl<'a> Work<'a> {
                     .to_owned(),
             );
         }
-        if self.solution.free[MU] && self.gripping == 0 {
-            return Fitted::NotDetermined("every row slides".to_owned());
-        }
         if !self.solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
+        }
+        if self.solution.free[MU] && (self.gripping == 0 || !self.solution.free[E_X]) {
+            return Fitted::NotDetermined("no row is seen to grip".to_owned());
         }
         self.searched(E_X, || {
             if self.data.shared_spin {
@@ -327,150 +354,6 @@ impl<'a> Work<'a> {
                 "it cannot be told from e_x".to_owned()
             }
         })
-    }
-
-    /// μ (1 + e), where the model holds it.
-    fn friction_share(theta: &Theta) -> f64 {
-        theta[MU] * (1.0 + theta[E])
-    }
-
-    /// Λ of the μ-e model: where it may lie, whether or not static friction equals friction.
-    fn limits(&self) -> Option<Limits> {
-        let solution = self.solution;
-        let both = self.sliding > 0 && self.gripping > 0;
-        if solution.name != ModelName::MuE || !solution.free[MU] || !both {
-            return None;
-        }
-        let level = (self.factor * self.scatter?).powi(2);
-        let mut profile = Profile::new(self.data, solution.free, self.theta);
-        match solution.regimes {
-            Regimes::Jump(limit) => Some(profile.limits(limit, level)),
-            _ => {
-                let share = Self::friction_share(&self.theta);
-                let (low, high) = self.estimate(Self::friction_share).estimate()?.interval_95;
-                let limits = profile.limits(share, level);
-                Some(Limits {
-                    low,
-                    high: limits.high.zip(high).map(|(a, b)| a.max(b)),
-                })
-            }
-        }
-    }
-
-    /// Λ as it is reported: that of friction where nothing contradicts it, else the middle of where it may lie.
-    fn limit(&self, limits: Option<Limits>) -> f64 {
-        match (self.solution.jump(), limits) {
-            (
-                Some(_),
-                Some(Limits {
-                    low: Some(low),
-                    high: Some(high),
-                }),
-            ) => 0.5 * (low + high),
-            (Some(limit), _) => limit,
-            (None, _) => Self::friction_share(&self.theta),
-        }
-    }
-
-    fn static_friction(&self, limits: Option<Limits>) -> Fitted {
-        let solution = self.solution;
-        if solution.name != ModelName::MuE {
-            return Fitted::NotDetermined(format!(
-                "the {} model has no static friction of its own",
-                solution.name.name()
-            ));
-        }
-        if !solution.slips {
-            return Fitted::NotDetermined(NO_SLIP.to_owned());
-        }
-        if !solution.free[MU] {
-            return Fitted::NotDetermined(format!(
-                "no row is seen to slide, so static friction is only known to be enough{}",
-                self.least_friction()
-            ));
-        }
-        if !(solution.determined[E] && solution.determined[MU]) {
-            return Fitted::NotDetermined("friction is not determined".to_owned());
-        }
-        let over = 1.0 + self.theta[E];
-        if self.gripping == 0 {
-            let rows = self.data.rows.iter();
-            let least = rows
-                .map(|row| demand(row, &self.theta) / over)
-                .fold(f64::INFINITY, f64::min);
-            return Fitted::NotDetermined(format!(
-                "every row slides: static friction is at most {}",
-                three_digits(least)
-            ));
-        }
-        let Some(limits) = limits else {
-            return Fitted::NotDetermined("the rows leave no scatter to tell its bounds from".to_owned());
-        };
-        let (low, high) = (limits.low.map(|l| l / over), limits.high.map(|h| h / over));
-        match (low, high) {
-            (Some(l), Some(h)) if h <= CLOSE * l => self.bounded(self.limit(Some(limits)) / over, low, high),
-            (l, h) => Fitted::NotDetermined(format!(
-                "no row near the transition: static friction lies {}",
-                between(l, h)
-            )),
-        }
-    }
-
-    /// tan of the angle beyond which a ball slides is `limit` over this.
-    fn angle_rad(&self, limit: f64, theta: &Theta) -> f64 {
-        let ratio = if self.data.shared_spin {
-            theta[RATIO]
-        } else {
-            self.spin_ratio
-        };
-        limit.atan2(self.slip_share * (1.0 + theta[E_X]) * (1.0 - ratio).abs())
-    }
-
-    fn transition(&self, limits: Option<Limits>) -> Transition {
-        let of = |angle_rad: Fitted, without_jump_rad| Transition {
-            angle_rad,
-            spin_ratio: if self.data.shared_spin {
-                self.theta[RATIO]
-            } else {
-                self.spin_ratio
-            },
-            without_jump_rad,
-        };
-        let none = |reason: &str| of(Fitted::NotDetermined(reason.to_owned()), None);
-        let solution = self.solution;
-        if solution.name == ModelName::EE {
-            return none("the e_e model never slides");
-        }
-        if self.sliding == 0 || !solution.free[MU] {
-            return none("no row is seen to slide");
-        }
-        if self.gripping == 0 {
-            return none("every row slides");
-        }
-        if (0..PARAMETERS).any(|j| solution.free[j] && !solution.determined[j]) {
-            return none("it depends on parameters that are not determined");
-        }
-        let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
-        let value = continuous(&self.theta);
-        if solution.name == ModelName::GripSlide {
-            return of(self.estimate(continuous), None);
-        }
-        let ends = limits.map_or((None, None), |l| {
-            let angle = |limit: Option<f64>| limit.map(|l| self.angle_rad(l, &self.theta));
-            (angle(l.low), angle(l.high))
-        });
-        let at = self.angle_rad(self.limit(limits), &self.theta);
-        // What the other parameters add where they are not well known (a fitted spin).
-        let held = self.std(|theta| self.angle_rad(self.limit(limits), theta));
-        let wider = |end: Option<f64>, sign: f64| {
-            end.map(|end| at + sign * (end - at).abs().hypot(self.factor * held))
-        };
-        let angle = self.bounded(at, wider(ends.0, -1.0), wider(ends.1, 1.0));
-        let without = solution
-            .jump()
-            .is_none()
-            .then(|| Quantity::new(value, self.std(continuous)));
-        of(angle, without.flatten())
     }
 
     /// A coefficient beyond what a bounce can have.
@@ -584,23 +467,9 @@ fn valleys(data: &Data, solution: &Solution, scatter: f64, factor: f64) -> Vec<V
         .collect()
 }
 
-/// Parameters of a solution, its limit among them.
-fn parameters(solution: &Solution) -> usize {
-    solution.rank + usize::from(solution.jump().is_some())
-}
-
 fn spin_ratio(row: &Observation, theta: &Theta) -> f64 {
     let k = row.kinematics(&row.z, theta[RATIO]);
     k.w / k.a
-}
-
-fn between(low: Option<f64>, high: Option<f64>) -> String {
-    match (low, high) {
-        (Some(low), Some(high)) => format!("between {} and {}", three_digits(low), three_digits(high)),
-        (Some(low), None) => format!("above {}", three_digits(low)),
-        (None, Some(high)) => format!("below {}", three_digits(high)),
-        (None, None) => "anywhere".to_owned(),
-    }
 }
 
 /// For reasons: three significant digits.
@@ -608,6 +477,10 @@ pub(super) fn three_digits(x: f64) -> String {
     if x == 0.0 || !x.is_finite() {
         return format!("{x}");
     }
-    let places = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
-    format!("{x:.places$}")
+    let places = 2.0 - x.abs().log10().floor();
+    if (-4.0..=8.0).contains(&places) {
+        format!("{x:.*}", places.max(0.0) as usize)
+    } else {
+        format!("{x:.2e}")
+    }
 }

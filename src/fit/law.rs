@@ -20,8 +20,14 @@
 //! either side of it, or (where both would step across) on the edge, which is one equation more. So χ² is continuous
 //! in the parameters although the model jumps.
 
+mod algebra;
+mod averaged;
+
+pub(super) use averaged::averaged;
+
 use super::observation::{Kinematics, Observation, SLOTS, SPIN_OUT, Slots};
 use super::series::ColumnSet;
+use algebra::{backward, cholesky, dot, forward, relative_move};
 
 /// Parameters: restitution, tangential restitution, friction, shared spin ratio.
 pub(super) const PARAMETERS: usize = 4;
@@ -143,16 +149,7 @@ impl Regimes {
 
 /// The nearest motion to a row under a model; `None` where there is no such thing (numbers that overflow).
 pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Option<Nearest> {
-    let (friction, limit) = regimes.shares(theta);
-    let here = row.kinematics(&row.z, theta[RATIO]);
-    let sign = if here.a - here.w < 0.0 { -1.0 } else { 1.0 };
-    let law = Law {
-        row,
-        theta,
-        friction,
-        limit,
-        sign,
-    };
+    let (law, here) = Law::new(row, regimes, theta);
     match regimes {
         Regimes::Grip => return law.solve(State::Grip),
         Regimes::Slide => return law.solve(State::Slide),
@@ -200,6 +197,13 @@ pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Opt
     best.or(Some(found))
 }
 
+/// How far beyond the limit Λ a row was measured, s (1 + e_x) |a − w| − Λ b, and the deviation of that.
+pub(super) fn margin(row: &Observation, limit: f64, theta: &Theta) -> (f64, f64) {
+    let (law, here) = Law::new(row, Regimes::Jump(limit), theta);
+    let (margin, variance) = law.margin(&here);
+    (margin, variance.sqrt())
+}
+
 fn edge_of(state: State) -> State {
     if state.slides() {
         State::SlideEdge
@@ -229,10 +233,44 @@ struct Law<'a> {
     sign: f64,
 }
 
+/// The nearest point, with what was worked out on the way.
+struct Closest<'a> {
+    z: &'a Slots,
+    residuals: &'a [f64; MOST],
+    /// L of J Σ Jᵀ.
+    lower: &'a [[f64; MOST]; MOST],
+    /// Σ Jᵀ.
+    spread: &'a [Slots; MOST],
+    /// At the point.
+    equations: &'a Equations,
+    kinematics: &'a Kinematics,
+}
+
+impl Closest<'_> {
+    fn chi2(&self) -> f64 {
+        self.residuals[..self.equations.count].iter().map(|r| r * r).sum()
+    }
+}
+
 /// Most steps to the nearest point; the worst seen (30 % outliers on angles) takes 25.
 const STEPS: usize = 60;
 
-impl Law<'_> {
+impl<'a> Law<'a> {
+    /// With the motion as it was measured.
+    fn new(row: &'a Observation, regimes: Regimes, theta: &'a Theta) -> (Self, Kinematics) {
+        let (friction, limit) = regimes.shares(theta);
+        let here = row.kinematics(&row.z, theta[RATIO]);
+        let sign = if here.a - here.w < 0.0 { -1.0 } else { 1.0 };
+        let law = Self {
+            row,
+            theta,
+            friction,
+            limit,
+            sign,
+        };
+        (law, here)
+    }
+
     /// How far beyond the limit the motion is, and the variance of that.
     fn margin(&self, k: &Kinematics) -> (f64, f64) {
         let mut equations = Equations::empty();
@@ -242,6 +280,12 @@ impl Law<'_> {
     }
 
     fn solve(&self, state: State) -> Option<Nearest> {
+        self.closest(state, |at| self.finish(state, at))
+    }
+
+    /// Goes to the nearest point of `state`, and makes of it what `finish` does.
+    #[inline]
+    fn closest<T>(&self, state: State, finish: impl FnOnce(&Closest<'_>) -> Option<T>) -> Option<T> {
         let row = self.row;
         let mut z = row.z;
         let linear = row.is_linear();
@@ -277,7 +321,14 @@ impl Law<'_> {
             last_move = moved;
             if done {
                 let k = self.equations(&next, state, &mut equations);
-                return self.finish(state, next, residuals, &lower, &equations, &k);
+                return finish(&Closest {
+                    z: &next,
+                    residuals: &residuals,
+                    lower: &lower,
+                    spread: &spread,
+                    equations: &equations,
+                    kinematics: &k,
+                });
             }
             z = next;
             if z.iter().any(|x| !x.is_finite()) {
@@ -287,47 +338,39 @@ impl Law<'_> {
         None
     }
 
-    #[allow(
-        clippy::needless_range_loop,
-        reason = "indices of matrices, as in the formulas"
-    )]
-    fn finish(
-        &self,
-        state: State,
-        z: Slots,
-        residuals: [f64; MOST],
-        lower: &[[f64; MOST]; MOST],
-        equations: &Equations,
-        k: &Kinematics,
-    ) -> Option<Nearest> {
+    fn finish(&self, state: State, at: &Closest<'_>) -> Option<Nearest> {
         // L⁻¹ times the derivatives, all columns at once.
+        let Closest { equations, lower, .. } = *at;
         let mut jacobian = [[0.0; PARAMETERS]; MOST];
         for i in 0..equations.count {
-            jacobian[i] = equations.by_parameter[i];
-            for j in 0..i {
-                for p in 0..PARAMETERS {
-                    jacobian[i][p] -= lower[i][j] * jacobian[j][p];
+            let mut line = equations.by_parameter[i];
+            for (above, share) in jacobian[..i].iter().zip(&lower[i]) {
+                for (entry, known) in line.iter_mut().zip(above) {
+                    *entry -= share * known;
                 }
             }
-            for entry in &mut jacobian[i] {
-                *entry /= lower[i][i];
-            }
+            jacobian[i] = line.map(|entry| entry / lower[i][i]);
         }
         let margin = if state.on_edge() {
             0.0
         } else {
-            self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
+            self.margin_at(state, at.kinematics)
         };
-        let chi2: f64 = residuals[..equations.count].iter().map(|r| r * r).sum();
+        let chi2 = at.chi2();
         chi2.is_finite().then_some(Nearest {
             state,
             chi2,
-            z,
+            z: *at.z,
             equations: equations.count,
-            residuals,
+            residuals: *at.residuals,
             jacobian,
             margin,
         })
+    }
+
+    /// s (1 + e_x) |a − w| − Λ b of a motion in `state`.
+    fn margin_at(&self, state: State, k: &Kinematics) -> f64 {
+        self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
     }
 
     /// s (1 + e_x).
@@ -481,57 +524,5 @@ impl Equations {
     }
 }
 
-fn dot(a: &Slots, b: &Slots) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// The largest change of a slot, against its size.
-fn relative_move(from: &Slots, to: &Slots) -> f64 {
-    from.iter()
-        .zip(to)
-        .map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(1e-9))
-        .fold(0.0, f64::max)
-}
-
-/// L of J Σ Jᵀ = L Lᵀ; false where an equation has no error at all, or two have the same one.
-fn cholesky(equations: &Equations, spread: &[Slots; MOST], lower: &mut [[f64; MOST]; MOST]) -> bool {
-    for i in 0..equations.count {
-        for j in 0..=i {
-            let entry = dot(&equations.by_slot[i], &spread[j]);
-            let known: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
-            if i == j {
-                let pivot = entry - known;
-                // Positive and not mere rounding of what it was before.
-                if !(pivot > 1e-13 * entry && pivot.is_finite()) {
-                    return false;
-                }
-                lower[i][i] = pivot.sqrt();
-            } else {
-                lower[i][j] = (entry - known) / lower[j][j];
-            }
-        }
-    }
-    true
-}
-
-/// L⁻¹ v.
-fn forward(lower: &[[f64; MOST]; MOST], mut v: [f64; MOST], count: usize) -> [f64; MOST] {
-    for i in 0..count {
-        for j in 0..i {
-            v[i] -= lower[i][j] * v[j];
-        }
-        v[i] /= lower[i][i];
-    }
-    v
-}
-
-/// L⁻ᵀ v.
-fn backward(lower: &[[f64; MOST]; MOST], mut v: [f64; MOST], count: usize) -> [f64; MOST] {
-    for i in (0..count).rev() {
-        for j in i + 1..count {
-            v[i] -= lower[j][i] * v[j];
-        }
-        v[i] /= lower[i][i];
-    }
-    v
-}
+#[cfg(test)]
+mod tests;

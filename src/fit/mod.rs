@@ -21,7 +21,8 @@
 //! * Where the outcome jumps at the transition (static friction above friction), the limit is found by going through the
 //!   order of the rows, and its interval by profile likelihood (`transition`).
 //! * Rows that no model explains are set aside with a reason (`outliers`).
-//! * What the rows do not determine has no number but a reason (`estimate`).
+//! * Intervals come from the covariance where χ² is a parabola, and from its profile where rows change sides within reach.
+//!   What the rows do not determine has no number but a reason (`estimate`).
 //! * Models are compared by AICc (`criteria`, `choice`).
 //!
 //! # Limits
@@ -36,6 +37,7 @@ pub mod result;
 pub mod series;
 
 mod choice;
+mod columns;
 mod criteria;
 mod data;
 mod estimate;
@@ -44,7 +46,9 @@ mod models;
 mod observation;
 mod outliers;
 mod pace;
+mod robust;
 mod search;
+mod side_by_side;
 mod starts;
 mod transition;
 mod triangle;
@@ -109,7 +113,9 @@ fn fit_group(
     let (mut data, unweighable) = Data::new(series, indices);
     set_aside.extend(unweighable);
     let mut notes = Vec::new();
-    let mut solutions = models::all(&data);
+    // Many rows are fitted all together only once it is known which.
+    let preview = data.preview();
+    let mut solutions = models::all(preview.as_ref().unwrap_or(&data));
     let outliers = outliers::find(series, &data, &solutions);
     if !outliers.systematic.is_empty() {
         notes.push(stay(series, &data, &outliers.systematic));
@@ -125,6 +131,8 @@ fn fit_group(
             });
         }
         data = data.without(&out);
+        solutions = models::all(&data);
+    } else if preview.is_some() {
         solutions = models::all(&data);
     }
     set_aside.sort_by_key(|s| s.row);

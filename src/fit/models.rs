@@ -4,13 +4,13 @@
 //! |---|---|
 //! | μ-e | all rows leave rolling (e); some slide, μ_o = μ (e, μ); the outcome jumps (e, μ, μ_o) |
 //! | e-e | (e, e_x) |
-//! | grip-slide | all rows grip (e, e_x); some slide (e, e_x, μ) |
+//! | grip-slide | all rows grip (e, e_x); all slide (e, μ); some do either (e, e_x, μ) |
 //!
-//! A larger variant has to earn its parameter. Sliding has to show ([`SHOWS`]): otherwise the row nearest to the limit would
-//! give a friction made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
+//! A larger variant has to earn its parameter. That some rows slide, or grip, has to show ([`SHOWS`]): otherwise the row
+//! nearest to the limit would give a coefficient made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
 //! already) tell neither friction nor e_x.
 
-use super::criteria::{Marks, chi2_quantile};
+use super::criteria::{self, Marks, chi2_quantile};
 use super::data::{Data, demand};
 use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
 use super::result::ModelName;
@@ -18,8 +18,9 @@ use super::search::{Found, Task};
 use super::series::Weights;
 use super::starts;
 use super::transition::Profile;
+use crate::quantity::median;
 
-/// By how much AICc has to fall for sliding to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
+/// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
 const SHOWS: f64 = 8.8;
 
@@ -27,8 +28,15 @@ const SHOWS: f64 = 8.8;
 /// one in any case.
 const JUMPS: f64 = 6.0;
 
+/// Deviations of a row that a jump has to exceed to be one: less is as well a transition that is a little rounded, or
+/// deviations a little wrong, which very many rows show.
+const SEEN: f64 = 1.0;
+
 /// Probability that rows without slip seem to have some.
 const NO_SLIP: f64 = 0.001;
+
+/// Standard deviations by which e_x from 0 to 1 has to move the rebounds, all rows together, for slip to tell anything.
+const TELLING: f64 = 2.0;
 
 /// Starts that are followed to their end.
 const FOLLOWED: usize = 8;
@@ -71,6 +79,17 @@ impl Solution {
             slips: true,
             found,
         }
+    }
+
+    /// Degrees of freedom that it leaves the rows.
+    pub fn freedom(&self) -> usize {
+        let parameters = self.rank + usize::from(self.jump().is_some());
+        self.marks.equations.saturating_sub(parameters)
+    }
+
+    /// What standard uncertainties are multiplied by; `None` where the rows leave no scatter to tell it from.
+    pub fn scatter(&self, data: &Data) -> Option<f64> {
+        criteria::scatter(data, self.found.chi2, self.freedom())
     }
 
     /// Λ where the model jumps.
@@ -130,6 +149,17 @@ fn slips(data: &Data, rolling: &Solution) -> bool {
             (rolling.found.chi2 / freedom.max(1) as f64).max(data.rounding)
         }
     };
+    // Slip that is known well, but too small to move the rebound, tells nothing either.
+    let told = Task {
+        free: free(data, true, false),
+        ..rolling.task(data)
+    };
+    let moves = told
+        .linear(&rolling.found.theta)
+        .map_or(0.0, |l| l.triangle.lengths()[E_X]);
+    if !(moves > TELLING * spread.sqrt()) {
+        return false;
+    }
     let (mut chi2, mut rows) = (0.0, 0);
     for row in &data.rows {
         let (slip, variance) = row.slip(rolling.found.theta[RATIO]);
@@ -150,7 +180,14 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     let (Some(rolling), Some(sliding)) = (&rolling, &sliding) else {
         return sliding.or(rolling);
     };
-    let jump = Profile::new(data, free, sliding.found.theta)
+    let spread = sliding.scatter(data).unwrap_or(0.0).powi(2);
+    let averaged = |solution: &Solution| {
+        let chi2 = solution.task(data).averaged(&solution.found.theta, spread);
+        let limit = usize::from(solution.jump().is_some());
+        Marks::new(data, chi2, solution.rank + limit, 1.0)
+    };
+    let without = averaged(sliding);
+    let jump = Profile::new(data, free, sliding.found.theta, spread)
         .best(
             sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]),
             0.5 * JUMPS,
@@ -158,8 +195,16 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
-        .filter(|s| sliding.marks.criterion() - s.marks.criterion() > JUMPS && slides(data, s));
+        .filter(|s| averaged(s).gain_over(&without, data.weights) > JUMPS)
+        .filter(|s| jump_in_deviations(data, s).is_some_and(|jump| jump > SEEN * spread.sqrt()));
     let larger = jump.unwrap_or_else(|| sliding.clone());
+    // A spin that is fitted makes any single row one that grips; that has to show, too.
+    let throughout = data
+        .shared_spin
+        .then(|| solve(data, name, Regimes::Slide, free, &[sliding.found.theta]))
+        .flatten()
+        .filter(|slide| !(larger.marks.gain_over(&slide.marks, data.weights) > SHOWS));
+    let larger = throughout.unwrap_or(larger);
     Some(if shows(data, rolling, &larger) {
         larger
     } else {
@@ -167,26 +212,75 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     })
 }
 
+/// By how many deviations of a row the outcome jumps, from the rows that slide next to the limit; `None` where none slides.
+fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
+    const NEXT: usize = 5;
+    let theta = &solution.found.theta;
+    let jump = solution.jump()? / (1.0 + theta[E]) - theta[MU];
+    let task = solution.task(data);
+    let mut rows: Vec<(f64, f64)> = task
+        .rows()
+        .filter_map(|row| Some((demand(row, theta), task.nearest(row, theta)?)))
+        .filter(|(_, near)| near.state.slides())
+        .map(|(demand, near)| {
+            let by_friction = near.jacobian[..near.equations]
+                .iter()
+                .map(|line| line[MU].powi(2));
+            (demand, by_friction.sum::<f64>().sqrt())
+        })
+        .collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut next: Vec<f64> = rows.iter().take(NEXT).map(|row| row.1 * jump).collect();
+    median(&mut next)
+}
+
 fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
     let name = ModelName::GripSlide;
     let from: Vec<Theta> = e_e.iter().map(|s| s.found.theta).collect();
-    let sliding = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
-    let gripping = e_e.map(|s| Solution { name, ..s.clone() });
-    let (Some(gripping), Some(sliding)) = (&gripping, &sliding) else {
-        return sliding.or(gripping);
+    let both = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
+    let throughout = worth_all_rows(data, e_e)
+        .then(|| solve(data, name, Regimes::Slide, free(data, false, true), &[]))
+        .flatten();
+    // Of two as good, e-e, which has no limit to be beyond.
+    let simple = e_e
+        .map(|s| Solution { name, ..s.clone() })
+        .into_iter()
+        .chain(throughout)
+        .reduce(|e_e, slide| {
+            if slide.marks.gain_over(&e_e.marks, data.weights) > 0.0 {
+                slide
+            } else {
+                e_e
+            }
+        });
+    let (Some(simple), Some(both)) = (&simple, &both) else {
+        return both.or(simple);
     };
-    Some(if shows(data, gripping, sliding) {
-        sliding.clone()
+    Some(if shows(data, simple, both) {
+        both.clone()
     } else {
-        gripping.clone()
+        simple.clone()
     })
+}
+
+/// Whether sliding throughout may fit better than `e_e`, as a sample of many rows has it.
+fn worth_all_rows(data: &Data, e_e: Option<&Solution>) -> bool {
+    // Half as much again is no chance in a sample of hundreds.
+    const HOPELESS: f64 = 1.5;
+    let (Some(e_e), true) = (e_e, data.sample.len() < data.rows.len()) else {
+        return true;
+    };
+    let sample = Task {
+        chosen: Some(&data.sample),
+        ..e_e.task(data)
+    };
+    search(data, &data.sample, Regimes::Slide, free(data, false, true), &[])
+        .is_some_and(|slide| slide.chi2 < HOPELESS * sample.chi2(&e_e.found.theta))
 }
 
 /// Whether the rows show that some slide.
 fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
-    let freedom = data.equations().saturating_sub(with.rank);
-    let testable = data.weights == Weights::Stated || freedom > 0;
-    testable && slides(data, with) && without.marks.criterion() - with.marks.criterion() > SHOWS
+    slides(data, with) && with.marks.gain_over(&without.marks, data.weights) > SHOWS
 }
 
 /// Whether some row slides.
@@ -216,13 +310,35 @@ fn solve(
     } else {
         found
     };
+    let found = with_the_slip(data, regimes, free, found);
     let mut solution = Solution::new(data, name, regimes, free, found);
     through_the_order(data, &mut solution);
     Some(solution)
 }
 
+/// Sliding forwards under a friction that pushes is sliding backwards under one that holds: where the spin is fitted, the
+/// slip's direction is that of friction.
+fn with_the_slip(data: &Data, regimes: Regimes, free: [bool; PARAMETERS], found: Found) -> Found {
+    const AS_GOOD: f64 = 1e-6;
+    if !(free[RATIO] && free[MU] && found.theta[MU] < 0.0) {
+        return found;
+    }
+    let mut mirrored = found.theta;
+    mirrored[MU] = -found.theta[MU];
+    mirrored[RATIO] = 2.0 - found.theta[RATIO];
+    let task = Task {
+        rows: &data.rows,
+        chosen: None,
+        regimes,
+        free,
+    };
+    task.search(mirrored)
+        .filter(|other| other.chi2 <= found.chi2 + AS_GOOD * (1.0 + found.chi2))
+        .unwrap_or(found)
+}
+
 /// More rows than this: one of them on another side moves nothing.
-const FEW: usize = 150;
+pub(super) const FEW: usize = 150;
 
 /// Rows beside the transition that are tried on its other side.
 const BESIDE: usize = 3;

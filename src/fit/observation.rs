@@ -319,10 +319,6 @@ fn unit_std(column: Column) -> f64 {
 
 /// ln of the determinant of the correlations that belong to a covariance, over what has an error of its own; `None` where
 /// the covariance has a negative direction. By Cholesky's scheme.
-#[allow(
-    clippy::needless_range_loop,
-    reason = "indices of matrices, as in the formulas"
-)]
 fn log_correlation(full: &[Slots; SLOTS]) -> Option<f64> {
     const ROUNDING: f64 = 1e-9;
     let std: Vec<f64> = (0..SLOTS).map(|i| full[i][i].sqrt()).collect();
@@ -347,10 +343,11 @@ fn log_correlation(full: &[Slots; SLOTS]) -> Option<f64> {
             continue;
         }
         sum += pivot.ln();
-        for i in p + 1..SLOTS {
-            let share = m[i][p] / pivot;
-            for j in p + 1..SLOTS {
-                m[i][j] -= share * m[p][j];
+        let line = m[p];
+        for below in &mut m[p + 1..] {
+            let share = below[p] / pivot;
+            for (entry, above) in below.iter_mut().zip(&line).skip(p + 1) {
+                *entry -= share * above;
             }
         }
     }

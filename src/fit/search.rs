@@ -126,10 +126,17 @@ impl<'a> Task<'a> {
 
     /// χ² alone, infinite where it is not finite.
     pub fn chi2(&self, theta: &Theta) -> f64 {
-        let parts = self.in_parts(|rows| {
-            rows.map(|row| self.nearest(row, theta).map_or(f64::INFINITY, |near| near.chi2))
-                .sum::<f64>()
-        });
+        self.sum(|row| self.nearest(row, theta).map(|near| near.chi2))
+    }
+
+    /// χ² with each row's true incidence averaged over both sides of the transition, see [`law::averaged`]; infinite
+    /// where it is not finite.
+    pub fn averaged(&self, theta: &Theta, spread: f64) -> f64 {
+        self.sum(|row| law::averaged(row, self.regimes, theta, spread))
+    }
+
+    fn sum(&self, of: impl Fn(&Observation) -> Option<f64> + Sync) -> f64 {
+        let parts = self.in_parts(|rows| rows.map(|row| of(row).unwrap_or(f64::INFINITY)).sum::<f64>());
         let sum: f64 = parts.into_iter().sum();
         if sum.is_finite() { sum } else { f64::INFINITY }
     }

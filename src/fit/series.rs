@@ -3,163 +3,17 @@
 //! A [`Row`] holds what its columns say, in the units that their names say. [`Series::new`] looks at all of them and sets
 //! aside, with a reason, what cannot be used; nothing is dropped silently. A file becomes rows in [`super::csv`].
 
+pub use super::columns::{Column, ColumnSet, Reading};
+
 use super::error::FitError;
 use crate::models::SOLID_SPHERE;
 use std::collections::HashSet;
-
-/// The three sets of columns, for messages.
-pub(super) const SETS: &str = "velocities (incident_vx_m_s, incident_vz_m_s, rebound_vx_m_s, rebound_vz_m_s), \
-     angles (incident_angle_deg, rebound_angle_deg), or distances (x0_m, x_m, launch_speed_m_s)";
 
 /// Gravity where a row does not give it, m/s².
 pub const GRAVITY_M_S2: f64 = 9.81;
 
 /// Name of the group of rows that name none.
 pub const DEFAULT_GROUP: &str = "all";
-
-/// A column of numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Column {
-    /// Velocity along x before, m/s.
-    IncidentVx,
-    /// Velocity upwards before, m/s: negative.
-    IncidentVz,
-    /// Velocity along x after, m/s.
-    ReboundVx,
-    /// Velocity upwards after, m/s.
-    ReboundVz,
-    /// R ω_y before, m/s.
-    SpinIn,
-    /// R ω_y after, m/s.
-    SpinOut,
-    /// From the vertical before, degrees.
-    IncidentAngle,
-    /// From the vertical after, degrees.
-    ReboundAngle,
-    /// Launch edge to first impact, m.
-    X0,
-    /// First to second impact, m.
-    X,
-    /// u_o, m/s.
-    LaunchSpeed,
-    /// R ω_y / v_x before.
-    SpinRatio,
-    /// g, m/s².
-    Gravity,
-    /// k = I / (m R²).
-    InertiaFactor,
-}
-
-impl Column {
-    /// How many there are.
-    pub const COUNT: usize = 14;
-
-    /// All of them.
-    pub const ALL: [Self; Self::COUNT] = [
-        Self::IncidentVx,
-        Self::IncidentVz,
-        Self::ReboundVx,
-        Self::ReboundVz,
-        Self::SpinIn,
-        Self::SpinOut,
-        Self::IncidentAngle,
-        Self::ReboundAngle,
-        Self::X0,
-        Self::X,
-        Self::LaunchSpeed,
-        Self::SpinRatio,
-        Self::Gravity,
-        Self::InertiaFactor,
-    ];
-
-    /// Its name in a file.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::IncidentVx => "incident_vx_m_s",
-            Self::IncidentVz => "incident_vz_m_s",
-            Self::ReboundVx => "rebound_vx_m_s",
-            Self::ReboundVz => "rebound_vz_m_s",
-            Self::SpinIn => "spin_in_m_s",
-            Self::SpinOut => "spin_out_m_s",
-            Self::IncidentAngle => "incident_angle_deg",
-            Self::ReboundAngle => "rebound_angle_deg",
-            Self::X0 => "x0_m",
-            Self::X => "x_m",
-            Self::LaunchSpeed => "launch_speed_m_s",
-            Self::SpinRatio => "spin_ratio",
-            Self::Gravity => "gravity_m_s2",
-            Self::InertiaFactor => "inertia_factor",
-        }
-    }
-
-    /// The column of that name.
-    #[must_use]
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|column| column.name() == name)
-    }
-}
-
-/// Which columns a series is fitted on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ColumnSet {
-    /// Velocities before and after.
-    Velocities,
-    /// Angles before and after.
-    Angles,
-    /// Distances of the horizontal launch.
-    Distances,
-}
-
-impl ColumnSet {
-    /// In the order in which a file that holds several is read.
-    pub const ALL: [Self; 3] = [Self::Velocities, Self::Angles, Self::Distances];
-
-    /// Its name in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Velocities => "velocities",
-            Self::Angles => "angles",
-            Self::Distances => "distances",
-        }
-    }
-
-    /// What every row has to hold.
-    #[must_use]
-    pub fn required(self) -> &'static [Column] {
-        match self {
-            Self::Velocities => &[
-                Column::IncidentVx,
-                Column::IncidentVz,
-                Column::ReboundVx,
-                Column::ReboundVz,
-            ],
-            Self::Angles => &[Column::IncidentAngle, Column::ReboundAngle],
-            Self::Distances => &[Column::X0, Column::X, Column::LaunchSpeed],
-        }
-    }
-
-    /// What a row may hold beside: it enters the fit where it is there.
-    #[must_use]
-    pub fn optional(self) -> &'static [Column] {
-        match self {
-            Self::Velocities => &[Column::SpinIn, Column::SpinRatio, Column::SpinOut],
-            Self::Angles => &[Column::SpinRatio],
-            Self::Distances => &[Column::SpinRatio, Column::Gravity],
-        }
-    }
-}
-
-/// A number as it stands in a row. Zero is an exact number's deviation, `None` that of a number whose deviation is not
-/// known.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reading {
-    /// The number.
-    pub value: f64,
-    /// Its standard deviation.
-    pub std: Option<f64>,
-}
 
 /// A bounce.
 #[derive(Debug, Clone)]
@@ -370,10 +224,10 @@ struct Deviations {
     set: ColumnSet,
     /// Columns of the fit in which some row has a deviation, be it zero.
     given: Vec<Column>,
-    /// Whether some deviation is above zero.
-    any: bool,
-    /// Whether deviations are given, and every one is zero.
-    all_zero: bool,
+    /// Those in which some deviation is not zero.
+    positive: Vec<Column>,
+    /// Relations between the numbers in which none has a deviation.
+    exact: Vec<&'static [Column]>,
 }
 
 impl Deviations {
@@ -384,57 +238,78 @@ impl Deviations {
             .copied()
             .filter(|&c| rows.iter().any(|row| std(row, c).is_some()))
             .collect();
-        let any = given
+        let positive: Vec<Column> = given
             .iter()
-            .any(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s > 0.0)));
+            .copied()
+            .filter(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s != 0.0)))
+            .collect();
+        let exact = relations(set)
+            .iter()
+            .copied()
+            .filter(|relation| !relation.iter().any(|c| positive.contains(c)))
+            .collect();
         Self {
             set,
-            all_zero: !given.is_empty() && !any,
             given,
-            any,
+            positive,
+            exact,
         }
     }
 
     fn weights(&self) -> Weights {
-        if self.any { Weights::Stated } else { Weights::Unit }
+        if self.exact.is_empty() {
+            Weights::Stated
+        } else {
+            Weights::Unit
+        }
     }
 
     fn notes(&self) -> Vec<Note> {
-        let mut notes = Vec::new();
-        if self.all_zero {
-            notes.push(Note {
-                code: "deviations_all_zero",
-                message: "every standard deviation in the file is 0, which no measurement has; all rows count the same \
-                          and their scatter tells how sure the result is. Give the deviations, or leave the columns out."
-                    .to_owned(),
-            });
-        } else if !self.any {
-            notes.push(Note {
-                code: "no_deviations",
-                message: "no column of standard deviations (such as rebound_vx_m_s_std): all rows count the same, and \
-                          the scale of the uncertainties is taken from the scatter of the rows. So the fit itself \
-                          cannot be tested."
-                    .to_owned(),
-            });
-        }
-        let exact: Vec<&str> = self
-            .set
-            .required()
-            .iter()
-            .filter(|c| self.any && !self.given.contains(c))
-            .map(|c| c.name())
-            .collect();
-        if !exact.is_empty() {
-            notes.push(Note {
-                code: "taken_as_exact",
-                message: format!(
-                    "no standard deviations for {}, which is taken as exact while other columns have theirs; add {}_std.",
-                    exact.join(", "),
-                    exact[0]
+        const ALL_THE_SAME: &str = "all rows count the same, and their scatter tells how sure the result is";
+        let names = |columns: &[Column]| columns.iter().map(|c| c.name()).collect::<Vec<_>>();
+        let note = |code, message| vec![Note { code, message }];
+        if self.given.is_empty() {
+            return note(
+                "no_deviations",
+                format!(
+                    "no column of standard deviations (such as {}_std): {ALL_THE_SAME}. So the fit itself cannot be tested.",
+                    self.set.required()[self.set.required().len() - 1].name()
                 ),
-            });
+            );
         }
-        notes
+        if self.positive.is_empty() {
+            return note(
+                "deviations_all_zero",
+                format!(
+                    "every standard deviation in the file is 0, which no measurement has; {ALL_THE_SAME}. Give the \
+                     deviations, or leave the columns out."
+                ),
+            );
+        }
+        if let Some(relation) = self.exact.first() {
+            let without = names(relation).join(" and ");
+            return note(
+                "deviations_not_used",
+                format!(
+                    "standard deviations for {}, but none for {without}, which would have to agree exactly then; they \
+                     are not used: {ALL_THE_SAME}. Give all of them.",
+                    names(&self.positive).join(", ")
+                ),
+            );
+        }
+        let required = self.set.required().iter().copied();
+        let exact: Vec<Column> = required.filter(|c| !self.given.contains(c)).collect();
+        match exact.first() {
+            None => Vec::new(),
+            Some(first) => note(
+                "taken_as_exact",
+                format!(
+                    "no standard deviations for {}, which is taken as exact while other columns have theirs; add {}_std.",
+                    names(&exact).join(", "),
+                    first.name()
+                ),
+            ),
+        }
     }
 
     /// Whether the row's numbers can be used; why not.
@@ -468,7 +343,7 @@ impl Deviations {
     fn check_reading(&self, column: Column, reading: Reading, required: bool) -> Result<(), String> {
         let name = column.name();
         if !reading.value.is_finite() {
-            return Err(format!("{name} is {}, not a number", reading.value));
+            return Err(format!("{name} is not a finite number"));
         }
         // Far beyond any laboratory; products of such numbers overflow.
         if !(reading.value.abs() <= 1e9) {
@@ -477,11 +352,23 @@ impl Deviations {
         match reading.std {
             Some(std) if std < 0.0 => Err(format!("{name}_std is negative ({std})")),
             Some(std) if !(std <= 1e9) => Err(format!("{name}_std is {std}, not a deviation")),
-            None if required && self.any && self.given.contains(&column) => {
+            None if required && self.weights() == Weights::Stated && self.given.contains(&column) => {
                 Err(format!("{name}_std is empty, while other rows have one"))
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// The numbers that a rebound ties together, one set for each equation: some of each need deviations.
+fn relations(set: ColumnSet) -> &'static [&'static [Column]] {
+    match set {
+        ColumnSet::Velocities => &[
+            &[Column::IncidentVx, Column::ReboundVx],
+            &[Column::IncidentVz, Column::ReboundVz],
+        ],
+        ColumnSet::Angles => &[&[Column::IncidentAngle, Column::ReboundAngle]],
+        ColumnSet::Distances => &[&[Column::X0, Column::X]],
     }
 }
 

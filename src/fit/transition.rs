@@ -3,9 +3,12 @@
 //! χ² as a function of Λ is flat between two rows and rises in steps where Λ crosses one, so a slope leads nowhere. Rows are
 //! put in order of the impulse that would stop their slip, the gaps between them are tried one by one, all other
 //! parameters fitted anew in each; and the interval reaches out to where the least χ² is exceeded by what chance allows.
+//!
+//! The values of Λ are compared by the likelihood that is averaged over each row's true incidence ([`law::averaged`]): the
+//! least χ² itself is lower for any jump, by a little for each row near it.
 
 use super::data::{Data, demand};
-use super::law::{E, MU, PARAMETERS, Regimes, Theta};
+use super::law::{self, E, MU, PARAMETERS, Regimes, Theta};
 use super::observation::Observation;
 use super::search::{Found, Task};
 
@@ -14,6 +17,15 @@ const REFITTED: usize = 150;
 
 /// Gaps that are tried in one sweep.
 const GAPS: usize = 24;
+
+/// Gaps that are tried between two neighbours of those, of many rows, whose χ² is smooth there.
+const FINER: usize = 8;
+
+/// A difference of χ² that decides nothing.
+const FLAT: f64 = 0.05;
+
+/// A row that lies further than this many of its own deviations from the limit is on its side for certain.
+const FAR: f64 = 8.0;
 
 /// Gaps in a row that have to be out of question before the rest is taken to be.
 const OUT: usize = 4;
@@ -34,12 +46,15 @@ pub(super) struct Profile<'a> {
     /// Rows that change with Λ; the others only add a constant.
     rows: Vec<usize>,
     refit: bool,
+    /// What χ² is divided by to be that of rows that scatter as chance has it.
+    spread: f64,
 }
 
 impl<'a> Profile<'a> {
-    /// Around `theta`, the fit with the parameters in `free`.
-    pub fn new(data: &'a Data, free: [bool; PARAMETERS], theta: Theta) -> Self {
+    /// Around `theta`, the fit with the parameters in `free`; `spread` is the square of the rows' scatter.
+    pub fn new(data: &'a Data, free: [bool; PARAMETERS], theta: Theta, spread: f64) -> Self {
         Self {
+            spread,
             data,
             free,
             theta,
@@ -50,12 +65,7 @@ impl<'a> Profile<'a> {
 
     /// The fit with the limit at `limit`; friction in sliding does not exceed it.
     fn fitted(&self, limit: f64) -> Option<Found> {
-        let task = Task {
-            rows: &self.data.rows,
-            chosen: Some(&self.rows),
-            regimes: Regimes::Jump(limit),
-            free: self.free,
-        };
+        let task = self.task(limit);
         let found = task.search(self.theta)?;
         if found.theta[MU] * (1.0 + found.theta[E]) <= limit {
             return Some(found);
@@ -72,18 +82,27 @@ impl<'a> Profile<'a> {
         Some(found)
     }
 
-    /// Least χ² with the limit at `limit`, of the rows that it may move.
+    /// Least averaged χ² with the limit at `limit`, of the rows that it may move.
     fn chi2(&self, limit: f64) -> f64 {
-        if self.refit {
-            return self.fitted(limit).map_or(f64::INFINITY, |found| found.chi2);
-        }
-        let task = Task {
+        let theta = if self.refit {
+            match self.fitted(limit) {
+                Some(found) => found.theta,
+                None => return f64::INFINITY,
+            }
+        } else {
+            self.theta
+        };
+        self.task(limit).averaged(&theta, self.spread)
+    }
+
+    /// The rows that the limit may move, under a model that jumps at `limit`.
+    fn task(&self, limit: f64) -> Task<'_> {
+        Task {
             rows: &self.data.rows,
             chosen: Some(&self.rows),
             regimes: Regimes::Jump(limit),
             free: self.free,
-        };
-        task.chi2(&self.theta)
+        }
     }
 
     /// Values of Λ in the gaps between rows (at most [`GAPS`], from all over `between`), and below and above all of them.
@@ -104,7 +123,12 @@ impl<'a> Profile<'a> {
             .filter(|w| w[1] > w[0])
             .map(|w| 0.5 * (w[0] + w[1]))
             .collect();
-        let step = gaps.len().div_ceil(GAPS).max(1);
+        let most = if self.refit || between.is_none() {
+            GAPS
+        } else {
+            FINER
+        };
+        let step = gaps.len().div_ceil(most).max(1);
         gaps = gaps.into_iter().step_by(step).collect();
         let (low, high) = between.unwrap_or((0.5 * first, 2.0 * last));
         gaps.insert(0, low);
@@ -115,8 +139,53 @@ impl<'a> Profile<'a> {
     /// The best Λ with its fit to all rows. Any value in its gap is as good; it is the middle. `None` where χ² is no lower
     /// there than at `without`, by `gain` at least, and so needs no fit of many rows to find out.
     pub fn best(&mut self, without: f64, gain: f64) -> Option<(f64, Found)> {
+        // The other parameters of many rows stay where they are while Λ moves; so both take turns.
+        const TURNS: usize = 6;
+        let all: Vec<usize> = (0..self.data.rows.len()).collect();
+        let sample = self.rows.clone();
+        let mut best: Option<(f64, Found)> = None;
+        for turn in 0..TURNS {
+            self.rows.clone_from(&sample);
+            let limit = self.best_gap()?;
+            if turn == 0 && !self.refit {
+                // The rows between the two are those that change.
+                self.narrow((without.min(limit), without.max(limit)));
+                if !(self.chi2(without) - self.chi2(limit) > gain) {
+                    return None;
+                }
+            }
+            if best.as_ref().is_some_and(|(last, _)| *last == limit) {
+                break;
+            }
+            let whole = Profile {
+                rows: all.clone(),
+                refit: true,
+                data: self.data,
+                free: self.free,
+                theta: self.theta,
+                spread: self.spread,
+            };
+            let found = whole.fitted(limit)?;
+            let worse = |(last, before): &(f64, Found)| {
+                let chi2 = |limit, theta| whole.task(limit).averaged(theta, self.spread);
+                chi2(limit, &found.theta) >= chi2(*last, &before.theta)
+            };
+            if best.as_ref().is_some_and(worse) {
+                break;
+            }
+            best = Some((limit, found));
+            if self.refit {
+                break;
+            }
+            self.theta = found.theta;
+        }
+        best
+    }
+
+    /// The best Λ of all gaps, coarsely at first.
+    fn best_gap(&mut self) -> Option<f64> {
         let mut gaps = self.gaps(None);
-        let mut best = self.best_of(&gaps)?;
+        let mut best = self.best_of(&gaps).0?;
         while self.thinned(&gaps) {
             // Again, in the gaps between the neighbours of the best.
             let between = neighbours(&gaps, best.0);
@@ -126,24 +195,16 @@ impl<'a> Profile<'a> {
                 break;
             }
             gaps = finer;
-            best = self.best_of(&gaps).unwrap_or(best);
-        }
-        if !self.refit {
-            // The rows between the two are those that change.
-            self.narrow((without.min(best.0), without.max(best.0)));
-            if !(self.chi2(without) - self.chi2(best.0) > gain) {
-                return None;
+            let (Some(found), flat) = self.best_of(&gaps) else {
+                break;
+            };
+            best = found;
+            // Once rows' own errors blur what is left, no gap is better than the next.
+            if !self.refit && flat <= FLAT * self.spread {
+                break;
             }
         }
-        let all: Vec<usize> = (0..self.data.rows.len()).collect();
-        let whole = Profile {
-            rows: all,
-            refit: true,
-            data: self.data,
-            free: self.free,
-            theta: self.theta,
-        };
-        whole.fitted(best.0).map(|found| (best.0, found))
+        Some(best.0)
     }
 
     /// Whether `gaps` are not all there are between the first and the last of them.
@@ -155,22 +216,33 @@ impl<'a> Profile<'a> {
         self.data.rows.iter().filter(|row| within(row)).count() > gaps.len()
     }
 
-    fn best_of(&self, gaps: &[f64]) -> Option<(f64, f64)> {
-        gaps.iter()
+    /// The best gap with its χ², and how far above it the worst of all is.
+    fn best_of(&self, gaps: &[f64]) -> (Option<(f64, f64)>, f64) {
+        let tried: Vec<(f64, f64)> = gaps
+            .iter()
             .map(|&gap| (gap, self.chi2(gap)))
             .filter(|(_, chi2)| chi2.is_finite())
-            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .collect();
+        let best = tried.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+        let worst = tried
+            .iter()
+            .map(|tried| tried.1)
+            .fold(f64::NEG_INFINITY, f64::max);
+        (best, best.map_or(0.0, |best| worst - best.1))
     }
 
-    /// Takes in all rows that lie about between `low` and `high`, and leaves the others out, where there are many.
+    /// Takes in all rows that a limit between `low` and `high` may move, and leaves the others out, where there are many.
     fn narrow(&mut self, (low, high): (f64, f64)) {
         if self.refit {
             return;
         }
-        let margin = 0.5 * (high - low);
         let rows = &self.data.rows;
         self.rows = (0..rows.len())
-            .filter(|&i| (low - margin..=high + margin).contains(&demand(&rows[i], &self.theta)))
+            .filter(|&i| {
+                let (least, std) = law::margin(&rows[i], high, &self.theta);
+                let (most, _) = law::margin(&rows[i], low, &self.theta);
+                least <= FAR * std && most >= -FAR * std
+            })
             .collect();
     }
 

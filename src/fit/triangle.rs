@@ -33,10 +33,6 @@ impl Triangle {
     }
 
     /// Takes in a row of the Jacobian and its residual.
-    #[allow(
-        clippy::needless_range_loop,
-        reason = "indices of matrices, as in the formulas"
-    )]
     pub fn push(&mut self, mut row: [f64; PARAMETERS], mut residual: f64) {
         for j in 0..PARAMETERS {
             if row[j] == 0.0 {
@@ -47,10 +43,8 @@ impl Triangle {
             let (cos, sin) = (a / length, b / length);
             self.r[j][j] = length;
             row[j] = 0.0;
-            for k in j + 1..PARAMETERS {
-                let (upper, lower) = (self.r[j][k], row[k]);
-                self.r[j][k] = cos * upper + sin * lower;
-                row[k] = cos * lower - sin * upper;
+            for (above, below) in self.r[j].iter_mut().zip(&mut row).skip(j + 1) {
+                (*above, *below) = (cos * *above + sin * *below, cos * *below - sin * *above);
             }
             let (upper, lower) = (self.right[j], residual);
             self.right[j] = cos * upper + sin * lower;

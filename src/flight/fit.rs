@@ -223,6 +223,19 @@ impl ArcFit {
         }
     }
 
+    /// Speed on arc `k` at time `t`, plane units a second.
+    #[must_use]
+    pub fn speed(&self, k: usize, t: f64) -> f64 {
+        let p = self.parameters.as_slice();
+        match &self.forces {
+            Forces::Overhead(known) => known.speed(&overhead::flying(known, p, &self.times, k, t)),
+            _ => {
+                let m = motion(p, &self.times, k, t);
+                m.vr.hypot(m.vh)
+            }
+        }
+    }
+
     /// Motion on arc `k` at time `t` for any parameters of this fit's layout, in the calibrated plane (of a ball seen by
     /// a camera above: over the floor).
     #[must_use]
@@ -385,16 +398,37 @@ fn system(
     (matrix, right)
 }
 
-/// Shift of the place at `t` by a unit of drag, to first order: twice the integral of −|v| v along the parabola.
+/// Shift of the place at `t` by a unit of drag, to first order.
 fn drag_shift(parameters: &[f64], times: &[f64], k: usize, t: f64) -> (f64, f64) {
+    let m = pushed_by(parameters, times, k, t, |vr, vh| {
+        let speed = vr.hypot(vh);
+        (-speed * vr, -speed * vh)
+    });
+    (m.r, m.h)
+}
+
+/// What an acceleration `field` of the velocity (along r and h) adds to the motion on arc `k` from its mean time to `t`,
+/// to first order: its integrals along the parabola.
+#[must_use]
+pub fn pushed_by(
+    parameters: &[f64],
+    times: &[f64],
+    k: usize,
+    t: f64,
+    field: impl Fn(f64, f64) -> (f64, f64),
+) -> Motion {
     const PARTS: usize = 12;
     let (g, a) = (parameters[GRAVITY], &parameters[ARCS + 4 * k..ARCS + 4 * k + 4]);
     let dt = (t - times[k]) / PARTS as f64;
+    let mut sum = Motion {
+        r: 0.0,
+        h: 0.0,
+        vr: 0.0,
+        vh: 0.0,
+    };
     // ∫∫ f = ∫ (t - s) f(s) ds: Simpson's rule needs no second integration.
-    let (mut dr, mut dh) = (0.0, 0.0);
     for i in 0..=PARTS {
-        let s = i as f64 * dt;
-        let (vr, vh) = (a[1], a[3] - g * s);
+        let (fr, fh) = field(a[1], a[3] - g * i as f64 * dt);
         let weight = match i {
             0 | PARTS => 1.0,
             _ if i % 2 == 1 => 4.0,
@@ -402,11 +436,12 @@ fn drag_shift(parameters: &[f64], times: &[f64], k: usize, t: f64) -> (f64, f64)
         } * dt
             / 3.0;
         let lever = (PARTS - i) as f64 * dt;
-        let speed = vr.hypot(vh);
-        dr -= weight * lever * speed * vr;
-        dh -= weight * lever * speed * vh;
+        sum.r += weight * lever * fr;
+        sum.h += weight * lever * fh;
+        sum.vr += weight * fr;
+        sum.vh += weight * fh;
     }
-    (dr, dh)
+    sum
 }
 
 /// Motion on arc `k` at time `t` for any parameter vector of [`ArcFit`]'s layout.

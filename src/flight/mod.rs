@@ -485,6 +485,30 @@ impl Flight {
         median(&mut ratios).max(1.0)
     }
 
+    /// Mean speed over the ends and middles of the arcs, plane units/s.
+    #[must_use]
+    pub fn usual_speed(&self) -> f64 {
+        let speeds: Vec<f64> = self
+            .spans
+            .iter()
+            .enumerate()
+            .flat_map(|(k, s)| [s.0, 0.5 * (s.0 + s.1), s.1].map(|t| (k, t)))
+            .map(|(k, t)| self.fit.speed(k, t))
+            .collect();
+        speeds.iter().sum::<f64>() / speeds.len() as f64
+    }
+
+    /// The points in use as the fit had them.
+    #[must_use]
+    pub fn fit_points(&self) -> Vec<FitPoint> {
+        let used = self.points.iter().filter_map(|p| match p.use_ {
+            SpotUse::Used(arc) => Some((arc, &p.spot)),
+            _ => None,
+        });
+        used.map(|(arc, spot)| fit_point(spot, arc, &self.extra))
+            .collect()
+    }
+
     /// Number of points in use.
     #[must_use]
     pub fn used(&self) -> usize {
@@ -745,30 +769,29 @@ fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
     }
 }
 
-/// A spot as a sample for the fit.
-fn sample_of(spot: &Spot, extra: &Extra) -> Sample {
-    Sample {
-        t: spot.time_s,
-        r: spot.place.right,
-        h: spot.place.up,
-        weight: 1.0 / variance(spot, extra),
-        near: 0.0,
-        near_weight: 0.0,
-    }
-}
-
 fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &Extra) -> Vec<FitPoint> {
     track
         .iter()
         .zip(uses)
         .filter_map(|(&i, u)| match u {
-            SpotUse::Used(arc) => Some(FitPoint {
-                arc: *arc,
-                sample: sample_of(&spots[i], extra),
-            }),
+            SpotUse::Used(arc) => Some(fit_point(&spots[i], *arc, extra)),
             _ => None,
         })
         .collect()
+}
+
+fn fit_point(spot: &Spot, arc: usize, extra: &Extra) -> FitPoint {
+    FitPoint {
+        arc,
+        sample: Sample {
+            t: spot.time_s,
+            r: spot.place.right,
+            h: spot.place.up,
+            weight: 1.0 / variance(spot, extra),
+            near: 0.0,
+            near_weight: 0.0,
+        },
+    }
 }
 
 fn finish(

@@ -2,7 +2,7 @@
 //! against which it is seen. Also drag, which the same facts of the ball tell.
 
 use super::{Work, refine};
-use crate::bounce::impacts::AIR_DENSITY_KG_M3;
+use crate::bounce::air::{AIR_DENSITY_KG_M3, sphere_drag};
 use crate::calibration::{Optics, ScaleEvidence, View, Viewpoint};
 use crate::detect::centre::Centre;
 use crate::flight::fit::Forces;
@@ -12,12 +12,11 @@ use crate::flight::{Flight, FlightPoint, SpotUse};
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::quantity::Quantity;
 
-/// Drag coefficient of a smooth sphere between Reynolds numbers of 1e3 and 2e5 (Clift, Grace and Weber 1978), where
-/// balls of 1 to 10 cm at 0.5 to 20 m/s are.
-const SPHERE_DRAG: f64 = 0.45;
+/// A ball's speed where nothing is seen of it yet, m/s: drag hardly depends on it.
+const USUAL_SPEED_M_S: f64 = 2.0;
 
-/// Relative doubt of that drag: felt, seams, slower or smaller balls, thinner air.
-const SPHERE_DRAG_DOUBT: f64 = 0.2;
+/// Relative doubt of a sphere's drag: felt, seams, slower or smaller balls, thinner air.
+const SPHERE_DRAG_DOUBT: f64 = 0.15;
 
 /// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
@@ -74,18 +73,21 @@ impl Work<'_> {
     }
 
     /// Drag β and its standard uncertainty, 1 / plane unit, where the ball's size and mass tell it.
-    pub(super) fn drag(&self, metres_per_unit: Option<f64>) -> Option<(f64, f64)> {
-        let ball = &self.calibration.ball;
+    /// `speed` is that of the flight, plane units a second.
+    pub(super) fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<(f64, f64)> {
+        let (ball, scale) = (&self.calibration.ball, metres_per_unit?);
         let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
+        let coefficient = sphere_drag(radius_m, speed * scale);
         let beta =
-            AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m / (2.0 * mass_kg);
+            AIR_DENSITY_KG_M3 * coefficient * std::f64::consts::PI * radius_m * radius_m / (2.0 * mass_kg);
         // Metres a unit turn 1/m into 1/unit.
-        let per_unit = beta * metres_per_unit?;
+        let per_unit = beta * scale;
         Some((per_unit, SPHERE_DRAG_DOUBT * per_unit))
     }
 
     /// The camera above the floor, where its distance is known; without `metres_per_unit` as far as other scales tell.
-    pub(super) fn overhead(&self, metres_per_unit: Option<f64>) -> Option<Overhead> {
+    /// `flight` is what was found of it so far.
+    pub(super) fn overhead(&self, metres_per_unit: Option<f64>, flight: Option<&Flight>) -> Option<Overhead> {
         let c = self.calibration;
         let told = || Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
         let scale = metres_per_unit.or_else(told);
@@ -94,6 +96,7 @@ impl Work<'_> {
         let camera = self.viewpoint(unit)?;
         let height_m = camera.height * unit;
         let distance = c.distance_std_m.map_or(DISTANCE_PART, |s| s / height_m);
+        let speed = flight.map_or(USUAL_SPEED_M_S / unit, Flight::usual_speed);
         let gravity = c.gravity_std_m_s2.map_or(0.0, |s| s / c.gravity_m_s2);
         Some(Overhead {
             foot: camera.foot,
@@ -102,7 +105,7 @@ impl Work<'_> {
             fall_relative_std: distance.hypot(gravity),
             height: scale.map(|_| camera.height),
             contact: c.ball.radius_m.map(|r| r / height_m),
-            drag: self.drag(scale),
+            drag: self.drag(scale, speed),
             inertia_factor: c.ball.inertia_factor,
         })
     }

@@ -21,7 +21,7 @@ use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight, SpotUse};
 use crate::frames::timebase::TimeBase;
-use crate::frames::{FrameError, LumaRange};
+use crate::frames::{FrameError, FrameSource, LumaRange};
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::quantity::{Quantity, median};
 use camera::in_plane;
@@ -127,8 +127,8 @@ pub fn measure(
         source,
     };
     let map = calibration.rectification().map_err(misfit)?;
-    check_before_work(video, calibration, calibration_name, &misfit)?;
-    let seen = observe::observe(video, progress)?;
+    let source = opened(video, calibration, calibration_name, &misfit)?;
+    let seen = observe::observe(video, source, progress)?;
     if seen.stamps_s.len() < LEAST_FRAMES {
         return Err(MeasureError::NothingToSee {
             path: video.to_owned(),
@@ -143,13 +143,13 @@ pub fn measure(
     }
 }
 
-/// What can be refused without decoding the recording.
-fn check_before_work(
+/// The recording, where nothing speaks against it before it is decoded.
+fn opened(
     video: &Path,
     calibration: &Calibration,
     calibration_name: &str,
     misfit: &impl Fn(CalibrationError) -> MeasureError,
-) -> Result<(), MeasureError> {
+) -> Result<Box<dyn FrameSource + Send>, MeasureError> {
     let source = crate::frames::open(video)?;
     let info = source.info();
     calibration
@@ -164,7 +164,7 @@ fn check_before_work(
             calibration: calibration_name.to_owned(),
         });
     }
-    Ok(())
+    Ok(source)
 }
 
 /// A recording under measurement.
@@ -245,7 +245,7 @@ impl<'a> Work<'a> {
         let forces = if self.falls() {
             Forces::Fall
         } else {
-            self.overhead(None).map_or(Forces::None, Forces::Overhead)
+            self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
         };
         let flight = flight::find(&spots, forces)?;
         for p in &flight.points {
@@ -367,9 +367,11 @@ impl<'a> Work<'a> {
         let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok();
         let scale = scale.map(|s| s.value);
         if !self.falls() {
-            return self.overhead(scale).map_or(Forces::None, Forces::Overhead);
+            return self
+                .overhead(scale, Some(flight))
+                .map_or(Forces::None, Forces::Overhead);
         }
-        self.drag(scale)
+        self.drag(scale, flight.usual_speed())
             .map_or(Forces::Fall, |(drag, std)| Forces::FallWithDrag(drag, std))
     }
 

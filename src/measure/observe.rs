@@ -36,19 +36,23 @@ const SURVEY_FRAMES: usize = 15;
 /// 300 MB at 1080p.
 const CROPS_BUDGET_BYTES: usize = 80 << 20;
 
-/// Watches the whole recording.
+/// Watches the whole recording, opened as `source`.
 ///
 /// # Errors
 ///
 /// What stops the decoder, or a recording without frames.
-pub fn observe(video: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Observation, MeasureError> {
+pub fn observe(
+    video: &Path,
+    source: Box<dyn FrameSource + Send>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Observation, MeasureError> {
     progress(Progress::Survey);
+    // It decodes its first frames while the survey does its own.
+    let mut source = frames::ReadAhead::start(source)?;
     let survey: Vec<Luma> = frames::open_sparse(video, SURVEY_FRAMES)?
         .into_iter()
         .map(|f| f.luma)
         .collect();
-    let source = frames::open(video)?;
-    let mut source = frames::ReadAhead::start(source)?;
     let info = source.info().clone();
     let background = Background::from_survey(&survey).ok_or_else(|| MeasureError::NothingToSee {
         path: video.to_path_buf(),

@@ -105,12 +105,7 @@ pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
 
 /// The ball's radius and appearance from some of the flight's used points, spread over it.
 #[must_use]
-pub fn shared(
-    scenery: &Scenery<'_>,
-    found: &[Found],
-    flight: &Flight,
-    accuracy: Accuracy,
-) -> Option<Shared> {
+pub fn shared(scenery: &Scenery<'_>, found: &[Found], flight: &Flight, accuracy: Accuracy) -> Option<Shared> {
     let Scenery { seen, map, .. } = *scenery;
     let used: Vec<(&Sighting, Centre, f64)> = flight
         .points
@@ -340,8 +335,7 @@ fn guided(
     let close = |f: &Found, to: PixelPoint, gate: f64| f.centre.disc.centre.distance_px(to) < gate;
     fitted(scenery, sighting, &disc, shared, accuracy)
         .or_else(|| {
-            outlined(scenery, sighting, &disc, shared, accuracy)
-                .filter(|f| close(f, start, 0.5 * radius_px))
+            outlined(scenery, sighting, &disc, shared, accuracy).filter(|f| close(f, start, 0.5 * radius_px))
         })
         .filter(|f| close(f, there, gate))
 }

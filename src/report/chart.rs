@@ -2,8 +2,7 @@
 //!
 //! Shapes, dashes and widths carry the meaning; colour only helps, so that grey print loses nothing.
 
-use super::plots::{ARC, Axis, FINE, GRID, IMPACT, INK, PlotError, UNUSED, WIDTH};
-use plotters::coord::Shift;
+use super::plots::{ARC, Area, Axes, FINE, IMPACT, INK, Panel, PlotError, UNUSED, WIDTH, panel};
 use plotters::prelude::*;
 use std::ops::Range;
 
@@ -75,9 +74,6 @@ pub(super) struct Chart {
     pub residuals: Vec<Dot>,
 }
 
-type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
 impl Chart {
     /// The figure as a complete `<svg>` element.
     pub fn svg(&self) -> Result<String, PlotError> {
@@ -132,7 +128,7 @@ impl Chart {
             .fold(0.0, f64::max);
         let reach = if reach > 0.0 { 1.15 * reach } else { 1.0 };
         let range = -reach..reach;
-        let mut panel = self.panel(area, range.clone(), 3, "residual", true)?;
+        let mut panel = self.panel(area, range.clone(), 4, "residual", true)?;
         self.draw_transitions(&mut panel, &range)?;
         panel.draw_series(LineSeries::new(
             [(self.x.start, 0.0), (self.x.end, 0.0)],
@@ -155,34 +151,20 @@ impl Chart {
         area: &'a Area<'b>,
         y: Range<f64>,
         ticks: usize,
-        label: &str,
+        y_label: &str,
         axis: bool,
     ) -> Result<Panel<'a, 'b>, PlotError> {
-        let mut chart = ChartBuilder::on(area)
-            .margin_top(10 * FINE)
-            .margin_right(14 * FINE)
-            .margin_left(4 * FINE)
-            .set_label_area_size(LabelAreaPosition::Left, 74 * FINE)
-            .set_label_area_size(
-                LabelAreaPosition::Bottom,
-                if axis { AXIS_HEIGHT * FINE } else { 0 },
-            )
-            .build_cartesian_2d(Axis::new(self.x.clone(), 9), Axis::new(y, ticks))?;
-        let text = ("sans-serif", 16 * FINE).into_font().color(&INK);
-        let mut mesh = chart.configure_mesh();
-        mesh.max_light_lines(1)
-            .light_line_style(GRID.stroke_width(0))
-            .bold_line_style(GRID.stroke_width(8))
-            .axis_style(INK.stroke_width(9))
-            .label_style(text.clone())
-            .axis_desc_style(text)
-            .set_all_tick_mark_size(4 * FINE)
-            .y_desc(label);
-        if axis {
-            mesh.x_desc(self.x_label.clone());
-        }
-        mesh.draw()?;
-        Ok(chart)
+        let axes = Axes {
+            x: self.x.clone(),
+            y,
+            ticks,
+            x_label: axis.then_some(self.x_label.as_str()),
+            y_label,
+            above: 10,
+            left: 74,
+            below: AXIS_HEIGHT,
+        };
+        panel(area, axes)
     }
 
     fn draw_transitions(&self, panel: &mut Panel<'_, '_>, y: &Range<f64>) -> Result<(), PlotError> {

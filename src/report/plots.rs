@@ -321,12 +321,12 @@ impl ValueFormatter<f64> for Axis {
     }
 }
 
-type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 fn main_panel(area: &Area<'_>, data: &Data, time_axis: bool) -> Result<(), PlotError> {
     let label = format!("{} / {}", data.symbol, data.unit);
-    let mut panel = panel(area, data, data.value.clone(), 6, &label, time_axis)?;
+    let mut panel = time_panel(area, data, data.value.clone(), 6, &label, time_axis)?;
     draw_impacts(&mut panel, data, &data.value, true)?;
     let dot = data.dot();
     for point in &data.points {
@@ -340,7 +340,7 @@ fn main_panel(area: &Area<'_>, data: &Data, time_axis: bool) -> Result<(), PlotE
 
 fn residual_panel(area: &Area<'_>, data: &Data, reach: f64) -> Result<(), PlotError> {
     let label = format!("residual / {}", data.residual_unit);
-    let mut panel = panel(area, data, -reach..reach, 4, &label, true)?;
+    let mut panel = time_panel(area, data, -reach..reach, 4, &label, true)?;
     let time = &data.time;
     if let Some(band) = data.band.filter(|band| *band > 0.0) {
         let band = band.min(reach);
@@ -381,25 +381,30 @@ fn residual_panel(area: &Area<'_>, data: &Data, reach: f64) -> Result<(), PlotEr
     Ok(())
 }
 
+/// What a panel shows, and how much room its labels take in screen pixels.
+pub(super) struct Axes<'a> {
+    pub x: Range<f64>,
+    pub y: Range<f64>,
+    /// About how many on the ordinate.
+    pub ticks: usize,
+    /// `None` where another panel below has it.
+    pub x_label: Option<&'a str>,
+    pub y_label: &'a str,
+    pub above: u32,
+    pub left: u32,
+    pub below: u32,
+}
+
 /// Axes, ticks at round numbers and their labels.
-fn panel<'a, 'b>(
-    area: &'a Area<'b>,
-    data: &Data,
-    value: Range<f64>,
-    ticks: usize,
-    label: &str,
-    time_axis: bool,
-) -> Result<Panel<'a, 'b>, PlotError> {
+pub(super) fn panel<'a, 'b>(area: &'a Area<'b>, axes: Axes<'_>) -> Result<Panel<'a, 'b>, PlotError> {
+    let below = if axes.x_label.is_some() { axes.below } else { 0 };
     let mut chart = ChartBuilder::on(area)
-        .margin_top(12 * FINE)
+        .margin_top(axes.above * FINE)
         .margin_right(14 * FINE)
         .margin_left(4 * FINE)
-        .set_label_area_size(LabelAreaPosition::Left, 66 * FINE)
-        .set_label_area_size(
-            LabelAreaPosition::Bottom,
-            if time_axis { TIME_AXIS_HEIGHT * FINE } else { 0 },
-        )
-        .build_cartesian_2d(Axis::new(data.time.clone(), 9), Axis::new(value, ticks))?;
+        .set_label_area_size(LabelAreaPosition::Left, axes.left * FINE)
+        .set_label_area_size(LabelAreaPosition::Bottom, below * FINE)
+        .build_cartesian_2d(Axis::new(axes.x, 9), Axis::new(axes.y, axes.ticks))?;
     let text = ("sans-serif", 16 * FINE).into_font().color(&INK);
     let mut mesh = chart.configure_mesh();
     mesh.max_light_lines(1)
@@ -409,12 +414,33 @@ fn panel<'a, 'b>(
         .label_style(text.clone())
         .axis_desc_style(text)
         .set_all_tick_mark_size(4 * FINE)
-        .y_desc(label);
-    if time_axis {
-        mesh.x_desc("time / s");
+        .y_desc(axes.y_label);
+    if let Some(label) = axes.x_label {
+        mesh.x_desc(label);
     }
     mesh.draw()?;
     Ok(chart)
+}
+
+fn time_panel<'a, 'b>(
+    area: &'a Area<'b>,
+    data: &Data,
+    y: Range<f64>,
+    ticks: usize,
+    y_label: &str,
+    time_axis: bool,
+) -> Result<Panel<'a, 'b>, PlotError> {
+    let axes = Axes {
+        x: data.time.clone(),
+        y,
+        ticks,
+        x_label: time_axis.then_some("time / s"),
+        y_label,
+        above: 12,
+        left: 66,
+        below: TIME_AXIS_HEIGHT,
+    };
+    panel(area, axes)
 }
 
 fn draw_impacts(

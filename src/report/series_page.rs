@@ -7,18 +7,12 @@
 use super::page::{self, PageError, escape, symbol_html};
 use super::plots::PlotError;
 use super::series_figures::{self, Drawing, Figure, group_marker};
+use super::series_rows::{rows_table, to_copy};
 use super::series_table::{self, missing, model_rows, preferred};
-use super::words::{NO_VALUE, counted, format_quantity, trimmed};
+use super::words::{counted, format_quantity};
 use super::{chart::Marker, chart::Stroke};
-use crate::fit::coordinates::Coordinates;
-use crate::fit::{
-    Estimate, Fitted, GroupFit, ModelFit, Note, Parameter, Preferred, RowRegime, Series, SeriesFit,
-};
-use std::collections::HashMap;
+use crate::fit::{GroupFit, ModelFit, Note, Parameter, Preferred, Series, SeriesFit};
 use std::fmt::Write as _;
-
-/// Rows listed of a group; `fit.json` has all of them.
-const MOST_ROWS: usize = 300;
 
 /// The page, complete. Links of rows are relative to where it lies.
 ///
@@ -35,14 +29,25 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         page::STYLE
     );
     header(&mut page, fit, &name);
-    notes(&mut page, &fit.notes, "");
+    sections(&mut page, series, fit)?;
+    let _ = writeln!(
+        page,
+        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
+        env!("CARGO_PKG_VERSION")
+    );
+    Ok(page)
+}
+
+/// Everything between the head of the page and its foot.
+pub(super) fn sections(page: &mut String, series: &Series, fit: &SeriesFit) -> Result<(), PageError> {
+    notes(page, &fit.notes, "");
     for group in &fit.groups {
         let prefix = if fit.groups.len() > 1 {
             format!("group {}: ", group.name)
         } else {
             String::new()
         };
-        notes(&mut page, &group.notes, &prefix);
+        notes(page, &group.notes, &prefix);
     }
     let drawings: Vec<Drawing<'_>> = fit
         .groups
@@ -50,18 +55,13 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         .map(|group| Drawing::new(series, group))
         .collect();
     if fit.groups.len() > 1 {
-        overview(&mut page, fit, &drawings)?;
+        overview(page, fit, &drawings)?;
     }
     for (group, drawing) in fit.groups.iter().zip(&drawings) {
-        group_section(&mut page, series, fit, group, drawing)?;
+        group_section(page, series, fit, group, drawing)?;
     }
-    to_copy(&mut page, fit);
-    let _ = writeln!(
-        page,
-        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    );
-    Ok(page)
+    to_copy(page, fit);
+    Ok(())
 }
 
 /// The file's name, with its folder where it is a batch's `series.csv`.
@@ -339,7 +339,7 @@ fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -
             "<br>Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model.",
         );
         if drawing.spins_differ() {
-            text.push_str(" The rows differ in spin before the bounce: curves are for their median, residuals for each its own.");
+            text.push_str(" The rows differ in spin before the bounce: curves are for the commonest, residuals for each its own.");
         }
     }
     if drawing.every > 1 {
@@ -379,180 +379,110 @@ fn stroke_key(stroke: Stroke) -> String {
     )
 }
 
-fn rows_table(page: &mut String, series: &Series, fit: &SeriesFit, group: &GroupFit) {
-    if !group.rows_set_aside.is_empty() {
-        let _ = writeln!(
-            page,
-            "<h3>{} set aside</h3>\n<table class=\"facts\">",
-            counted(group.rows_set_aside.len() as u64, "row")
-        );
-        let names: HashMap<usize, &crate::fit::Row> =
-            series.rows.iter().map(|row| (row.number, row)).collect();
-        for aside in group.rows_set_aside.iter().take(MOST_ROWS) {
-            let label = names
-                .get(&aside.row)
-                .map_or_else(String::new, |row| recording(row));
-            let _ = writeln!(
-                page,
-                "<tr><th scope=\"row\">row {}</th><td>{label} {}</td></tr>",
-                aside.row,
-                escape(&aside.reason)
-            );
-        }
-        page.push_str("</table>\n");
-        more(page, group.rows_set_aside.len());
-    }
-    let Some(shown) = group.shown() else { return };
-    page.push_str(
-        "<h3>Rows in the fit</h3>\n<div class=\"scroll\"><table class=\"bounces rows\">\n<thead><tr>",
-    );
-    let labelled = group
-        .row_indices
-        .iter()
-        .any(|&i| series.rows[i].recording.is_some() || series.rows[i].page.is_some());
-    let mut heads = vec!["row"];
-    if labelled {
-        heads.push("recording");
-    }
-    heads.extend(["θ", "regime", "distance from the model"]);
-    for head in heads {
-        let _ = write!(page, "<th scope=\"col\">{head}</th>");
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for (place, &index) in group.row_indices.iter().enumerate().take(MOST_ROWS) {
-        let row = &series.rows[index];
-        let _ = write!(page, "<tr><td class=\"v\">{}</td>", row.number);
-        if labelled {
-            let _ = write!(page, "<td class=\"symbol\">{}</td>", recording(row));
-        }
-        let angle = Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None).map_or_else(
-            || NO_VALUE.to_owned(),
-            |c| format!("{:.2}°", c.incident_rad.value.to_degrees()),
-        );
-        let (regime, distance) = shown.rows.get(place).map_or((NO_VALUE, String::new()), |r| {
-            let regime = match r.regime {
-                RowRegime::Sliding => "slides",
-                RowRegime::Gripping => "grips",
-            };
-            (regime, distance(fit, shown, r.chi2))
-        });
-        let _ = writeln!(
-            page,
-            "<td class=\"v\">{angle}</td><td class=\"symbol\">{regime}</td><td class=\"symbol\">{distance}</td></tr>"
-        );
-    }
-    page.push_str("</tbody></table></div>\n");
-    more(page, group.row_indices.len());
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::{self, Column, Options, Row};
+    use crate::report::page::tests::assert_well_formed;
 
-/// How far a row lies from its model, in its own standard deviations, or (without) in the scatter of all rows.
-fn distance(fit: &SeriesFit, shown: &ModelFit, chi2: f64) -> String {
-    match fit.weights {
-        crate::fit::Weights::Stated => format!("{:.2} σ", chi2.sqrt()),
-        crate::fit::Weights::Unit if shown.scatter > 0.0 => {
-            format!("{:.2} × scatter", chi2.sqrt() / shown.scatter)
-        }
-        crate::fit::Weights::Unit => NO_VALUE.to_owned(),
-    }
-}
-
-fn more(page: &mut String, count: usize) {
-    if count > MOST_ROWS {
-        let _ = writeln!(
-            page,
-            "<p class=\"soft\">The first {MOST_ROWS} of {count}; fit.json has all of them.</p>"
-        );
-    }
-}
-
-/// The recording's name, linked to its page where that lies beside or below this one.
-fn recording(row: &crate::fit::Row) -> String {
-    let name = row
-        .recording
-        .as_deref()
-        .or(row.page.as_deref())
-        .unwrap_or_default();
-    match row.page.as_deref().filter(|page| is_relative(page)) {
-        Some(page) => format!("<a href=\"{}\">{}</a>", escape(&encoded(page)), escape(name)),
-        None => escape(name),
-    }
-}
-
-/// Whether a link stays on the user's own disk: no scheme, no host, no root.
-fn is_relative(link: &str) -> bool {
-    !link.is_empty() && !link.starts_with(['/', '\\']) && !link.contains(':')
-}
-
-/// A path as a link: what has a meaning of its own in an address is written by its number.
-fn encoded(path: &str) -> String {
-    let mut link = String::with_capacity(path.len());
-    for byte in path.bytes() {
-        if byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte) {
-            link.push(char::from(byte));
-        } else {
-            let _ = write!(link, "%{byte:02X}");
-        }
-    }
-    link
-}
-
-/// Every number of every model, plain, to be copied into a sheet.
-fn to_copy(page: &mut String, fit: &SeriesFit) {
-    page.push_str(
-        "<section>\n<h2>Parameters, to copy</h2>\n<div class=\"scroll\"><table class=\"copy\">\n<thead><tr><th>group</th>\
-         <th>model</th><th>preferred</th><th>parameter</th><th>value</th><th>std_uncertainty</th><th>from (95 %)</th>\
-         <th>to (95 %)</th></tr></thead>\n<tbody>\n",
-    );
-    for group in &fit.groups {
-        for model in &group.models {
-            let preferred = if group.preferred == Preferred::Model(model.name) {
-                "yes"
-            } else {
-                "no"
-            };
-            let mut line = |name: &str, fitted: &Fitted, factor: f64| {
-                let Some(Estimate {
-                    quantity,
-                    interval_95,
-                }) = fitted.estimate()
-                else {
-                    return;
-                };
-                let cell = |x: Option<f64>| x.map_or_else(String::new, |x| plain(factor * x));
-                let _ = writeln!(
-                    page,
-                    "<tr><td>{}</td><td>{}</td><td>{preferred}</td><td>{name}</td><td>{}</td><td>{}</td><td>{}</td>\
-                     <td>{}</td></tr>",
-                    escape(&group.name),
-                    model.name.name(),
-                    cell(Some(quantity.value)),
-                    cell(quantity.std_uncertainty),
-                    cell(interval_95.0),
-                    cell(interval_95.1),
-                );
-            };
-            for parameter in Parameter::ALL {
-                line(parameter.name(), model.parameter(parameter), 1.0);
+    /// A steel ball by angles and a superball by the same, two rows off, in two groups with links.
+    fn made(groups: &[&str]) -> (Series, SeriesFit) {
+        let mut rows = Vec::new();
+        for (g, group) in groups.iter().enumerate() {
+            for i in 0..12 {
+                let tangent = 0.2 + 0.12 * f64::from(i);
+                let slid = (tangent - 0.125) / 0.78;
+                let rebound = slid.max(tangent * 5.0 / 7.0 / 0.78) + if i == 5 && g == 0 { 0.2 } else { 0.0 };
+                let number = rows.len() + 1;
+                let mut row = Row::new(number, group)
+                    .with(Column::IncidentAngle, tangent.atan().to_degrees(), Some(0.1))
+                    .with(Column::ReboundAngle, rebound.atan().to_degrees(), Some(0.1))
+                    .with(Column::SpinRatio, 0.0, None);
+                row.recording = Some(format!("clip {number} <b>.mp4"));
+                row.page = Some(match i {
+                    0 => "results/clip 1 <b>.report.html".to_owned(),
+                    1 => "javascript:alert(1)".to_owned(),
+                    2 => "//host/page".to_owned(),
+                    _ => format!("results/clip{number}.report.html"),
+                });
+                rows.push(row);
             }
-            line(
-                "transition_angle_deg",
-                &model.transition.angle_rad,
-                1_f64.to_degrees(),
-            );
+        }
+        let series = Series::new("folder/series <x>.csv", rows, Vec::new()).unwrap();
+        let fit = fit::fit(
+            &series,
+            &Options {
+                court_temperature_c: Some(20.0),
+            },
+        );
+        (series, fit)
+    }
+
+    #[test]
+    fn a_page_is_whole_and_needs_nothing_from_outside() {
+        for groups in [&["all"][..], &["steel & <co>", "other"]] {
+            let (series, fit) = made(groups);
+            let page = report_html(&series, &fit).unwrap();
+            assert_well_formed(&page);
+            for forbidden in [
+                "<script",
+                "http",
+                "url(",
+                "@import",
+                "NaN",
+                "<b>",
+                "<co>",
+                "javascript",
+                "//host",
+            ] {
+                assert!(!page.contains(forbidden), "{forbidden}");
+            }
         }
     }
-    page.push_str("</tbody></table></div>\n</section>\n");
-}
 
-/// Seven digits, with a plain minus and point, as a spreadsheet reads them.
-fn plain(x: f64) -> String {
-    if x == 0.0 || !x.is_finite() {
-        return "0".to_owned();
+    #[test]
+    fn figures_tables_and_links_are_there() {
+        let (series, fit) = made(&["a", "b"]);
+        let page = report_html(&series, &fit).unwrap();
+        for expected in [
+            "Rebound against incidence",
+            "Spin after the bounce",
+            "Where the ball grips and where it slides",
+            "All groups",
+            "Group a",
+            "Parameters, to copy",
+            "1 row set aside",
+            "sliding begins",
+            "set aside",
+            "Court pace rating",
+            "<a href=\"results/clip%201%20%3Cb%3E.report.html\">clip 1 &lt;b&gt;.mp4</a>",
+            "<a href=\"results/clip4.report.html\">",
+            "transition_angle_deg",
+        ] {
+            assert!(page.contains(expected), "{expected}");
+        }
+        // Angles hold no distances.
+        assert!(!page.contains("<h3>Distances"));
+        let shown = page.matches("class=\"plot\"").count();
+        assert_eq!(shown, 2 + 2 * 3, "two of all groups, three of each");
     }
-    let places = 6.0 - x.abs().log10().floor();
-    if (0.0..=15.0).contains(&places) {
-        trimmed(x, places as usize)
-    } else {
-        format!("{x:.6e}")
+
+    #[test]
+    fn a_page_of_many_rows_stays_small() {
+        let rows = (0..5000)
+            .map(|i| {
+                let angle = 10.0 + 0.01 * f64::from(i);
+                Row::new(i as usize + 1, "all")
+                    .with(Column::IncidentAngle, angle, Some(0.1))
+                    .with(Column::ReboundAngle, 0.9 * angle, Some(0.1))
+                    .with(Column::SpinRatio, 0.0, None)
+            })
+            .collect();
+        let series = Series::new("many", rows, Vec::new()).unwrap();
+        let fit = fit::fit(&series, &Options::default());
+        let page = report_html(&series, &fit).unwrap();
+        assert_well_formed(&page);
+        assert!(page.contains("One row in 13 is drawn"));
+        assert!(page.len() < 1_500_000, "{}", page.len());
     }
 }

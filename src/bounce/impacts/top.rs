@@ -73,6 +73,7 @@ impl Scene<'_> {
             spin_in_m_s: None,
             spin_out_m_s: None,
             azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
+            correlations: Vec::new(),
         }
     }
 

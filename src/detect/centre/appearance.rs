@@ -66,13 +66,40 @@ pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson)
         .iter()
         .map(|e| e.disc.radius_px / e.magnification)
         .collect();
+    let outline_px = median(&mut radii)?;
+    // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
+    // its radius is then the better one.
+    let near = |a: &Appearance| {
+        (a.radius_px - outline_px).abs() < FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * outline_px)
+    };
+    learn_with(examples, &radii, longest_exposure_s, lesson, false)
+        .filter(near)
+        .or_else(|| learn_with(examples, &radii, longest_exposure_s, lesson, true))
+}
+
+/// A radius further than this from the outlines' is no radius, px and part of it.
+const FAR_FROM_OUTLINE_PX: f64 = 1.0;
+const FAR_FROM_OUTLINE: f64 = 0.2;
+
+/// An outline is at half of the edge's height, which shading and blur put up to this far from the rim, px.
+const OUTLINE_STD_PX: f64 = 0.2;
+
+/// The same with the median of the outlines' `radii` held or not.
+fn learn_with(
+    examples: &[Example<'_>],
+    radii: &[f64],
+    longest_exposure_s: f64,
+    lesson: &Lesson,
+    radius_held: bool,
+) -> Option<Appearance> {
     let start = Shared {
-        radius_px: median(&mut radii)?,
+        radius_px: median(&mut radii.to_vec())?,
+        radius_held,
         blur_px: USUAL_BLUR_PX,
         exposure_s: 0.0,
         terms: vec![0.0; TERM_LEVELS[0]],
     };
-    let spread_px = spread_px(&radii, start.radius_px);
+    let spread_px = spread_px(radii, start.radius_px);
     let loose_size_px = spread_px.max(LOOSE_SIZE * start.radius_px);
     let mut frames: Vec<Studied> = examples.iter().map(Studied::new).collect();
     let mut shared = first_look(&frames, &start, longest_exposure_s, lesson)?;
@@ -91,9 +118,11 @@ pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson)
         let spread = study(&mut frames, &ball, lesson);
         scatter = spread.scatter;
         // The usual ball is the middle one; its picture is learned again with that.
-        shared.radius_px += spread.middle_size_px;
-        for f in &mut frames {
-            f.departures[SIZE] -= spread.middle_size_px;
+        if !radius_held {
+            shared.radius_px += spread.middle_size_px;
+            for f in &mut frames {
+                f.departures[SIZE] -= spread.middle_size_px;
+            }
         }
         best = Some(Appearance { scatter, ..ball });
     }
@@ -148,6 +177,8 @@ impl<'a> Studied<'a> {
 #[derive(Debug, Clone)]
 struct Shared {
     radius_px: f64,
+    /// The radius is not fitted.
+    radius_held: bool,
     blur_px: f64,
     exposure_s: f64,
     terms: Vec<f64>,
@@ -331,6 +362,9 @@ impl Pool {
             } else if shared.exposure_s == 0.0 {
                 equations.hold(&[EXPOSURE]);
             }
+            if shared.radius_held {
+                equations.hold(&[RADIUS]);
+            }
             let change = equations.solve()?;
             scale = equations.scale;
             let clip = |x: f64, most: f64| x.clamp(-most, most);
@@ -361,7 +395,11 @@ impl Pool {
         let equations = last?;
         Some(Self {
             shift,
-            radius_std_px: equations.std(RADIUS),
+            radius_std_px: if shared.radius_held {
+                Some(OUTLINE_STD_PX)
+            } else {
+                equations.std(RADIUS)
+            },
             residuals: equations.residuals,
             scale,
         })
@@ -428,9 +466,8 @@ fn tables(
         .collect();
     let of_class = |class: i32| {
         let magnification = (SIZE_CLASS * f64::from(class)).exp();
-        let profiles = |radius_px: f64, blur_px: f64| {
-            lesson.effort.profiles(magnification * radius_px, blur_px)
-        };
+        let profiles =
+            |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
         let usual = profiles(shared.radius_px, shared.blur_px);
         Tables {
             magnification,

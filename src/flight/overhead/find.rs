@@ -3,11 +3,11 @@
 use super::super::segment::{self, Fall, Sample};
 use super::super::{
     Flight, LEAST_JUMP, MOST_ENERGY_GAIN, MOST_SCATTER, SpotUse, Track, finish, fit_and_set_aside,
-    larger_part, longest_chain, median, sample_of,
+    larger_part, longest_chain, median,
 };
 use super::segment::Sums;
 use super::{Flying, Layout, Overhead, flying};
-use crate::flight::fit::{ArcFit, FitPoint, Forces};
+use crate::flight::fit::{ArcFit, Forces};
 use crate::flight::linking::Spot;
 use crate::quantity::Quantity;
 use std::ops::Range;
@@ -224,20 +224,11 @@ pub fn fall_seen(flight: &Flight) -> Option<Quantity> {
     let Forces::Overhead(known) = flight.fit.forces else {
         return None;
     };
-    let points: Vec<FitPoint> = flight
-        .points
-        .iter()
-        .filter_map(|p| {
-            let SpotUse::Used(arc) = p.use_ else { return None };
-            let sample = sample_of(&p.spot, &flight.extra);
-            Some(FitPoint { arc, sample })
-        })
-        .collect();
     let open = Overhead {
         fall_relative_std: OPEN_FALL,
         ..known
     };
-    let fit = ArcFit::new(&points, flight.fit.arcs(), Forces::Overhead(open))?;
+    let fit = ArcFit::new(&flight.fit_points(), flight.fit.arcs(), Forces::Overhead(open))?;
     let i = Layout::new(fit.arcs()).fall();
     let (ratio, std) = (fit.parameters[i].exp(), fit.covariance[(i, i)].max(0.0).sqrt());
     // Hardly better than what was assumed: the flight does not tell.

@@ -152,7 +152,12 @@ pub fn response(
         .collect();
     let system = |points: &[FitPoint]| {
         let mut job = Job::new(points, arcs, known, drag)?;
-        job.take_doubts(parameters, known.drag.map_or(parameters[DRAG].clamp(0.1 * light, light), |d| d.0));
+        job.take_doubts(
+            parameters,
+            known
+                .drag
+                .map_or(parameters[DRAG].clamp(0.1 * light, light), |d| d.0),
+        );
         Some(job.system(parameters))
     };
     // The slopes are the same; what is left to explain differs by the shifts alone.

@@ -123,7 +123,10 @@ mod tests {
         let [before, after] = spins(&known, &p, &times, 0);
         // The lowest point slid forwards and to the right.
         assert!((before[0] + SLIP * 300.0 * 3.5).abs() < 1e-9, "{before:?}");
-        assert!((before[1] - (1000.0 - SLIP * 200.0 * 3.5)).abs() < 1e-9, "{before:?}");
+        assert!(
+            (before[1] - (1000.0 - SLIP * 200.0 * 3.5)).abs() < 1e-9,
+            "{before:?}"
+        );
         assert!((after[0] - before[0] - 750.0).abs() < 1e-9 && (after[1] - before[1] - 500.0).abs() < 1e-9);
         let lifts = expected(&known, &p, &times, 1e-5);
         assert!(lifts[0].mean[0] < 0.0 && lifts[0].mean[0].abs() < 0.5 * 1e-5 / SPHERE_DRAG * 1100.0);

@@ -64,6 +64,12 @@ impl Overhead {
         self.height.unwrap_or(1.0)
     }
 
+    /// Speed, plane units a second.
+    #[must_use]
+    pub fn speed(&self, flying: &Flying) -> f64 {
+        flying.speed(self.camera_height())
+    }
+
     /// R, plane units.
     fn radius(&self) -> f64 {
         self.touching() * self.camera_height()

@@ -1,0 +1,395 @@
+//! Robust fits of the models: what the bulk of the rows says, whatever some of them do.
+//!
+//! Least trimmed squares (Rousseeuw 1984) over three fifths of the rows, with concentration steps from many starts; then all
+//! rows within reach of the fit; and each of the others is taken back if the fit with it is no worse than chance.
+
+use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
+use super::data::{Data, demand};
+use super::law::{E, MU, Nearest, PARAMETERS, Regimes, Theta};
+use super::observation::Observation;
+use super::result::ModelName;
+use super::search::{Found, Task};
+use super::series::Weights;
+use super::starts;
+
+/// Probability that a good series loses a row.
+pub(super) const FALSE_ALARM: f64 = 0.001;
+
+/// Part of the rows of the trimmed fit.
+const CORE: f64 = 0.6;
+
+/// With fewer equations than this, a fifth of the rows may be set aside, and only if the rest fits as its deviations say: a
+/// model with three parameters describes most of a handful of rows even where it is wrong.
+const HANDFUL: usize = 20;
+
+/// Part of more rows that may be set aside.
+const MOST_OUT: f64 = 1.0 / 3.0;
+
+/// Rows up to which each one that sticks out is tried in the fit.
+const TRIED: usize = 200;
+
+/// A robust fit of one model.
+pub(super) struct Robust {
+    pub name: ModelName,
+    regimes: Regimes,
+    free: [bool; PARAMETERS],
+    pub theta: Theta,
+    /// Share of each row of the sample in χ².
+    shares: Vec<f64>,
+}
+
+/// Each model's robust fit, those with a jump apart, and by how much the bulk of the rows scatters around the best of them
+/// (a factor on variances; without deviations, their variance).
+pub(super) fn best_fits(data: &Data) -> Option<(Vec<Robust>, f64)> {
+    let mut fits: Vec<Vec<Robust>> = variants(data)
+        .into_iter()
+        .map(|(name, regimes, free)| {
+            robust(
+                data,
+                name,
+                regimes,
+                free,
+                starts::candidates(data, &data.sample, &free),
+                6,
+            )
+        })
+        .collect();
+    fits.push(robust_jumps(data));
+    let spread = fits
+        .iter()
+        .flatten()
+        .map(|fit| spread_of(data, fit))
+        .fold(f64::INFINITY, f64::min);
+    if !spread.is_finite() {
+        return None;
+    }
+    // Many fits share their core; the one that reaches furthest beyond it is the model's.
+    let cap = spread * chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
+    let cost = |fit: &Robust| fit.shares.iter().map(|share| share.min(cap)).sum::<f64>();
+    let mut fits: Vec<Robust> = fits
+        .into_iter()
+        .filter_map(|of_a_model| of_a_model.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b))))
+        .collect();
+    for fit in &mut fits {
+        place_limit(data, fit, cap);
+    }
+    Some((fits, spread))
+}
+
+fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
+    let ratio = data.shared_spin;
+    vec![
+        (ModelName::MuE, Regimes::Continuous, [true, false, true, ratio]),
+        (ModelName::EE, Regimes::Grip, [true, true, false, ratio]),
+        (
+            ModelName::GripSlide,
+            Regimes::Continuous,
+            [true, true, true, ratio],
+        ),
+    ]
+}
+
+impl Robust {
+    /// Static friction is not below friction.
+    fn is_possible(&self) -> bool {
+        match self.regimes {
+            Regimes::Jump(limit) => self.friction_share() <= limit,
+            _ => true,
+        }
+    }
+
+    /// μ (1 + e).
+    fn friction_share(&self) -> f64 {
+        self.theta[MU] * (1.0 + self.theta[E])
+    }
+
+    pub fn task<'a>(&self, data: &'a Data, chosen: Option<&'a [usize]>) -> Task<'a> {
+        Task {
+            rows: &data.rows,
+            chosen,
+            regimes: self.regimes,
+            free: self.free,
+        }
+    }
+}
+
+fn core_size(rows: usize) -> usize {
+    ((CORE * rows as f64).ceil() as usize).clamp(1, rows.max(1))
+}
+
+/// Least trimmed squares on the sample, from the best of the starts.
+fn robust(
+    data: &Data,
+    name: ModelName,
+    regimes: Regimes,
+    free: [bool; PARAMETERS],
+    starts: Vec<Theta>,
+    followed: usize,
+) -> Vec<Robust> {
+    let task = Task {
+        rows: &data.rows,
+        chosen: Some(&data.sample),
+        regimes,
+        free,
+    };
+    let starts = starts::best(&task, starts, CORE, followed);
+    starts
+        .into_iter()
+        .filter_map(|start| concentrate(data, &task, start))
+        .map(|(theta, shares)| Robust {
+            name,
+            regimes,
+            free,
+            theta,
+            shares,
+        })
+        .collect()
+}
+
+/// The jumping μ-e model, its limit in one gap between rows after the other.
+fn robust_jumps(data: &Data) -> Vec<Robust> {
+    const GAPS: usize = 20;
+    let free = [true, false, true, data.shared_spin];
+    let mut demands: Vec<f64> = data
+        .sample
+        .iter()
+        .map(|&i| demand(&data.rows[i], &[0.0; PARAMETERS]))
+        .collect();
+    demands.retain(|d| d.is_finite());
+    demands.sort_by(f64::total_cmp);
+    let gaps: Vec<f64> = demands.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
+    let step = gaps.len().div_ceil(GAPS).max(1);
+    let starts = starts::candidates(data, &data.sample, &free);
+    gaps.iter()
+        .step_by(step)
+        .flat_map(|&gap| robust(data, ModelName::MuE, Regimes::Jump(gap), free, starts.clone(), 2))
+        .filter(Robust::is_possible)
+        .collect()
+}
+
+/// Moves the limit of a jumping model to where the rows around it fit best, gap by gap: every row counts, but none more
+/// than `cap`.
+fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
+    const GAPS: usize = 30;
+    let Regimes::Jump(mut limit) = fit.regimes else {
+        return;
+    };
+    let mut demands: Vec<(f64, usize)> = data
+        .rows
+        .iter()
+        .enumerate()
+        .map(|(i, row)| (demand(row, &fit.theta), i))
+        .collect();
+    demands.retain(|d| d.0.is_finite());
+    demands.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut around = 0..demands.len();
+    loop {
+        let inside = &demands[around.clone()];
+        let step = inside.len().div_ceil(GAPS).max(1);
+        let rows: Vec<usize> = inside.iter().map(|d| d.1).collect();
+        let cost = |limit: f64| {
+            let task = Task {
+                regimes: Regimes::Jump(limit),
+                ..fit.task(data, Some(&rows))
+            };
+            shares(&task, &fit.theta)
+                .iter()
+                .map(|share| share.min(cap))
+                .sum::<f64>()
+        };
+        let best = inside
+            .windows(2)
+            .enumerate()
+            .step_by(step)
+            .map(|(place, pair)| (place, 0.5 * (pair[0].0 + pair[1].0)))
+            .filter(|(_, gap)| *gap >= fit.friction_share())
+            .chain([(0, limit)])
+            .map(|(place, gap)| (cost(gap), place, gap))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, place, gap)) = best else { break };
+        limit = gap;
+        if step == 1 {
+            break;
+        }
+        let place = if inside.get(place).is_some_and(|d| d.0 <= gap) {
+            around.start + place
+        } else {
+            around.start + inside.partition_point(|d| d.0 <= gap)
+        };
+        let narrower = place.saturating_sub(2 * step)..(place + 2 * step).min(demands.len());
+        if narrower.len() >= around.len() {
+            break;
+        }
+        around = narrower;
+    }
+    fit.regimes = Regimes::Jump(limit);
+}
+
+/// Fits the rows that fit best, takes those that then fit best, and so on until they stay.
+fn concentrate(data: &Data, task: &Task<'_>, start: Theta) -> Option<(Theta, Vec<f64>)> {
+    let mut theta = start;
+    let mut before: Vec<usize> = Vec::new();
+    for _ in 0..10 {
+        let shares = shares(task, &theta);
+        let mut order: Vec<usize> = (0..shares.len()).collect();
+        order.sort_by(|&a, &b| shares[a].total_cmp(&shares[b]));
+        let mut core: Vec<usize> = order[..core_size(order.len())]
+            .iter()
+            .map(|&i| data.sample[i])
+            .collect();
+        core.sort_unstable();
+        if core == before {
+            break;
+        }
+        let inner = Task {
+            chosen: Some(&core),
+            ..task.clone()
+        };
+        theta = inner.search(theta)?.theta;
+        before = core;
+    }
+    Some((theta, shares(task, &theta)))
+}
+
+fn shares(task: &Task<'_>, theta: &Theta) -> Vec<f64> {
+    task.rows()
+        .map(|row| task.nearest(row, theta).map_or(f64::INFINITY, |n| n.chi2))
+        .collect()
+}
+
+/// By how much the bulk of the rows scatters more than stated (a factor on variances); without deviations, their variance.
+fn spread_of(data: &Data, fit: &Robust) -> f64 {
+    let mut sorted: Vec<f64> = data
+        .sample
+        .iter()
+        .zip(&fit.shares)
+        .map(|(&i, share)| share / MEDIANS[data.rows[i].equations() - 1])
+        .collect();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    match data.weights {
+        Weights::Stated => median.max(1.0),
+        Weights::Unit => median.max(data.rounding),
+    }
+}
+
+fn few(data: &Data) -> bool {
+    data.equations() < HANDFUL
+}
+
+fn most_out(data: &Data) -> usize {
+    let rows = data.rows.len();
+    if few(data) {
+        rows / 5
+    } else {
+        (MOST_OUT * rows as f64) as usize
+    }
+}
+
+/// The rows that lie beyond chance of the robust fit, which is improved on the way; `None` where the model does not
+/// describe the bulk of them.
+pub(super) fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>> {
+    let mut out = vec![false; data.rows.len()];
+    let mut spread = spread;
+    for _ in 0..6 {
+        let limit = reach(data, &out, spread, fit);
+        let now = beyond(data, fit, limit);
+        let count = now.iter().filter(|o| **o).count();
+        if count > most_out(data) {
+            return None;
+        }
+        let same = now == out;
+        out = now;
+        // Of many rows, a sample tells what the bulk does.
+        let kept: Vec<usize> = data.sample.iter().copied().filter(|&i| !out[i]).collect();
+        let found = fit.task(data, Some(&kept)).search(fit.theta)?;
+        fit.theta = found.theta;
+        spread = spread_of_kept(data, &kept, &found, fit);
+        if data.weights == Weights::Stated && few(data) && spread > 1.0 {
+            return None;
+        }
+        if same {
+            break;
+        }
+    }
+    if !fit.is_possible() {
+        return None;
+    }
+    if data.rows.len() <= TRIED {
+        take_back(data, fit, &mut out, spread);
+    }
+    Some(out)
+}
+
+/// The rows whose χ² is beyond `limit`, for one equation.
+fn beyond(data: &Data, fit: &Robust, limit: f64) -> Vec<bool> {
+    let within = |near: &Nearest, row: &Observation| near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1];
+    match fit.task(data, None).all_nearest(&fit.theta) {
+        Some(nearest) => nearest
+            .iter()
+            .zip(&data.rows)
+            .map(|(near, row)| !within(near, row))
+            .collect(),
+        None => vec![true; data.rows.len()],
+    }
+}
+
+/// The scatter of the rows that a fit was made on.
+fn spread_of_kept(data: &Data, kept: &[usize], found: &Found, fit: &Robust) -> f64 {
+    let equations: usize = kept.iter().map(|&i| data.rows[i].equations()).sum();
+    let freedom = equations.saturating_sub(fit.free.iter().filter(|f| **f).count());
+    criteria::scatter(data, found.chi2, freedom).map_or(f64::INFINITY, |s| s * s)
+}
+
+/// χ² of a row from which on it is beyond chance, for one equation.
+fn reach(data: &Data, out: &[bool], spread: f64, fit: &Robust) -> f64 {
+    let tail = FALSE_ALARM / data.rows.len() as f64;
+    match data.weights {
+        Weights::Stated => spread * chi2_quantile(tail, 1),
+        Weights::Unit => {
+            let kept = data.rows.iter().zip(out).filter(|(_, out)| !**out);
+            let equations: usize = kept.map(|(row, _)| row.equations()).sum();
+            let parameters = fit.free.iter().filter(|f| **f).count() + 1;
+            spread * f_quantile(tail, 1, equations.saturating_sub(parameters))
+        }
+    }
+}
+
+/// Takes rows back one by one, the nearest first, if a fit with them is no worse than chance: a row that alone fixes a
+/// parameter is far from a fit that does not know it.
+fn take_back(data: &Data, fit: &mut Robust, out: &mut [bool], spread: f64) {
+    loop {
+        let kept: Vec<usize> = (0..out.len()).filter(|&i| !out[i]).collect();
+        let Some(without) = fit.task(data, Some(&kept)).search(fit.theta) else {
+            return;
+        };
+        fit.theta = without.theta;
+        let limit = reach(data, out, spread, fit);
+        let nearest = (0..out.len())
+            .filter(|&i| out[i])
+            .filter_map(|i| {
+                let mut with = kept.clone();
+                with.insert(with.partition_point(|&k| k < i), i);
+                let found = best_with(data, fit, &with, without.theta)?;
+                let costs = (found.chi2 - without.chi2) / TAIL_RATIOS[data.rows[i].equations() - 1];
+                Some((costs, i, found.theta))
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        match nearest {
+            Some((costs, i, theta)) if costs <= limit => {
+                out[i] = false;
+                fit.theta = theta;
+            }
+            _ => return,
+        }
+    }
+}
+
+/// The fit with a row more, from where it was, and (for few rows) from everywhere.
+fn best_with(data: &Data, fit: &Robust, rows: &[usize], from: Theta) -> Option<Found> {
+    if rows.len() <= 40 && !matches!(fit.regimes, Regimes::Jump(_)) {
+        super::models::search(data, rows, fit.regimes, fit.free, &[from])
+    } else {
+        fit.task(data, Some(rows)).search(from)
+    }
+}
