@@ -167,6 +167,12 @@ fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value)
     if VELOCITIES.iter().any(&unknown) {
         return Some("not all of its velocities are known (a view from above has none upwards)".to_owned());
     }
+    if !unknown(&"/azimuth_deg") {
+        return Some(
+            "seen from above: a spin to the side may have turned it, which a series of launches has not"
+                .to_owned(),
+        );
+    }
     let warned = |code: &str| {
         let all = result["warnings"].as_array();
         all.is_some_and(|all| all.iter().any(|w| w["code"] == code))
@@ -281,6 +287,10 @@ mod tests {
         let s = series(&above, &c);
         assert_eq!((s.rows.len(), s.set_aside[0].row), (1, 1));
         assert!(s.set_aside[0].reason.contains("view from above"));
+
+        let mut near = result();
+        near["bounces"][0]["azimuth_deg"] = json!({"value": 3.0, "std_uncertainty": 0.1});
+        assert!(series(&near, &c).set_aside[0].reason.contains("seen from above"));
 
         let mut missed = result();
         missed["warnings"] = json!([{"code": "first_impact_unsure", "message": ""}]);

@@ -5,9 +5,11 @@ use super::propagate::{Evidence, Outputs};
 use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
 use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
-use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, meeting, motion, return_time};
+use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion, return_time};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
+
+mod top;
 
 /// The measured motion with everything that turns it into metres.
 #[derive(Debug)]
@@ -138,7 +140,7 @@ impl<'a> Scene<'a> {
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
-        let vr = fit.motion(0, fit.times[0]).vr;
+        let vr = fit.in_plane(fit.parameters.as_slice(), 0, fit.times[0]).vr;
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
         let zero_right = if calibration.has_origin() {
@@ -221,7 +223,10 @@ impl<'a> Scene<'a> {
     /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
     fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
         let times = &self.flight.fit.times;
-        let (free, lift) = (motion(p, times, k, t), self.lift.motion(p, times, k, t));
+        let (free, lift) = (
+            self.flight.fit.in_plane(p, k, t),
+            self.lift.motion(p, times, k, t),
+        );
         let m = Motion {
             r: free.r + lift.r,
             h: free.h + lift.h,
@@ -243,7 +248,7 @@ impl<'a> Scene<'a> {
     }
 
     fn impact_time(&self, p: &[f64], k: usize) -> f64 {
-        meeting(p, &self.flight.fit.times, k, k + 1).map_or(f64::NAN, |m| m.0)
+        self.flight.fit.impact_time(p, k).unwrap_or(f64::NAN)
     }
 
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
@@ -253,7 +258,8 @@ impl<'a> Scene<'a> {
         let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - touch_s));
         // What comes back more slowly takes longer to let go, up to twice as long.
         let slower = (-before.vh / self.world(p, k + 1, t).vh).clamp(1.0, 2.0);
-        let release_s = touch_s * if slower.is_finite() { slower } else { 1.0 };
+        let told = slower.is_finite() && self.calibration.view == View::Side;
+        let release_s = touch_s * if told { slower } else { 1.0 };
         let after = self.pushed(
             p,
             k + 1,
@@ -265,7 +271,11 @@ impl<'a> Scene<'a> {
 
     /// The motion with what lift beyond its law may have changed in the speed along x, and drag beyond its law in both: a
     /// constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
+    /// (Seen from above by a near camera, the arcs have a lift of their own.)
     fn pushed(&self, p: &[f64], arc: usize, (lift, drag): (usize, usize), m: Motion) -> Motion {
+        if matches!(self.flight.fit.forces, Forces::Overhead(_)) {
+            return m;
+        }
         let drag_per_m = p[DRAG] / self.scale(p);
         let (from, to) = self.flight.spans[arc];
         let speed = m.vr.hypot(m.vh);
@@ -339,6 +349,7 @@ impl<'a> Scene<'a> {
             let history = unbroken.then(|| &floors[..i]);
             let bounce = match self.calibration.view {
                 View::Side => self.side_bounce(k, history),
+                View::Top if self.bend().is_some() => top::all_without_doubt(&self.top_bounce(k)),
                 View::Top => self.top_bounce(k),
             };
             if gains(&bounce) {
@@ -428,51 +439,22 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
-    /// (towards +y, seen from above) positive.
-    fn top_bounce(&self, k: usize) -> Bounce {
-        let out = self.evidence.outputs(|p| {
-            let (t, a, b) = self.impact(p, k);
-            // Mirrored back, so that a turn to the left stays one for a launch to the left.
-            let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
-            let speed = ax.hypot(a.vh);
-            let along = (bx * ax + b.vh * a.vh) / speed;
-            let across = (ax * b.vh - a.vh * bx) / speed;
-            vec![
-                t,
-                0.5 * (a.r + b.r),
-                speed,
-                along,
-                along / speed,
-                across.atan2(along),
-            ]
-        });
-        let moving = out.stands_out(2, DIRECTION_SIGMAS);
-        let flat = |i| Leg {
-            vx_m_s: out.quantity(i),
-            vz_m_s: None,
-            angle_rad: None,
-        };
-        Bounce {
-            time_s: out.quantity(0),
-            x_m: out.quantity(1),
-            incident: flat(2),
-            rebound: flat(3),
-            restitution: None,
-            tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
-            friction: None,
-            tangential_restitution: None,
-            spin_in_m_s: None,
-            spin_out_m_s: None,
-            azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
-            correlations: Vec::new(),
-        }
-    }
-
     /// x0 from the edge to the first bounce, x from the first to the second (seen, or where the rebound's arc comes
     /// down to the first impact's height). `bounces` by [`Self::bounces`].
     #[must_use]
     pub fn distances(&self, bounces: &[(usize, Bounce)]) -> Distances {
+        let found = self.distances_of(bounces);
+        if self.bend().is_some() {
+            return Distances {
+                x0_m: found.x0_m.and_then(top::without_doubt),
+                x_m: found.x_m.and_then(top::without_doubt),
+                ..found
+            };
+        }
+        found
+    }
+
+    fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
         let Some(&(first, _)) = bounces.first() else {
             return Distances::default();
         };

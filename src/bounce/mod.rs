@@ -20,9 +20,9 @@ use crate::quantity::Quantity;
 pub struct Leg {
     /// Along the launch, m/s.
     pub vx_m_s: Option<Quantity>,
-    /// Up, m/s (negative going down); `None` in a top view.
+    /// Up, m/s (negative going down); `None` in a top view, unless the camera is near enough to tell.
     pub vz_m_s: Option<Quantity>,
-    /// From the vertical, positive along the incident direction of motion, rad; `None` in a top view.
+    /// From the vertical, positive along the incident direction of motion, rad; `None` where `vz_m_s` is.
     pub angle_rad: Option<Quantity>,
 }
 
@@ -88,7 +88,7 @@ pub struct Bounce {
     pub restitution: Option<Quantity>,
     /// vx after / vx before.
     pub tangential_ratio: Option<Quantity>,
-    /// |change of vx| / (|vz| (1 + e)).
+    /// |change of vx| / (|vz| (1 + e)); in a top view of the whole horizontal velocity.
     pub friction: Option<Quantity>,
     /// e_x for the given or assumed spin before.
     pub tangential_restitution: Option<Quantity>,

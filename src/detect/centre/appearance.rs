@@ -13,6 +13,7 @@ use super::known_ball::{self, Appearance, DEPARTURES, Effort, SIZE};
 use super::{Disc, Patch};
 use crate::quantity::median;
 use nalgebra::{DMatrix, DVector};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A frame to learn from.
 #[derive(Debug, Clone)]
@@ -25,6 +26,8 @@ pub struct Example<'a> {
     pub velocity_px_s: [f64; 2],
     /// The frame's brightness over the usual one.
     pub gain: f64,
+    /// How many times larger than usual the ball is seen, as it is nearer to the camera; 1 where that does not change.
+    pub magnification: f64,
 }
 
 /// How much to learn.
@@ -59,7 +62,10 @@ pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson)
     if examples.len() < LEAST_EXAMPLES {
         return None;
     }
-    let mut radii: Vec<f64> = examples.iter().map(|e| e.disc.radius_px).collect();
+    let mut radii: Vec<f64> = examples
+        .iter()
+        .map(|e| e.disc.radius_px / e.magnification)
+        .collect();
     let outline_px = median(&mut radii)?;
     // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
     // its radius is then the better one.
@@ -157,7 +163,7 @@ impl<'a> Studied<'a> {
     fn disc_with(&self, shared: &Shared) -> Disc {
         Disc {
             centre: self.disc.centre,
-            radius_px: shared.radius_px + self.departures[SIZE],
+            radius_px: shared.radius_px * self.example.magnification + self.departures[SIZE],
             swept_px: self.example.velocity_px_s.map(|v| v * shared.exposure_s),
         }
     }
@@ -179,21 +185,17 @@ struct Shared {
 }
 
 impl Shared {
-    fn inside_px(&self, lesson: &Lesson) -> f64 {
-        lesson.effort.reach(self.radius_px, self.blur_px, 1).inside_px
-    }
-
-    fn profiles(&self, lesson: &Lesson) -> RadialTable {
-        RadialTable::profiles(self.radius_px, self.blur_px, self.inside_px(lesson) + 2.0)
-    }
-
     fn appearance(&self, pool: &Pool, scatter: [f64; DEPARTURES], lesson: &Lesson) -> Appearance {
         Appearance {
             radius_px: self.radius_px,
             radius_std_px: pool.radius_std_px,
             blur_px: self.blur_px,
             exposure_s: self.exposure_s,
-            table: self.profiles(lesson).of_ball(&self.terms),
+            table: lesson
+                .effort
+                .profiles(self.radius_px, self.blur_px)
+                .of_ball(&self.terms),
+            terms: self.terms.clone(),
             scatter,
             residual_grey: pool.scale,
         }
@@ -277,12 +279,13 @@ struct Spread {
 fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spread {
     let mut found: Vec<([f64; DEPARTURES], [f64; DEPARTURES])> = Vec::new();
     for f in frames.iter_mut() {
+        let ball = ball.magnified(f.example.magnification, &lesson.effort);
         let start = Disc {
             centre: f.disc.centre,
             radius_px: ball.radius_px + f.departures[SIZE],
             swept_px: f.example.velocity_px_s.map(|v| v * ball.exposure_s),
         };
-        let fitted = known_ball::fit(&f.example.patch, ball, &start, f.example.gain, &lesson.effort);
+        let fitted = known_ball::fit(&f.example.patch, &ball, &start, f.example.gain, &lesson.effort);
         f.good = fitted.is_some();
         if let Some(fitted) = fitted {
             f.disc.centre = fitted.centre.disc.centre;
@@ -423,13 +426,58 @@ fn gather<'a, 'b>(
         .filter(|f| f.good)
         .map(|f| {
             let disc = f.disc_with(shared);
-            let mut reach = lesson.effort.reach(shared.radius_px, shared.blur_px, 1);
+            let radius_px = shared.radius_px * f.example.magnification;
+            let mut reach = lesson.effort.reach(radius_px, shared.blur_px, 1);
             reach.most_pixels = lesson.most_pixels;
             let pixels = ball::band(&f.example.patch, &disc, shared.blur_px, reach, 1);
             (f, pixels)
         })
         .filter(|(_, pixels)| pixels.len() > 20)
         .collect()
+}
+
+/// The ball's picture at one magnification, and what it is with a slightly larger radius or blur.
+struct Tables {
+    magnification: f64,
+    profiles: RadialTable,
+    table: RadialTable,
+    wider: RadialTable,
+    softer: RadialTable,
+}
+
+/// Sizes of a class differ by no more than this part, which [`Pose::larger_px`] bridges.
+const SIZE_CLASS: f64 = 0.02;
+
+/// The class of a magnification; that of 1 is exact.
+fn size_class(magnification: f64) -> i32 {
+    (magnification.ln() / SIZE_CLASS).round() as i32
+}
+
+/// The tables of every class of sizes that the frames have. Slopes by radius and blur are the model's own, by differences.
+fn tables(
+    bands: &[(&Studied<'_>, Vec<BandPixel>)],
+    shared: &Shared,
+    step_px: f64,
+    lesson: &Lesson,
+) -> BTreeMap<i32, Tables> {
+    let classes: BTreeSet<i32> = bands
+        .iter()
+        .map(|(f, _)| size_class(f.example.magnification))
+        .collect();
+    let of_class = |class: i32| {
+        let magnification = (SIZE_CLASS * f64::from(class)).exp();
+        let profiles =
+            |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
+        let usual = profiles(shared.radius_px, shared.blur_px);
+        Tables {
+            magnification,
+            table: usual.of_ball(&shared.terms),
+            wider: profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms),
+            softer: profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms),
+            profiles: usual,
+        }
+    };
+    classes.into_iter().map(|c| (c, of_class(c))).collect()
 }
 
 /// The normal equations of one step.
@@ -452,21 +500,8 @@ impl Equations {
     ) -> Self {
         let terms = shared.terms.len();
         let n = TERMS + terms;
-        let profiles = shared.profiles(lesson);
-        let table = profiles.of_ball(&shared.terms);
-        // Slopes by radius and blur: the model's own, by differences.
         let step_px = 1e-3 * shared.radius_px.min(1.0);
-        let varied = |radius_px: f64, blur_px: f64| {
-            Shared {
-                radius_px,
-                blur_px,
-                ..shared.clone()
-            }
-            .profiles(lesson)
-            .of_ball(&shared.terms)
-        };
-        let wider = varied(shared.radius_px + step_px, shared.blur_px);
-        let softer = varied(shared.radius_px, shared.blur_px + step_px);
+        let tables = tables(bands, shared, step_px, lesson);
         let mut normal = DMatrix::zeros(n, n);
         let mut right = DVector::zeros(n);
         let mut residuals = Vec::new();
@@ -477,9 +512,19 @@ impl Equations {
             let mut disc = f.disc_with(shared);
             disc.centre.u_px += shift[0];
             disc.centre.v_px += shift[1];
+            let Some(Tables {
+                magnification,
+                profiles,
+                table,
+                wider,
+                softer,
+            }) = tables.get(&size_class(f.example.magnification))
+            else {
+                continue;
+            };
             let pose = Pose {
-                radius_px: shared.radius_px,
-                larger_px: f.departures[SIZE],
+                radius_px: shared.radius_px * magnification,
+                larger_px: f.departures[SIZE] + shared.radius_px * (f.example.magnification - magnification),
                 swept_px: disc.swept_px,
                 points: ball::path_points(disc.swept_px, shared.blur_px),
             };
@@ -488,7 +533,7 @@ impl Equations {
             for p in pixels {
                 let at = ball::offset(disc.centre, p);
                 let see = |t: &RadialTable| ball::light(t, &pose, at);
-                let l = see(&table);
+                let l = see(table);
                 let tilt = f.departures[1] * l.dipole[0] + f.departures[2] * l.dipole[1];
                 let residual = p.grey - (p.background * (1.0 - l.cover) + strength * l.ball + tilt);
                 residuals.push(residual);
@@ -506,14 +551,14 @@ impl Equations {
                     let o = see(other);
                     (strength * (o.ball - l.ball) - p.background * (o.cover - l.cover)) / step_px
                 };
-                row[RADIUS] = slope(&wider);
-                row[BLUR] = slope(&softer);
+                row[RADIUS] = slope(wider);
+                row[BLUR] = slope(softer);
                 row[EXPOSURE] = if shared.exposure_s > 0.0 {
                     (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
                 } else {
                     0.0
                 };
-                ball::term_shares(&profiles, &pose, at, &mut row[TERMS..]);
+                ball::term_shares(profiles, &pose, at, &mut row[TERMS..]);
                 for share in &mut row[TERMS..] {
                     *share *= strength;
                 }
