@@ -425,7 +425,7 @@ mod tests {
                 "url(",
                 "@import",
                 "NaN",
-                "<b>",
+                "<b>.",
                 "<co>",
                 "javascript",
                 "//host",
