@@ -426,11 +426,12 @@ mod tests {
             assert_well_formed(&page);
             for forbidden in [
                 "<script",
-                "http",
+                "href=\"http",
+                "src=",
                 "url(",
                 "@import",
                 "NaN",
-                "<b>",
+                "<b>.",
                 "<co>",
                 "javascript",
                 "//host",

@@ -103,9 +103,9 @@ fn what_is_no_series_is_told() {
 #[test]
 fn cells_that_are_not_known_and_cells_that_are_wrong() {
     let s = series(
-        "incident_vx_m_s,incident_vz_m_s,rebound_vx_m_s,rebound_vz_m_s,rebound_vz_m_s_std,spin_in_m_s\n\
-         1,-2,0.8,1.5,0.01,\n1,-2,0.8,1.5,0.01,?\n1,-2,nan,1.5,0.01,0\n1,-2,abc,1.5,0.01,0\n1,-2,0.8,1.5,-0.01,0\n\
-         1,2,0.8,1.5,0.01,0\n1,-2,0.8,-1.5,0.01,0\n1,-2,inf,1.5,0.01,0\n1,-2,0.8,1.5,,0\n1,-2,0.8\n1,-2,0.8,1.5,0.01,0,7\n",
+        "incident_vx_m_s,incident_vx_m_s_std,incident_vz_m_s,rebound_vx_m_s,rebound_vz_m_s,rebound_vz_m_s_std,spin_in_m_s\n\
+         1,0.01,-2,0.8,1.5,0.01,\n1,0.01,-2,0.8,1.5,0.01,?\n1,0.01,-2,nan,1.5,0.01,0\n1,0.01,-2,abc,1.5,0.01,0\n1,0.01,-2,0.8,1.5,-0.01,0\n\
+         1,0.01,2,0.8,1.5,0.01,0\n1,0.01,-2,0.8,-1.5,0.01,0\n1,0.01,-2,inf,1.5,0.01,0\n1,0.01,-2,0.8,1.5,,0\n1,0.01,-2,0.8\n1,0.01,-2,0.8,1.5,0.01,0,7\n",
     );
     assert_eq!(s.rows.len(), 2);
     assert!(s.rows.iter().all(|row| row.value(Column::SpinIn).is_none()));
@@ -119,7 +119,7 @@ fn cells_that_are_not_known_and_cells_that_are_wrong() {
         "not a finite number",
         "rebound_vz_m_s_std is empty",
         "rebound_vz_m_s is empty",
-        "7 cells",
+        "8 cells",
     ]
     .iter()
     .enumerate()
