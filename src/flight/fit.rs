@@ -14,7 +14,6 @@
 
 use super::overhead::{self, Overhead};
 use super::segment::Sample;
-use crate::geometry::PlanePoint;
 use nalgebra::{DMatrix, DVector};
 
 /// A point for the fit.
@@ -110,19 +109,6 @@ impl ArcFit {
                 Some(dragged.filter(shows).unwrap_or(plain))
             }
         }
-    }
-
-    /// Seen by a camera above.
-    fn overhead(points: &[FitPoint], arcs: usize, known: Overhead) -> Option<Self> {
-        let found = overhead::fit::fit(points, arcs, &known)?;
-        Some(Self {
-            times: found.times,
-            parameters: found.parameters,
-            covariance: found.covariance,
-            excess: found.excess,
-            persistence: found.persistence,
-            forces: Forces::Overhead(known),
-        })
     }
 
     /// Without drag, or with it from the fit without.
@@ -255,58 +241,7 @@ impl ArcFit {
             _ => meeting(parameters, &self.times, k, k + 1).map(|m| m.0),
         }
     }
-
-    /// Upward speed over gravity on arc `k` at time `t`, s, as a camera above sees the ball near it; `None` for others.
-    #[must_use]
-    pub fn rise_over_gravity_s(&self, parameters: &[f64], k: usize, t: f64) -> Option<f64> {
-        let Forces::Overhead(known) = &self.forces else {
-            return None;
-        };
-        let fall_per_s2 = known.fall_per_s2 * parameters[overhead::Layout::new(self.arcs()).fall()].exp();
-        Some(overhead::flying(known, parameters, &self.times, k, t).rate / fall_per_s2)
-    }
-
-    /// What of the camera's height the ball is up on arc `k` at time `t`; 0 where the camera is not above.
-    #[must_use]
-    pub fn nearness(&self, k: usize, t: f64) -> f64 {
-        match &self.forces {
-            Forces::Overhead(known) => {
-                overhead::flying(known, self.parameters.as_slice(), &self.times, k, t).zeta
-            }
-            _ => 0.0,
-        }
-    }
-
-    /// How many times larger than in the calibrated plane the ball is seen on arc `k` at time `t`: 1 where the camera is not
-    /// above. With its height ζ and radius c, both over the camera's height, 1/√((1 − ζ)² − c²).
-    #[must_use]
-    pub fn magnification(&self, k: usize, t: f64) -> f64 {
-        let Forces::Overhead(known) = &self.forces else {
-            return 1.0;
-        };
-        let contact = known.contact.unwrap_or(0.0);
-        let left = 1.0 - self.nearness(k, t);
-        (1.0 / (left * left - contact * contact).max(0.0).sqrt()).min(MOST_MAGNIFIED)
-    }
-
-    /// The point of the calibrated plane that a ball seen against `place` is at (of a camera above: over), on arc `k` at
-    /// time `t`.
-    #[must_use]
-    pub fn place_in_plane(&self, place: PlanePoint, k: usize, t: f64) -> PlanePoint {
-        if !matches!(self.forces, Forces::Overhead(_)) {
-            return place;
-        }
-        let foot = overhead::foot(self.parameters.as_slice(), &self.times);
-        let part = 1.0 - self.nearness(k, t);
-        PlanePoint::new(
-            foot.right + part * (place.right - foot.right),
-            foot.up + part * (place.up - foot.up),
-        )
-    }
 }
-
-/// A ball seen this many times larger fills any picture: what is nearer the camera is another thing.
-const MOST_MAGNIFIED: f64 = 20.0;
 
 /// Factor on a covariance for errors that last from point to point (a codec's, a lamp's): (1 + ρ)/(1 − ρ) with ρ the
 /// correlation of successive residuals of one arc; 1 where it does not show.

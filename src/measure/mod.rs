@@ -10,6 +10,7 @@ mod observe;
 mod refine;
 mod result;
 mod warn;
+mod world;
 
 pub use result::*;
 
@@ -22,12 +23,13 @@ use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight, SpotUse};
 use crate::frames::timebase::TimeBase;
 use crate::frames::{FrameError, FrameSource, LumaRange};
-use crate::geometry::{PixelPoint, WorldPoint};
+use crate::geometry::PixelPoint;
 use crate::quantity::{Quantity, median};
 use camera::in_plane;
 use observe::Observation;
 use refine::{Found, Shared};
 use std::path::{Path, PathBuf};
+use world::WorldFrame;
 
 /// How far the work has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -562,53 +564,6 @@ impl<'a> Work<'a> {
             centre_std_px: median(&mut stds),
             radius_px: self.radius_px(),
             points,
-        }
-    }
-}
-
-/// From the plane to the world, for points and drawing (values only; uncertainties are [`Scene`]'s).
-#[derive(Debug, Clone, Copy)]
-struct WorldFrame {
-    x_sign: f64,
-    metres_per_unit: f64,
-    zero_right: f64,
-    floor_m: f64,
-}
-
-impl WorldFrame {
-    /// Without an origin the floor is where the impacts are: the centre touches at z = R.
-    fn new(
-        scene: &Scene<'_>,
-        bounces: &[(usize, crate::bounce::Bounce)],
-        metres_per_unit: Quantity,
-        radius_m: Option<f64>,
-        calibration: &Calibration,
-    ) -> Self {
-        let floor_m = if calibration.has_origin() || calibration.view == View::Top {
-            0.0
-        } else {
-            let lowest = bounces
-                .iter()
-                .filter_map(|(k, b)| Some(scene.place_m(*k, b.time_s?.value).1))
-                .fold(f64::INFINITY, f64::min);
-            if lowest.is_finite() {
-                lowest - radius_m.unwrap_or(0.0)
-            } else {
-                0.0
-            }
-        };
-        Self {
-            x_sign: scene.x_sign,
-            metres_per_unit: metres_per_unit.value,
-            zero_right: scene.zero_right,
-            floor_m,
-        }
-    }
-
-    fn world(&self, right: f64, up: f64) -> WorldPoint {
-        WorldPoint {
-            x_m: self.x_sign * self.metres_per_unit * (right - self.zero_right),
-            up_m: self.metres_per_unit * up - self.floor_m,
         }
     }
 }

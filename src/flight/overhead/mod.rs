@@ -22,6 +22,7 @@
 pub mod find;
 pub mod fit;
 mod lift;
+mod seen;
 pub mod segment;
 
 use super::fit::{ARCS, DRAG, Motion};
