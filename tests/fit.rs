@@ -199,6 +199,51 @@ fn val_fig_4_five_launches() {
     }
 }
 
+/// What the paper's figures hold: e, μ, e_x, and the transition in degrees.
+#[test]
+fn val_the_fixtures_give_the_papers_figures_back() {
+    const STEEL: (f64, f64) = (0.78, 0.07);
+    let groups = |name: &str| fit::fit(&fixture(name), &Options::default()).groups;
+    let all: Vec<GroupFit> = ["fig3", "fig4"].into_iter().flat_map(groups).collect();
+    assert_eq!(all.len(), 8);
+    for group in &all {
+        let name = group.name.as_str();
+        let what = format!("{name}: {}", group.reason);
+        assert!(group.rows_set_aside.is_empty(), "{what}");
+        let (e, mu, spin) = match name {
+            "superball" => {
+                let preferred = [ModelName::EE, ModelName::GripSlide].map(Preferred::Model);
+                assert!(preferred.contains(&group.preferred), "{what}");
+                let fit = group.shown().unwrap();
+                near(value(fit, Parameter::Restitution), 0.96, 0.002, &what);
+                near(value(fit, Parameter::TangentialRestitution), 0.5, 0.005, &what);
+                group
+                    .models
+                    .iter()
+                    .for_each(|fit| is_null(fit, Parameter::Friction));
+                continue;
+            }
+            "golf ball" => (0.90, 0.12, 0.0),
+            "S1" => (STEEL.0, STEEL.1, 1.60),
+            "S2" => (STEEL.0, STEEL.1, 1.09),
+            "Ss" => (STEEL.0, STEEL.1, -0.21),
+            "So" => (STEEL.0, STEEL.1, 1.00),
+            _ => (STEEL.0, STEEL.1, 0.0),
+        };
+        let fit = model(group, ModelName::MuE);
+        near(value(fit, Parameter::Restitution), e, 0.002, &what);
+        if matches!(name, "S2" | "So") {
+            // These two balls never slide.
+            is_null(fit, Parameter::Friction);
+            continue;
+        }
+        assert_eq!(group.preferred, Preferred::Model(ModelName::MuE), "{what}");
+        near(value(fit, Parameter::Friction), mu, 0.003, &what);
+        let angle = fit.transition.angle_rad.quantity().unwrap().value.to_degrees();
+        near(angle, transition_deg(&mu_e(e, mu, mu), spin).unwrap(), 0.5, &what);
+    }
+}
+
 fn fixture(name: &str) -> Series {
     let path = format!("{}/fixtures/series/{name}.csv", env!("CARGO_MANIFEST_DIR"));
     fit::csv::read(path.as_ref()).unwrap()

@@ -316,8 +316,13 @@ impl<'a> Law<'a> {
                 }
             }
             let moved = relative_move(&z, &next);
-            // Each step is shorter than the one before by the ratio of error to curvature, so that ẑ is better than this.
-            let done = linear || moved <= 1e-8 || (moved <= 1e-6 && moved >= last_move) || step + 1 == STEPS;
+            // Each step is shorter than the one before by the ratio of error to curvature, and so is the next.
+            let ahead = if step == 0 {
+                moved
+            } else {
+                moved * (moved / last_move).min(1.0)
+            };
+            let done = linear || ahead <= 1e-8 || (moved <= 1e-6 && moved >= last_move) || step + 1 == STEPS;
             last_move = moved;
             if done {
                 let k = self.equations(&next, state, &mut equations);

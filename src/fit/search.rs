@@ -22,6 +22,12 @@ const MOST_STEPS: u64 = 200;
 /// move by no more than this part of their uncertainty then.
 const SETTLED: f64 = 1e-6;
 
+/// The same where rows are so many that a step takes its time.
+const SETTLED_OF_MANY: f64 = 1e-3;
+
+/// More rows than this are gone through in parts, at once where there are processors.
+const PART: usize = 8192;
+
 /// Nor does a change of every parameter by less than this matter, absolute or relative.
 const STILL: f64 = 1e-13;
 
@@ -153,7 +159,6 @@ impl<'a> Task<'a> {
 
     /// `work` on all rows, many of them in parts of a size of their own, so that sums do not depend on the machine.
     fn in_parts<T: Send>(&self, work: impl Fn(Rows<'a>) -> T + Sync) -> Vec<T> {
-        const PART: usize = 8192;
         let count = self.chosen.map_or(self.rows.len(), <[usize]>::len);
         let rows = |from: usize, to: usize| Rows {
             rows: self.rows,
@@ -384,7 +389,12 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
             .effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
         let size = (here.chi2 / self.rows as f64).sqrt();
         let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * self.theta[j].abs().max(1.0));
-        if best <= SETTLED * size || (still && self.damping < 1.0) {
+        let settled = if self.rows > PART {
+            SETTLED_OF_MANY
+        } else {
+            SETTLED
+        };
+        if best <= settled * size || (still && self.damping < 1.0) {
             self.ended = true;
             return Ok((self.report(state), None));
         }
