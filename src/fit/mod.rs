@@ -34,6 +34,7 @@ pub mod csv;
 pub mod error;
 pub mod result;
 pub mod series;
+pub mod study;
 
 mod choice;
 mod criteria;

@@ -31,7 +31,7 @@ const JUMPS: f64 = 6.0;
 const NO_SLIP: f64 = 0.001;
 
 /// Starts that are followed to their end.
-const FOLLOWED: usize = 8;
+pub(super) const FOLLOWED: usize = 8;
 
 /// A model in one variant at its best.
 #[derive(Debug, Clone)]

@@ -20,7 +20,7 @@ const MOST_STEPS: u64 = 200;
 
 /// A step that would move all residuals together by no more than this part of the scatter of one is not taken: parameters
 /// move by no more than this part of their uncertainty then.
-const SETTLED: f64 = 1e-6;
+pub(super) const SETTLED: f64 = 1e-6;
 
 /// Nor does a change of every parameter by less than this matter, absolute or relative.
 const STILL: f64 = 1e-13;
@@ -216,7 +216,16 @@ impl<'a> Task<'a> {
 
     /// The least χ² near `start`; `None` where χ² is not finite at the start itself.
     pub fn search(&self, start: Theta) -> Option<Found> {
-        let result = Executor::new(self.clone(), LevenbergMarquardt::default())
+        self.search_to(start, SETTLED).map(|(found, _)| found)
+    }
+
+    /// As [`Self::search`], to `settled` in place of [`SETTLED`]; and how many steps it tried.
+    pub fn search_to(&self, start: Theta, settled: f64) -> Option<(Found, u64)> {
+        let method = LevenbergMarquardt {
+            settled,
+            ..LevenbergMarquardt::default()
+        };
+        let result = Executor::new(self.clone(), method)
             .configure(|state| state.param(start.to_vec()).max_iters(MOST_STEPS))
             .ctrlc(false)
             .run()
@@ -234,10 +243,11 @@ impl<'a> Task<'a> {
                 TerminationStatus::Terminated(TerminationReason::SolverConverged)
             ),
         };
+        let steps = result.state.get_iter();
         if creased && self.rows.len() <= MOST_CREASED {
-            Some(self.across_creases(smooth).unwrap_or(smooth))
+            Some((self.across_creases(smooth).unwrap_or(smooth), steps))
         } else {
-            Some(smooth)
+            Some((smooth, steps))
         }
     }
 
@@ -312,6 +322,7 @@ impl CostFunction for Reduced<'_, '_> {
 
 /// Levenberg-Marquardt with Nielsen's damping.
 struct LevenbergMarquardt {
+    settled: f64,
     here: Option<Linear>,
     theta: Theta,
     rows: usize,
@@ -325,6 +336,7 @@ struct LevenbergMarquardt {
 impl Default for LevenbergMarquardt {
     fn default() -> Self {
         Self {
+            settled: SETTLED,
             here: None,
             theta: [0.0; PARAMETERS],
             rows: 1,
@@ -377,7 +389,7 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
             .effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
         let size = (here.chi2 / self.rows as f64).sqrt();
         let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * self.theta[j].abs().max(1.0));
-        if best <= SETTLED * size || (still && self.damping < 1.0) {
+        if best <= self.settled * size || (still && self.damping < 1.0) {
             self.ended = true;
             return Ok((self.report(state), None));
         }
