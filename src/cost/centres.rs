@@ -133,8 +133,8 @@ impl Plan {
         Self {
             looks: vec![Look::Flat, Look::Coded],
             noises_grey: vec![2.0, 8.0],
-            radii_px: vec![4.0, 8.0, 16.0, 32.0],
-            repeats: 5,
+            radii_px: vec![4.0, 8.0, 16.0, 24.0],
+            repeats: 3,
         }
     }
 
@@ -144,7 +144,7 @@ impl Plan {
         Self {
             looks: vec![Look::Flat, Look::Coded],
             noises_grey: vec![2.0],
-            radii_px: vec![5.0, 12.0],
+            radii_px: vec![4.0, 10.0],
             repeats: 3,
         }
     }
@@ -321,6 +321,8 @@ fn diagram(
             })
             .collect(),
         curves,
+        alternatives: true,
+        overview: plan.noises_grey.first() == Some(&noise_grey),
     });
     Ok(())
 }
@@ -399,27 +401,37 @@ mod tests {
         assert!((bound_px(20.0, 2.8) / expected - 1.0).abs() < 0.01);
     }
 
-    /// The look is that of the bound: only then does "at the bound" mean anything.
+    /// Of a flat disc without loss, which is what the bound is for. Scatter and bound are those of single centres; what all
+    /// centres of a recording share (its learned radius and light) is in the bias.
     #[test]
     fn fine_lies_at_the_bound() {
+        const RECORDINGS: u64 = 4;
         let dir = folder().unwrap();
-        for (radius_px, noise_grey) in [(8.0, 4.0), (16.0, 2.0)] {
-            let scenes = [scene(Look::Flat, radius_px, noise_grey).unwrap()];
-            let recording = render(&scenes, dir.path()).unwrap().pop().unwrap();
-            let centres = find(Method::Level(Accuracy::Fine), &recording).unwrap();
-            let e = errors(&recording, &centres).unwrap();
-            let bound = bound_px(radius_px, noise_grey);
-            println!(
-                "R {radius_px}, noise {noise_grey}: rms {:.5} px, bound {bound:.5}",
-                e.rms
-            );
-            // The rms of n normal errors scatters by 1/sqrt(2n) itself.
-            let chance = 3.0 / (2.0 * e.count as f64).sqrt();
-            assert!(e.rms < 1.15 * bound * (1.0 + chance), "{} {bound}", e.rms);
-            assert!(
-                e.rms > bound * (1.0 - chance),
-                "below the bound: the bound or the truth is wrong"
-            );
-        }
+        let ratios = [(8.0, 2.0), (16.0, 2.0), (16.0, 8.0)].map(|(radius_px, noise_grey)| {
+            let scenes: Vec<Scene> = (1..=RECORDINGS)
+                .map(|seed| Scene {
+                    seed,
+                    ..scene(Look::Flat, radius_px, noise_grey).unwrap()
+                })
+                .collect();
+            let mut square = 0.0;
+            for recording in render(&scenes, dir.path()).unwrap() {
+                let centres = find(Method::Level(Accuracy::Fine), &recording).unwrap();
+                assert!(centres.len() > 100, "{}", centres.len());
+                let e = errors(&recording, &centres).unwrap();
+                println!("bias {:.5}, scatter {:.5}", e.bias, e.scatter);
+                square += e.scatter.powi(2) / RECORDINGS as f64;
+            }
+            let ratio = square.sqrt() / bound_px(radius_px, noise_grey);
+            println!("R {radius_px} px, noise {noise_grey} grey: scatter is {ratio:.3} of the bound");
+            ratio
+        });
+        // Each ratio is known to 2 % (a thousand coordinates); all three are the same up to that.
+        let mean = ratios.iter().sum::<f64>() / 3.0;
+        assert!(mean < 1.15, "{ratios:?}");
+        assert!(
+            ratios.iter().all(|r| (0.95..1.2).contains(r)),
+            "{ratios:?}: below 1 the bound or the truth is wrong"
+        );
     }
 }

@@ -198,6 +198,8 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
         .filter(|floor| floor.error.is_finite())
         .collect(),
         curves: curves.clone(),
+        alternatives: false,
+        overview: error == PARAMETER,
     };
     let reference = vec![Floor {
         name: "the reference's own".to_owned(),

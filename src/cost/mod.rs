@@ -132,17 +132,27 @@ pub struct Diagram {
     pub floors: Vec<Floor>,
     /// What is connected.
     pub curves: Vec<Curve>,
+    /// Whether the curves are choices for one and the same task: then they have one front together, else one each.
+    pub alternatives: bool,
+    /// Whether it is one of the few for an overview.
+    pub overview: bool,
 }
 
 impl Diagram {
-    /// The runs that no other in this diagram beats in both error and work, from the least work on. A run that failed in
+    /// The runs that no other for the same task beats in both error and work, from the least work on. A run that failed in
     /// part is not among them: what it reached, it did not reach reliably.
     #[must_use]
-    pub fn front(&self, runs: &[Run]) -> Vec<usize> {
-        let mut placed: Vec<(f64, f64, usize)> = self
-            .curves
-            .iter()
-            .flat_map(|curve| &curve.runs)
+    pub fn fronts(&self, runs: &[Run]) -> Vec<Vec<usize>> {
+        if self.alternatives {
+            vec![self.front(runs, self.curves.iter().flat_map(|c| &c.runs))]
+        } else {
+            self.curves.iter().map(|c| self.front(runs, &c.runs)).collect()
+        }
+    }
+
+    fn front<'a>(&self, runs: &[Run], among: impl IntoIterator<Item = &'a usize>) -> Vec<usize> {
+        let mut placed: Vec<(f64, f64, usize)> = among
+            .into_iter()
             .filter(|&&i| runs[i].failed.is_none())
             .filter_map(|&i| runs[i].place(&self.error, &self.work).map(|(w, e)| (w, e, i)))
             .collect();
@@ -172,7 +182,7 @@ pub struct Section {
     pub works: Vec<Measure>,
     /// What was run.
     pub runs: Vec<Run>,
-    /// What is drawn of it; the first is the one for an overview.
+    /// What is drawn of it.
     pub diagrams: Vec<Diagram>,
 }
 
@@ -451,8 +461,15 @@ mod tests {
                     runs: vec![0, 2, 4, 6],
                 },
             ],
+            alternatives: true,
+            overview: false,
         };
-        assert_eq!(diagram.front(&runs), [0, 2, 5]);
+        assert_eq!(diagram.fronts(&runs), [[0, 2, 5]]);
+        let apart = Diagram {
+            alternatives: false,
+            ..diagram
+        };
+        assert_eq!(apart.fronts(&runs), [vec![1, 3, 5], vec![0, 2]]);
     }
 
     #[test]

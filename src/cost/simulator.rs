@@ -101,7 +101,7 @@ impl Plan {
     pub fn full() -> Self {
         Self {
             tolerances: (2..=13).map(|n| 10_f64.powi(-n)).collect(),
-            steps_s: vec![0.8, 0.56, 0.4, 0.28, 0.2, 0.14, 0.1],
+            steps_s: vec![0.4, 0.28, 0.2, 0.14, 0.1],
             repeats: 15,
             balls: BALLS.len(),
             tolerances_px: vec![1.0, 0.1, 0.02, 0.004],
@@ -114,7 +114,7 @@ impl Plan {
     pub fn quick() -> Self {
         Self {
             tolerances: vec![1e-2, 1e-5, 1e-8, RELATIVE_TOLERANCE],
-            steps_s: vec![0.56, 0.4, 0.28, 0.2],
+            steps_s: vec![0.4, 0.28, 0.2, 0.14],
             repeats: 7,
             balls: 2,
             tolerances_px: vec![0.1, 0.02],
@@ -230,6 +230,8 @@ fn integrator(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> 
             error: f64::EPSILON * if error == HEIGHT { HEIGHT_M } else { landing().0 },
         }],
         curves: curves.iter().map(|c| (*c).clone()).collect(),
+        alternatives: true,
+        overview: false,
     };
     Ok(Section {
         name: "integrator",
@@ -385,6 +387,8 @@ fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostEr
         work: FRAME,
         floors,
         curves: curves.clone(),
+        alternatives: false,
+        overview: error == CENTRE,
     };
     let diagrams = vec![
         diagram(
@@ -501,6 +505,7 @@ const NOTHING: Errors = Errors {
     count: 0,
     rms: 0.0,
     bias: 0.0,
+    scatter: 0.0,
     p95: 0.0,
     bound_95: 0.0,
 };

@@ -68,6 +68,8 @@ pub struct Errors {
     pub rms: f64,
     /// Magnitude of their mean.
     pub bias: f64,
+    /// Standard deviation about their mean; 0 of a single one.
+    pub scatter: f64,
     /// 95 % of the magnitudes that were seen are below.
     pub p95: f64,
     /// 95 % of all errors to come are below, to 95 % confidence if they are normal about 0; and no error that was seen is
@@ -82,7 +84,7 @@ impl Errors {
         Self::of_groups(&[differences])
     }
 
-    /// The same over several coordinates: the bias is that of the worse one.
+    /// The same over several coordinates: the bias is that of the worse one, the scatter is about each one's own mean.
     #[must_use]
     pub fn of_groups(groups: &[&[f64]]) -> Option<Self> {
         let mut sizes: Vec<f64> = groups.iter().flat_map(|g| g.iter()).map(|x| x.abs()).collect();
@@ -92,15 +94,18 @@ impl Errors {
         sizes.sort_by(f64::total_cmp);
         let n = sizes.len() as f64;
         let rms = (sizes.iter().map(|x| x * x).sum::<f64>() / n).sqrt();
-        let bias = groups
-            .iter()
-            .filter(|g| !g.is_empty())
-            .map(|g| (g.iter().sum::<f64>() / g.len() as f64).abs())
-            .fold(0.0, f64::max);
+        let filled = || groups.iter().filter(|g| !g.is_empty());
+        let mean = |g: &[f64]| g.iter().sum::<f64>() / g.len() as f64;
+        let bias = filled().map(|g| mean(g).abs()).fold(0.0, f64::max);
+        let squares: f64 = filled()
+            .map(|g| g.iter().map(|x| (x - mean(g)).powi(2)).sum::<f64>())
+            .sum();
+        let freedom: usize = filled().map(|g| g.len() - 1).sum();
         Some(Self {
             count: sizes.len(),
             rms,
             bias,
+            scatter: (squares / freedom.max(1) as f64).sqrt(),
             p95: quantile(&sizes, 0.95),
             bound_95: (NORMAL_95 * rms * widening(n)).max(sizes[sizes.len() - 1]),
         })
@@ -148,8 +153,10 @@ mod tests {
     fn errors_keep_bias_and_scatter_apart() {
         let e = Errors::of(&[1.0, -1.0, 1.0, -1.0]).unwrap();
         assert_eq!((e.count, e.rms, e.bias), (4, 1.0, 0.0));
+        assert!((e.scatter - (4.0_f64 / 3.0).sqrt()).abs() < 1e-12);
         let e = Errors::of_groups(&[&[0.3, 0.3], &[-0.5, -0.5]]).unwrap();
         assert!((e.bias - 0.5).abs() < 1e-12, "of the worse coordinate");
+        assert!(e.scatter < 1e-12, "about each coordinate's own mean");
         assert!(Errors::of(&[]).is_none() && Errors::of(&[f64::NAN]).is_none());
     }
 

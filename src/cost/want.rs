@@ -1,7 +1,7 @@
 //! The cheapest setting that was measured to reach wanted errors. Nothing is interpolated: a setting between two that were
 //! run is not one that was run.
 
-use super::whole::{QUANTITIES, SECONDS};
+use super::whole::{LIGHT, QUANTITIES, SECONDS, STORAGE};
 use super::{Measure, Section};
 use std::str::FromStr;
 
@@ -166,8 +166,8 @@ fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
         .collect();
     let recordings = run.work(SECONDS.name).map_or(0, |s| s.repeats);
     let seconds = run.work(SECONDS.name).map_or(0.0, |s| s.median);
-    let light = run.work("light_lx").map_or(0.0, |s| s.median);
-    let megabytes = run.work("storage_bytes").map_or(0.0, |s| s.median) / 1e6;
+    let light = run.work(LIGHT.name).map_or(0.0, |s| s.median);
+    let megabytes = run.work(STORAGE.name).map_or(0.0, |s| s.median);
     format!(
         "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s. Measured on {recordings} recordings: \
          {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.2} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \

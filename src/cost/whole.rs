@@ -80,9 +80,9 @@ pub const LIGHT: Measure = Measure {
 };
 /// Size of the file.
 pub const STORAGE: Measure = Measure {
-    name: "storage_bytes",
-    words: "storage",
-    unit: "bytes",
+    name: "storage_mb",
+    words: "storage a recording",
+    unit: "MB",
 };
 
 /// C N² / S at f/2 and ISO 800, lx s.
@@ -179,7 +179,7 @@ impl Plan {
             frame_rates_hz: vec![60.0, 240.0],
             reductions: vec![1, 2],
             exposures_s: vec![0.0005],
-            recordings: 4,
+            recordings: 3,
             ..Self::full()
         }
     }
@@ -252,7 +252,7 @@ pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
 struct Trial {
     seconds: f64,
     decode_s: f64,
-    bytes: f64,
+    megabytes: f64,
     frames: f64,
     centres: f64,
     /// In the order of [`QUANTITIES`].
@@ -289,7 +289,7 @@ fn try_one(accuracy: Accuracy, recording: &Rendered, decode_s: f64, watch: &Watc
     Trial {
         seconds,
         decode_s,
-        bytes: recording.bytes as f64,
+        megabytes: recording.bytes as f64 / 1e6,
         frames: recording.frames as f64,
         centres: centres as f64,
         errors,
@@ -349,7 +349,7 @@ fn summed(setting: &Setting, trials: &[Trial]) -> Run {
         (SECONDS.name, spread(|t| t.seconds)),
         (DECODING.name, spread(|t| t.decode_s)),
         (LIGHT.name, Some(Spread::exact(LIGHT_LX_S / setting.exposure_s))),
-        (STORAGE.name, spread(|t| t.bytes)),
+        (STORAGE.name, spread(|t| t.megabytes)),
     ];
     let mean = |of: fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / trials.len().max(1) as f64;
     let failures: Vec<&str> = trials.iter().filter_map(|t| t.failed.as_deref()).collect();
@@ -521,6 +521,8 @@ fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
                 work,
                 floors: Vec::new(),
                 curves: curves.iter().filter(|c| !c.runs.is_empty()).cloned().collect(),
+                alternatives: true,
+                overview: error == QUANTITIES[0] && work != STORAGE,
             });
         }
     }

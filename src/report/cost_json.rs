@@ -72,7 +72,7 @@ fn run(run: &Run) -> Value {
 }
 
 fn errors(e: &Errors) -> Value {
-    json!({"count": e.count, "rms": e.rms, "bias": e.bias, "p95": e.p95, "bound_95": e.bound_95})
+    json!({"count": e.count, "rms": e.rms, "bias": e.bias, "scatter": e.scatter, "p95": e.p95, "bound_95": e.bound_95})
 }
 
 fn spread(s: &Spread) -> Value {
@@ -96,7 +96,7 @@ fn diagram(diagram: &Diagram, runs: &[Run]) -> Value {
         "work": diagram.work.name,
         "floors": floors,
         "curves": curves,
-        "front": diagram.front(runs),
+        "fronts": diagram.fronts(runs),
     })
 }
 
@@ -115,6 +115,7 @@ pub fn cost_csv(report: &Report) -> Result<Vec<u8>, csv::Error> {
         "count",
         "rms",
         "bias",
+        "scatter",
         "p95",
         "bound_95",
         "work",
@@ -171,6 +172,7 @@ fn row(
         error.map_or(String::new(), |e| e.count.to_string()),
         number(|e| e.rms),
         number(|e| e.bias),
+        number(|e| e.scatter),
         number(|e| e.p95),
         number(|e| e.bound_95),
         work.to_owned(),

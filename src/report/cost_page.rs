@@ -55,12 +55,8 @@ pub fn cost_svg(report: &Report) -> Result<String, PageError> {
         .sections
         .iter()
         .flat_map(|section| {
-            let count = if section.name == "whole" { 2 } else { 1 };
-            section
-                .diagrams
-                .iter()
-                .take(count)
-                .map(|d| (d, section.runs.as_slice(), short(section, d)))
+            let shown = section.diagrams.iter().filter(|d| d.overview);
+            shown.map(|d| (d, section.runs.as_slice(), short(section, d)))
         })
         .collect();
     Ok(work_precision::overview(&shown)?)
@@ -68,14 +64,16 @@ pub fn cost_svg(report: &Report) -> Result<String, PageError> {
 
 /// What stands above a diagram.
 fn short(section: &Section, diagram: &Diagram) -> String {
-    match section.name {
-        "centres" => diagram
-            .title
-            .split_once(';')
-            .map_or(diagram.title.as_str(), |(first, _)| first)
-            .to_owned(),
-        _ => format!("{}: {}", section.title, diagram.error.name),
+    if section.name == "centres" {
+        let what = diagram.title.split_once(';');
+        return what.map_or(diagram.title.as_str(), |(first, _)| first).to_owned();
     }
+    let what = diagram.error.words;
+    let what = what.strip_prefix("rms error of ").unwrap_or(what);
+    if section.name == "whole" {
+        return format!("{what} against {}", diagram.work.words);
+    }
+    format!("{}: {what}", section.title)
 }
 
 fn header(page: &mut String, report: &Report) {
@@ -223,4 +221,110 @@ fn recommendation(page: &mut String, report: &Report, check: Option<&Check>) {
         "<p class=\"soft\">“95 % of all within” is a bound: with errors that are normal about 0 it holds with 95 % confidence, \
          and no error that was seen is above it. It is wider the fewer recordings there are.</p>\n</section>\n",
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::stats::{Errors, Spread};
+    use crate::cost::want::{Recommendation, usual};
+    use crate::cost::whole::{QUANTITIES, SECONDS, Setting};
+    use crate::cost::{Curve, Floor, Machine};
+    use crate::report::cost_json;
+
+    fn report() -> Report {
+        let run = |error: Option<f64>| Run {
+            settings: vec![("accuracy", "<b>fast</b>".to_owned())],
+            errors: error
+                .and_then(|e| Errors::of(&[e, -e]))
+                .map(|e| ("restitution", e))
+                .into_iter()
+                .collect(),
+            work: vec![(SECONDS.name, Spread::of(&[1.0, 1.5]).unwrap())],
+            counts: vec![("frames", 12.0)],
+            failed: error.is_none().then(|| "no <flight> & no bounce".to_owned()),
+            is_default: error.is_some(),
+        };
+        Report {
+            machine: Machine {
+                processor: Some("CPU <1> & co".to_owned()),
+                cores: 2,
+                system: "linux",
+                debug_build: true,
+            },
+            quick: true,
+            took_s: 12.3,
+            sections: vec![Section {
+                name: "whole",
+                title: "Whole",
+                words: vec!["a < b".to_owned()],
+                errors: QUANTITIES.to_vec(),
+                works: vec![SECONDS],
+                runs: vec![run(Some(1e-3)), run(None)],
+                diagrams: vec![Diagram {
+                    title: "e < s".to_owned(),
+                    error: QUANTITIES[0],
+                    work: SECONDS,
+                    floors: vec![Floor {
+                        name: "floor".to_owned(),
+                        error: 1e-4,
+                    }],
+                    curves: vec![Curve {
+                        name: "one".to_owned(),
+                        runs: vec![0, 1],
+                    }],
+                    alternatives: true,
+                    overview: true,
+                }],
+            }],
+            whole_settings: vec![Setting::DEFAULT; 2],
+            recommendation: Recommendation {
+                wants: usual(),
+                chosen: None,
+                words: "none & nothing".to_owned(),
+            },
+        }
+    }
+
+    #[test]
+    fn the_page_is_whole_escaped_and_needs_nothing_from_outside() {
+        let page = cost_html(&report(), None).unwrap();
+        page::tests::assert_well_formed(&page);
+        for forbidden in [
+            "<b>fast",
+            "<flight>",
+            "CPU <1>",
+            "NaN",
+            "<script",
+            "src=\"http",
+            "url(",
+        ] {
+            assert!(!page.contains(forbidden), "{forbidden}");
+        }
+        for expected in [
+            "CPU &lt;1&gt; &amp; co, 2 cores",
+            "no &lt;flight&gt;",
+            "dev build",
+            "time a recording / s",
+        ] {
+            assert!(page.contains(expected), "{expected}");
+        }
+    }
+
+    #[test]
+    fn json_and_csv_hold_every_run_and_what_failed_has_no_numbers() {
+        let report = report();
+        let json = cost_json::cost_json(&report, None);
+        let runs = json["sections"][0]["runs"].as_array().unwrap();
+        assert_eq!(runs.len(), 2);
+        assert_eq!(runs[0]["errors"]["restitution"]["rms"], 1e-3);
+        assert_eq!(runs[1]["errors"], serde_json::json!({}));
+        assert_eq!(
+            json["sections"][0]["diagrams"][0]["fronts"],
+            serde_json::json!([[0]])
+        );
+        let csv = String::from_utf8(cost_json::cost_csv(&report).unwrap()).unwrap();
+        assert_eq!(csv.lines().count(), 3, "{csv}");
+        assert!(csv.lines().nth(2).unwrap().ends_with("no <flight> & no bounce"));
+    }
 }

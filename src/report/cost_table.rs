@@ -122,14 +122,12 @@ fn whole_table(text: &mut String, section: &Section, settings: &[Setting]) {
             let mark = if run.failed.is_some() { " ×" } else { "" };
             let _ = write!(text, " {}{mark} |", error.unwrap_or(NO_VALUE.to_owned()));
         }
-        let megabytes = run
-            .work(STORAGE.name)
-            .map_or(NO_VALUE.to_owned(), |s| significant(s.median / 1e6));
         let _ = writeln!(
             text,
-            " {} | {} | {megabytes} | {} |",
+            " {} | {} | {} | {} |",
             work(run, SECONDS.name),
             work(run, DECODING.name),
+            work(run, STORAGE.name),
             work(run, LIGHT.name)
         );
     }

@@ -22,6 +22,12 @@ const LIGHT_GRID: RGBColor = RGBColor(240, 240, 240);
 const FLOOR: RGBColor = RGBColor(90, 90, 90);
 /// Half the size of a marker.
 const SIZE: i32 = 42;
+/// Widths of lines that [`dashed`] makes dashes of; plotters itself would draw every dash as a line of its own, which
+/// makes a page several times larger. Nothing else has these widths.
+const SOLID: u32 = 13;
+const DASHED: u32 = 14;
+const DOTTED: u32 = 15;
+const FLOOR_LINE: u32 = 11;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
@@ -31,7 +37,7 @@ struct LogAxis {
     range: Range<f64>,
     bold: Vec<f64>,
     light: Vec<f64>,
-    /// Whether the least and greatest label need a power of ten to be read.
+    /// Whether labels are powers of ten.
     powers: bool,
 }
 
@@ -54,7 +60,9 @@ impl LogAxis {
         } else if decades.len() >= 3 {
             decades
         } else {
-            parts(&[1.0, 2.0, 5.0])
+            let choices: [&[f64]; 2] = [&[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 5.0, 7.0]];
+            let fits = choices.into_iter().map(parts).find(|ticks| ticks.len() >= 3);
+            fits.unwrap_or_else(|| parts(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]))
         };
         let powers = range.start < -4.0 || range.end > 5.0;
         Self {
@@ -120,7 +128,7 @@ pub(super) fn svg(diagram: &Diagram, runs: &[Run], caption: &str) -> Result<Stri
         r#"class="plot" role="img" aria-label="{}""#,
         super::page::escape(&diagram.title)
     );
-    Ok(svg.replacen(&size, &name, 1))
+    Ok(dashed(svg.replacen(&size, &name, 1)))
 }
 
 /// Several diagrams below each other, two in a row, as an SVG file of its own.
@@ -146,12 +154,24 @@ pub(super) fn overview(diagrams: &[(&Diagram, &[Run], String)]) -> Result<String
     let shown = format!(
         r#"width="{width}" height="{height}" font-family="Helvetica, Arial, 'Liberation Sans', sans-serif""#
     );
-    Ok(svg.replacen(&size, &shown, 1))
+    Ok(dashed(svg.replacen(&size, &shown, 1)))
+}
+
+/// Lines of certain widths as dashes.
+fn dashed(mut svg: String) -> String {
+    for (width, dash) in [(DASHED, "90 50"), (DOTTED, "30 40"), (FLOOR_LINE, "120 50")] {
+        let (mark, stroke) = (
+            format!("stroke-width=\"{width}\""),
+            format!("stroke-width=\"{width}\" stroke-dasharray=\"{dash}\""),
+        );
+        svg = svg.replace(&mark, &stroke);
+    }
+    svg
 }
 
 fn draw(area: &Area<'_>, diagram: &Diagram, runs: &[Run], caption: &str) -> Result<(), PlotError> {
     let (title, below) = area.split_vertically(TITLE_HEIGHT * FINE);
-    let style = ("sans-serif", 16 * FINE)
+    let style = ("sans-serif", 18 * FINE)
         .into_font()
         .style(FontStyle::Bold)
         .color(&INK);
@@ -217,7 +237,7 @@ impl View {
             .set_label_area_size(LabelAreaPosition::Left, 82 * FINE)
             .set_label_area_size(LabelAreaPosition::Bottom, 46 * FINE)
             .build_cartesian_2d(LogAxis::new(self.work.clone()), LogAxis::new(self.error.clone()))?;
-        let text = ("sans-serif", 15 * FINE).into_font().color(&INK);
+        let text = ("sans-serif", 17 * FINE).into_font().color(&INK);
         chart
             .configure_mesh()
             .light_line_style(LIGHT_GRID.stroke_width(6))
@@ -239,27 +259,28 @@ impl View {
         diagram: &Diagram,
         runs: &[Run],
     ) -> Result<(), PlotError> {
-        let front: Vec<(f64, f64)> = diagram
-            .front(runs)
-            .into_iter()
-            .filter_map(|i| runs[i].place(&diagram.error, &diagram.work))
-            .map(logarithms)
-            .collect();
-        let mut stairs = Vec::new();
-        if let Some(first) = front.first() {
-            stairs.push((first.0, self.error.end));
+        for front in diagram.fronts(runs) {
+            let front: Vec<(f64, f64)> = front
+                .into_iter()
+                .filter_map(|i| runs[i].place(&diagram.error, &diagram.work))
+                .map(logarithms)
+                .collect();
+            let mut stairs = Vec::new();
+            if let Some(first) = front.first() {
+                stairs.push((first.0, self.error.end));
+            }
+            for (i, here) in front.iter().enumerate() {
+                stairs.push(*here);
+                let next = front.get(i + 1).map_or(self.work.end, |next| next.0);
+                stairs.push((next, here.1));
+            }
+            panel.draw_series(LineSeries::new(stairs, FRONT.stroke_width(70)))?;
         }
-        for (i, here) in front.iter().enumerate() {
-            stairs.push(*here);
-            let next = front.get(i + 1).map_or(self.work.end, |next| next.0);
-            stairs.push((next, here.1));
-        }
-        panel.draw_series(LineSeries::new(stairs, FRONT.stroke_width(70)))?;
         Ok(())
     }
 
     fn draw_floors(&self, panel: &mut Panel<'_, '_>, diagram: &Diagram) -> Result<(), PlotError> {
-        let style = ("sans-serif", 13 * FINE)
+        let style = ("sans-serif", 15 * FINE)
             .into_font()
             .style(FontStyle::Italic)
             .color(&FLOOR);
@@ -269,12 +290,7 @@ impl View {
                 continue;
             }
             let line = [(self.work.start, y), (self.work.end, y)];
-            panel.draw_series(DashedLineSeries::new(
-                line,
-                12 * FINE,
-                5 * FINE,
-                FLOOR.stroke_width(10),
-            ))?;
+            panel.draw_series(LineSeries::new(line, FLOOR.stroke_width(FLOOR_LINE)))?;
             let at = (4 * FINE as i32, -15 * FINE as i32);
             panel.draw_series([
                 EmptyElement::at((self.work.start, y)) + Text::new(floor.name.clone(), at, style.clone())
@@ -297,19 +313,7 @@ impl View {
             .filter_map(|&i| Some((i, logarithms(runs[i].place(&diagram.error, &diagram.work)?))))
             .collect();
         let line = placed.iter().map(|(_, at)| *at);
-        match look.dash {
-            None => {
-                panel.draw_series(LineSeries::new(line, look.ink.stroke_width(13)))?;
-            }
-            Some((on, off)) => {
-                panel.draw_series(DashedLineSeries::new(
-                    line,
-                    on * FINE,
-                    off * FINE,
-                    look.ink.stroke_width(13),
-                ))?;
-            }
-        }
+        panel.draw_series(LineSeries::new(line, look.ink.stroke_width(look.line)))?;
         for (i, at) in placed {
             if let Some(spread) = runs[i].work(diagram.work.name)
                 && spread.q3 > spread.q1
@@ -318,13 +322,9 @@ impl View {
                 let ends = [(spread.q1.log10(), at.1), (spread.q3.log10(), at.1)];
                 panel.draw_series([PathElement::new(ends, look.ink.stroke_width(9))])?;
             }
-            let outline = look.outline();
-            let closed: Vec<(i32, i32)> = outline.iter().chain(&outline[..1]).copied().collect();
-            panel.draw_series([EmptyElement::at(at)
-                + Polygon::new(outline, look.fill().filled())
-                + PathElement::new(closed, look.ink.stroke_width(12))])?;
+            panel.plotting_area().draw(&look.marker(at))?;
             if runs[i].is_default {
-                panel.draw_series([Circle::new(at, 90, INK.stroke_width(13))])?;
+                panel.draw_series([Circle::new(at, 90, INK.stroke_width(12))])?;
             }
         }
         Ok(())
@@ -349,7 +349,7 @@ impl View {
                 let x = work
                     .filter(|w| *w > 0.0)
                     .map_or(self.work.end, |w| w.log10().clamp(self.work.start, self.work.end));
-                panel.draw_series([Cross::new((x, top), SIZE, IMPACT.stroke_width(14))])?;
+                panel.draw_series([Cross::new((x, top), SIZE, IMPACT.stroke_width(12))])?;
             }
         }
         Ok(())
@@ -383,7 +383,8 @@ fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Range<f64>> {
 struct Look {
     shape: Shape,
     filled: bool,
-    dash: Option<(u32, u32)>,
+    /// Width of the line, and so its dashes.
+    line: u32,
     ink: RGBColor,
 }
 
@@ -409,25 +410,32 @@ impl Look {
         Self {
             shape: SHAPES[number % 5],
             filled: number.is_multiple_of(2),
-            dash: [None, Some((9, 5)), Some((3, 4))][number % 3],
+            line: [SOLID, DASHED, DOTTED][number % 3],
             ink: [INK, ARC, IMPACT][number % 3],
         }
     }
 
-    fn fill(self) -> RGBColor {
-        if self.filled { self.ink } else { WHITE }
+    /// The marker at a place of the plot or of the drawing.
+    fn marker<'a, C: Clone + 'a, DB: DrawingBackend + 'a>(self, at: C) -> DynElement<'a, DB, C> {
+        let fill = if self.filled { self.ink } else { WHITE };
+        let outline = self.outline();
+        if outline.is_empty() {
+            return (EmptyElement::at(at)
+                + Circle::new((0, 0), SIZE, fill.filled())
+                + Circle::new((0, 0), SIZE, self.ink.stroke_width(12)))
+            .into_dyn();
+        }
+        let closed: Vec<(i32, i32)> = outline.iter().chain(&outline[..1]).copied().collect();
+        (EmptyElement::at(at)
+            + Polygon::new(outline, fill.filled())
+            + PathElement::new(closed, self.ink.stroke_width(12)))
+        .into_dyn()
     }
 
-    /// Around the place of the point, in units of the drawing.
+    /// Around the place of the point, in units of the drawing; none for a circle.
     fn outline(self) -> Vec<(i32, i32)> {
         match self.shape {
-            Shape::Disc => (0..24)
-                .map(|i| {
-                    let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
-                    let part = |x: f64| (x * f64::from(SIZE)).round() as i32;
-                    (part(cos), part(sin))
-                })
-                .collect(),
+            Shape::Disc => Vec::new(),
             Shape::Triangle => vec![(0, -SIZE), (SIZE, SIZE * 4 / 5), (-SIZE, SIZE * 4 / 5)],
             Shape::Flipped => vec![(0, SIZE), (SIZE, -SIZE * 4 / 5), (-SIZE, -SIZE * 4 / 5)],
             Shape::Square => vec![
@@ -446,26 +454,17 @@ fn draw_legend(area: &Area<'_>, diagram: &Diagram, runs: &[Run]) -> Result<(), P
     const ROW: i32 = 21 * FINE as i32;
     const LEFT: i32 = 8 * FINE as i32;
     const LINE: i32 = 34 * FINE as i32;
-    let text = ("sans-serif", 14 * FINE).into_font().color(&INK);
+    let text = ("sans-serif", 16 * FINE).into_font().color(&INK);
     let mut y = 16 * FINE as i32;
     let word = |y: i32, what: &str| {
-        let at = (LEFT + LINE + 8 * FINE as i32, y - 8 * FINE as i32);
+        let at = (LEFT + LINE + 8 * FINE as i32, y - 9 * FINE as i32);
         area.draw(&Text::new(what.to_owned(), at, text.clone()))
     };
     for (i, curve) in diagram.curves.iter().enumerate() {
         let look = Look::of(i);
-        for (from, to) in dashes(look.dash, LINE) {
-            let ends = [(LEFT + from, y), (LEFT + to, y)];
-            area.draw(&PathElement::new(ends, look.ink.stroke_width(13)))?;
-        }
-        let (cx, cy) = (LEFT + LINE / 2, y);
-        let moved = |points: Vec<(i32, i32)>| -> Vec<(i32, i32)> {
-            points.into_iter().map(|(dx, dy)| (cx + dx, cy + dy)).collect()
-        };
-        let outline = moved(look.outline());
-        area.draw(&Polygon::new(outline.clone(), look.fill().filled()))?;
-        let closed: Vec<(i32, i32)> = outline.iter().chain(&outline[..1]).copied().collect();
-        area.draw(&PathElement::new(closed, look.ink.stroke_width(12)))?;
+        let ends = [(LEFT, y), (LEFT + LINE, y)];
+        area.draw(&PathElement::new(ends, look.ink.stroke_width(look.line)))?;
+        area.draw(&look.marker((LEFT + LINE / 2, y)))?;
         word(y, &curve.name)?;
         y += ROW;
     }
@@ -476,27 +475,15 @@ fn draw_legend(area: &Area<'_>, diagram: &Diagram, runs: &[Run]) -> Result<(), P
     word(y, "Pareto front")?;
     y += ROW;
     if shown().any(|r| r.is_default) {
-        area.draw(&Circle::new((LEFT + LINE / 2, y), 80, INK.stroke_width(13)))?;
+        area.draw(&Circle::new((LEFT + LINE / 2, y), 80, INK.stroke_width(12)))?;
         word(y, "default")?;
         y += ROW;
     }
     if shown().any(|r| r.failed.is_some()) {
-        area.draw(&Cross::new((LEFT + LINE / 2, y), SIZE, IMPACT.stroke_width(14)))?;
+        area.draw(&Cross::new((LEFT + LINE / 2, y), SIZE, IMPACT.stroke_width(12)))?;
         word(y, "failed, or in part")?;
     }
     Ok(())
-}
-
-/// The strokes of a line of `length`.
-fn dashes(dash: Option<(u32, u32)>, length: i32) -> Vec<(i32, i32)> {
-    let Some((on, off)) = dash else {
-        return vec![(0, length)];
-    };
-    let (on, off) = ((on * FINE) as i32, (off * FINE) as i32);
-    (0..length)
-        .step_by((on + off) as usize)
-        .map(|from| (from, (from + on).min(length)))
-        .collect()
 }
 
 #[cfg(test)]
@@ -541,6 +528,8 @@ mod tests {
                 name: "bound".to_owned(),
                 error: 0.005,
             }],
+            alternatives: true,
+            overview: false,
             curves: vec![Curve {
                 name: "one".to_owned(),
                 runs: vec![0, 1, 2, 3],
@@ -563,8 +552,9 @@ mod tests {
         ] {
             assert!(svg.contains(expected), "{expected}");
         }
-        // The ring of the point and of the legend; discs are polygons.
-        assert_eq!(svg.matches("<circle").count(), 2);
+        // Two discs and the legend's, each with its outline; the ring and the legend's.
+        assert_eq!(svg.matches("<circle").count(), 8);
+        assert!(svg.contains("stroke-dasharray"), "the floor");
         let crosses = svg.matches("#9C1C1C").count();
         assert_eq!(crosses, 6, "two strokes for each of two failures and the legend");
     }
@@ -590,6 +580,7 @@ mod tests {
         };
         assert_eq!(labels(-2.1..0.1), ["0.01", "0.1", "1"]);
         assert_eq!(labels(0.25..1.4), ["2", "5", "10", "20"]);
+        assert_eq!(labels(3.1..3.6), ["2000", "3000"].to_vec());
         assert_eq!(labels(-13.2..-9.8), ["10⁻¹³", "10⁻¹²", "10⁻¹¹", "10⁻¹⁰"]);
         assert!((3..=7).contains(&labels(-16.0..2.0).len()));
         assert_eq!(labels(-6.9..-6.2), ["2·10⁻⁷", "5·10⁻⁷"]);
@@ -597,9 +588,9 @@ mod tests {
 
     #[test]
     fn no_two_of_thirty_curves_look_alike() {
-        let looks: std::collections::HashSet<(u32, bool, Option<(u32, u32)>)> = (0..30)
+        let looks: std::collections::HashSet<(u32, bool, u32)> = (0..30)
             .map(Look::of)
-            .map(|l| (l.shape as u32, l.filled, l.dash))
+            .map(|l| (l.shape as u32, l.filled, l.line))
             .collect();
         assert_eq!(looks.len(), 30);
     }
