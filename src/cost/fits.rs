@@ -16,8 +16,8 @@ use std::f64::consts::TAU;
 /// Of whatever parameter is off most.
 pub const PARAMETER: Measure = Measure {
     name: "parameter_std",
-    words: "rms error of a parameter, in its standard uncertainties",
-    unit: "",
+    words: "rms error of a parameter",
+    unit: "σ",
 };
 /// Of e.
 pub const RESTITUTION: Measure = Measure {
@@ -199,7 +199,7 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
         .collect(),
         curves: curves.clone(),
         alternatives: false,
-        overview: error == PARAMETER,
+        overview: false,
     };
     let reference = vec![Floor {
         name: "the reference's own".to_owned(),

@@ -41,7 +41,7 @@ pub const TIME: Measure = Measure {
 /// Of the image of the ball's centre.
 pub const CENTRE: Measure = Measure {
     name: "centre_px",
-    words: "rms error of the ball's place in the picture",
+    words: "rms error of the ball's place",
     unit: "px",
 };
 /// Of the rebound.
@@ -388,7 +388,7 @@ fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostEr
         floors,
         curves: curves.clone(),
         alternatives: false,
-        overview: error == CENTRE,
+        overview: false,
     };
     let diagrams = vec![
         diagram(

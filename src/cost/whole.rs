@@ -168,7 +168,7 @@ impl Plan {
             frame_rates_hz: vec![30.0, 60.0, 120.0, 240.0, 480.0, 960.0],
             reductions: vec![1, 2, 4],
             exposures_s: vec![0.0001, 0.0005, 0.0025],
-            recordings: 6,
+            recordings: 5,
         }
     }
 

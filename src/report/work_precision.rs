@@ -22,7 +22,7 @@ const LIGHT_GRID: RGBColor = RGBColor(240, 240, 240);
 const FLOOR: RGBColor = RGBColor(90, 90, 90);
 /// Half the size of a marker.
 const SIZE: i32 = 42;
-/// Widths of lines that [`dashed`] makes dashes of; plotters itself would draw every dash as a line of its own, which
+/// Widths of lines that [`compact`] makes dashes of; plotters itself would draw every dash as a line of its own, which
 /// makes a page several times larger. Nothing else has these widths.
 const SOLID: u32 = 13;
 const DASHED: u32 = 14;
@@ -128,7 +128,7 @@ pub(super) fn svg(diagram: &Diagram, runs: &[Run], caption: &str) -> Result<Stri
         r#"class="plot" role="img" aria-label="{}""#,
         super::page::escape(&diagram.title)
     );
-    Ok(dashed(svg.replacen(&size, &name, 1)))
+    Ok(compact(&svg.replacen(&size, &name, 1)))
 }
 
 /// Several diagrams below each other, two in a row, as an SVG file of its own.
@@ -154,11 +154,14 @@ pub(super) fn overview(diagrams: &[(&Diagram, &[Run], String)]) -> Result<String
     let shown = format!(
         r#"width="{width}" height="{height}" font-family="Helvetica, Arial, 'Liberation Sans', sans-serif""#
     );
-    Ok(dashed(svg.replacen(&size, &shown, 1)))
+    Ok(compact(&svg.replacen(&size, &shown, 1)))
 }
 
-/// Lines of certain widths as dashes.
-fn dashed(mut svg: String) -> String {
+/// Without what says nothing, and with lines of certain widths as dashes.
+fn compact(svg: &str) -> String {
+    let mut svg = svg
+        .replace(" opacity=\"1\"", "")
+        .replace(" font-family=\"sans-serif\"", "");
     for (width, dash) in [(DASHED, "90 50"), (DOTTED, "30 40"), (FLOOR_LINE, "120 50")] {
         let (mark, stroke) = (
             format!("stroke-width=\"{width}\""),
@@ -580,7 +583,7 @@ mod tests {
         };
         assert_eq!(labels(-2.1..0.1), ["0.01", "0.1", "1"]);
         assert_eq!(labels(0.25..1.4), ["2", "5", "10", "20"]);
-        assert_eq!(labels(3.1..3.6), ["2000", "3000"].to_vec());
+        assert_eq!(labels(3.1..3.6), ["2000", "3000"]);
         assert_eq!(labels(-13.2..-9.8), ["10⁻¹³", "10⁻¹²", "10⁻¹¹", "10⁻¹⁰"]);
         assert!((3..=7).contains(&labels(-16.0..2.0).len()));
         assert_eq!(labels(-6.9..-6.2), ["2·10⁻⁷", "5·10⁻⁷"]);
