@@ -405,7 +405,7 @@ mod tests {
     /// centres of a recording share (its learned radius and light) is in the bias.
     #[test]
     fn fine_lies_at_the_bound() {
-        const RECORDINGS: u64 = 4;
+        const RECORDINGS: u64 = 3;
         let dir = folder().unwrap();
         let ratios = [(8.0, 2.0), (16.0, 2.0), (16.0, 8.0)].map(|(radius_px, noise_grey)| {
             let scenes: Vec<Scene> = (1..=RECORDINGS)
@@ -426,7 +426,7 @@ mod tests {
             println!("R {radius_px} px, noise {noise_grey} grey: scatter is {ratio:.3} of the bound");
             ratio
         });
-        // Each ratio is known to 2 % (a thousand coordinates); all three are the same up to that.
+        // Each ratio is known to 2.5 % (some 800 coordinates); all three are the same up to that.
         let mean = ratios.iter().sum::<f64>() / 3.0;
         assert!(mean < 1.15, "{ratios:?}");
         assert!(

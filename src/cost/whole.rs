@@ -440,6 +440,8 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<(Section, Vec<Setting>)
 /// For each quantity: against time, light and storage.
 fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
     let exposure_s = middle(&plan.exposures_s, Setting::DEFAULT.exposure_s);
+    // The largest picture there is.
+    let largest = plan.reductions.iter().copied().min().unwrap_or(1);
     let ms = |s: f64| format!("{} ms", (1e4 * s).round() / 10.0);
     let matching = |what: &dyn Fn(&Setting) -> bool| -> Vec<usize> {
         settings
@@ -468,7 +470,9 @@ fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
     }
     let by_light = plan.frame_rates_hz.iter().map(|&rate| Curve {
         name: format!("{rate} Hz"),
-        runs: matching(&|s| s.accuracy == Accuracy::Standard && s.reduction == 1 && s.frame_rate_hz == rate),
+        runs: matching(&|s| {
+            s.accuracy == Accuracy::Standard && s.reduction == largest && s.frame_rate_hz == rate
+        }),
     });
     let by_light: Vec<Curve> = by_light.collect();
     let mut by_storage = Vec::new();
@@ -505,7 +509,14 @@ fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
             ),
             (
                 LIGHT,
-                "against light; standard, full picture, along a curve the exposure".to_owned(),
+                format!(
+                    "against light; standard, {} picture, along a curve the exposure",
+                    Setting {
+                        reduction: largest,
+                        ..Setting::DEFAULT
+                    }
+                    .picture()
+                ),
                 &by_light,
             ),
             (

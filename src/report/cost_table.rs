@@ -212,7 +212,7 @@ pub(super) fn significant(x: f64) -> String {
         };
     }
     let decimals = 2.0 - x.abs().log10().floor();
-    if decimals > 6.0 || decimals < -4.0 {
+    if !(-4.0..=6.0).contains(&decimals) {
         format!("{x:.1e}")
     } else {
         format!("{x:.*}", decimals.max(0.0) as usize)
