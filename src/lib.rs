@@ -18,6 +18,7 @@
 //! | [`measure`] | one recording from file to result: the order of the steps, nothing else | [`measure::Measurement`] |
 //! | [`fit`] | a series of bounces: the models' coefficients, where sliding begins, which model it is | [`fit::SeriesFit`] |
 //! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `bounce` or `fit` | |
+//! | [`cost`] | accuracy against time: scenes with known truth, measured at many settings | [`cost::Report`] |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
 //! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::Finished`] |
 //! | [`cli`] | a file a command; the only place that prints or draws progress | |
@@ -36,6 +37,7 @@ pub mod batch;
 pub mod bounce;
 pub mod calibration;
 pub mod cli;
+pub mod cost;
 pub mod detect;
 pub mod fit;
 pub mod flight;

@@ -2,6 +2,7 @@
 
 mod batch;
 mod calibrate;
+mod cost;
 mod fit;
 mod measure;
 mod simulate;
@@ -39,6 +40,8 @@ enum Command {
     BatchRecording(batch::RecordingArgs),
     /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
     Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Shows what accuracy costs: error against time on scenes with known truth, and the cheapest setting that is exact enough.
+    Cost(cost::CostArgs),
     /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
     Fit(fit::FitArgs),
     /// Renders a recording with known truth from a scene file.
@@ -106,6 +109,7 @@ pub fn run() -> ExitCode {
             simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
         }
         (Some(Command::Calibrate(args)), _) => calibrate::run(&args),
+        (Some(Command::Cost(args)), _) => cost::run(&args),
         (None, Some(args)) => measure::run(&args),
         (None, None) => Err(anyhow::anyhow!("no recording given; see track --help")),
     };

@@ -35,6 +35,7 @@ pub mod csv;
 pub mod error;
 pub mod result;
 pub mod series;
+pub mod study;
 
 mod choice;
 mod columns;

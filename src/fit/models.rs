@@ -39,7 +39,7 @@ const NO_SLIP: f64 = 0.001;
 const TELLING: f64 = 2.0;
 
 /// Starts that are followed to their end.
-const FOLLOWED: usize = 8;
+pub(super) const FOLLOWED: usize = 8;
 
 /// A model in one variant at its best.
 #[derive(Debug, Clone)]

@@ -20,7 +20,7 @@ const MOST_STEPS: u64 = 200;
 
 /// A step that would move all residuals together by no more than this part of the scatter of one is not taken: parameters
 /// move by no more than this part of their uncertainty then.
-const SETTLED: f64 = 1e-6;
+pub(super) const SETTLED: f64 = 1e-6;
 
 /// The same where rows are so many that a step takes its time.
 const SETTLED_OF_MANY: f64 = 1e-3;
@@ -228,7 +228,16 @@ impl<'a> Task<'a> {
 
     /// The least χ² near `start`; `None` where χ² is not finite at the start itself.
     pub fn search(&self, start: Theta) -> Option<Found> {
-        let result = Executor::new(self.clone(), LevenbergMarquardt::default())
+        self.search_to(start, SETTLED).map(|(found, _)| found)
+    }
+
+    /// As [`Self::search`], to `settled` in place of [`SETTLED`]; and how many steps it tried.
+    pub fn search_to(&self, start: Theta, settled: f64) -> Option<(Found, u64)> {
+        let method = LevenbergMarquardt {
+            settled,
+            ..LevenbergMarquardt::default()
+        };
+        let result = Executor::new(self.clone(), method)
             .configure(|state| state.param(start.to_vec()).max_iters(MOST_STEPS))
             .ctrlc(false)
             .run()
@@ -246,10 +255,11 @@ impl<'a> Task<'a> {
                 TerminationStatus::Terminated(TerminationReason::SolverConverged)
             ),
         };
+        let steps = result.state.get_iter();
         if creased && self.rows.len() <= MOST_CREASED {
-            Some(self.across_creases(smooth).unwrap_or(smooth))
+            Some((self.across_creases(smooth).unwrap_or(smooth), steps))
         } else {
-            Some(smooth)
+            Some((smooth, steps))
         }
     }
 
@@ -324,6 +334,7 @@ impl CostFunction for Reduced<'_, '_> {
 
 /// Levenberg-Marquardt with Nielsen's damping.
 struct LevenbergMarquardt {
+    settled: f64,
     here: Option<Linear>,
     theta: Theta,
     rows: usize,
@@ -337,6 +348,7 @@ struct LevenbergMarquardt {
 impl Default for LevenbergMarquardt {
     fn default() -> Self {
         Self {
+            settled: SETTLED,
             here: None,
             theta: [0.0; PARAMETERS],
             rows: 1,
@@ -389,10 +401,11 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
             .effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
         let size = (here.chi2 / self.rows as f64).sqrt();
         let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * self.theta[j].abs().max(1.0));
+        // Many rows: a step takes its time.
         let settled = if self.rows > PART {
-            SETTLED_OF_MANY
+            self.settled.max(SETTLED_OF_MANY)
         } else {
-            SETTLED
+            self.settled
         };
         if best <= settled * size || (still && self.damping < 1.0) {
             self.ended = true;

@@ -17,12 +17,17 @@
 //! | [`series_json`] | `fit.json`, schema `track.fit/1` |
 //! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows |
 //! | `chart`, `series_figures`, `series_rows` | its figures and tables |
+//! | [`cost_json`], [`cost_table`] | `cost.json`, schema `track.cost/1`, and `cost.csv`; the tables on stdout |
+//! | [`cost_page`] | `cost.html`: work-precision diagrams (`work_precision`); `cost.svg` |
 //! | [`write`](mod@write) | files that appear whole or not at all |
 
 pub mod batch_page;
 pub mod board;
 pub mod calibrate_page;
 mod chart;
+pub mod cost_json;
+pub mod cost_page;
+pub mod cost_table;
 pub mod csv;
 pub mod json;
 pub mod marks;
@@ -39,6 +44,7 @@ pub mod series_table;
 pub mod strobe;
 pub mod table;
 mod words;
+mod work_precision;
 pub mod write;
 
 #[cfg(test)]

@@ -3,7 +3,9 @@
 //! A file is written under a passing name in its own folder, forced to the disk, and renamed: whoever looks sees the
 //! old file or the new one, never half of one, and a failure leaves nothing behind.
 
-use super::{csv, json, page, series_json, series_page};
+use super::{cost_json, cost_page, csv, json, page, series_json, series_page};
+use crate::cost::Report;
+use crate::cost::whole::Check;
 use crate::fit::{Series, SeriesFit};
 use crate::measure::Measurement;
 use std::fs;
@@ -263,6 +265,22 @@ pub fn write_fit(series: &Series, fit: &SeriesFit, dir: &Path) -> Result<FitPath
         (stage(&paths.fit_json, &result)?, paths.fit_json.as_path()),
         (stage(&paths.report_html, page.as_bytes())?, &paths.report_html),
     ])?;
+    Ok(paths)
+}
+
+/// Writes `cost.html`, `cost.svg`, `cost.json` and `cost.csv` into `dir`: all, or none; their paths.
+///
+/// # Errors
+/// See [`WriteError`].
+pub fn write_cost(report: &Report, check: Option<&Check>, dir: &Path) -> Result<[PathBuf; 4], WriteError> {
+    let paths = ["cost.html", "cost.svg", "cost.json", "cost.csv"].map(|name| dir.join(name));
+    let page = cost_page::cost_html(report, check).map_err(|e| contents(&paths[0], e))?;
+    let svg = cost_page::cost_svg(report).map_err(|e| contents(&paths[1], e))?;
+    let json = json_text(&cost_json::cost_json(report, check)).map_err(|e| contents(&paths[2], e))?;
+    let csv = cost_json::cost_csv(report).map_err(|e| contents(&paths[3], e))?;
+    let bytes: [&[u8]; 4] = [page.as_bytes(), svg.as_bytes(), &json, &csv];
+    let files: Vec<(&Path, &[u8])> = paths.iter().map(PathBuf::as_path).zip(bytes).collect();
+    write_together(&files)?;
     Ok(paths)
 }
 

@@ -22,14 +22,14 @@ use super::effects::{Acting, ContactLaw, Dip, Force, Loads};
 use super::scene::{Scene, SceneError};
 use crate::models::{Motion, Regime};
 use nalgebra::{Vector3, Vector6};
-use ode_solvers::{Dop853, System};
+use ode_solvers::{Dop853, OutputType, System};
 
 /// Hops shorter than this are not followed, s; their height g t²/8 is 12 nm.
 pub const SHORTEST_HOP_S: f64 = 1e-4;
 /// A ball that flies longer than this counts as never landing, s.
 pub const LONGEST_FLIGHT_S: f64 = 60.0;
 /// Relative tolerance of the integrator; a path of 10 m is good to far below 1e-6 px.
-const RELATIVE_TOLERANCE: f64 = 1e-11;
+pub const RELATIVE_TOLERANCE: f64 = 1e-11;
 /// Length (m) and speed (m/s) below which the tolerance is absolute.
 const ABSOLUTE_M: f64 = 0.01;
 /// Nodes a flight between two impacts, and their largest distance: between them a quintic is exact to 1e-13 m.
@@ -102,15 +102,43 @@ pub struct Acts {
     pub contact: Option<Acting<dyn ContactLaw>>,
 }
 
+/// How a flight with forces is integrated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Integration {
+    /// Error that a step may have, relative to position and speed.
+    pub relative_tolerance: f64,
+    /// Steps of this length whatever their error, s: to see the method's order. `None`: as long as the tolerance lets them
+    /// be.
+    pub fixed_step_s: Option<f64>,
+}
+
+impl Default for Integration {
+    fn default() -> Self {
+        Self {
+            relative_tolerance: RELATIVE_TOLERANCE,
+            fixed_step_s: None,
+        }
+    }
+}
+
 impl Trajectory {
     /// Follows the ball of `scene` under `acts` until the recording ends, and at least to the second impact.
     ///
     /// # Errors
     /// [`SceneError::NeverLands`].
     pub fn new(scene: &Scene, acts: &Acts) -> Result<Self, SceneError> {
+        Self::integrated(scene, acts, Integration::default())
+    }
+
+    /// As [`Trajectory::new`], integrated as `integration` says.
+    ///
+    /// # Errors
+    /// [`SceneError::NeverLands`].
+    pub fn integrated(scene: &Scene, acts: &Acts, integration: Integration) -> Result<Self, SceneError> {
         let follower = Follower {
             scene,
             acts,
+            integration,
             phases: Vec::new(),
             impacts: Vec::new(),
         };
@@ -208,6 +236,7 @@ fn quintic(from: &Node, to: &Node, step: f64, t: f64) -> State {
 struct Follower<'a> {
     scene: &'a Scene,
     acts: &'a Acts,
+    integration: Integration,
     phases: Vec<Phase>,
     impacts: Vec<Impact>,
 }
@@ -301,7 +330,7 @@ impl Follower<'_> {
             scene: self.scene,
             forces: &self.acts.forces,
             spin,
-            relative_tolerance: RELATIVE_TOLERANCE,
+            integration: self.integration,
         };
         let step_s = (parabola_s / NODES_PER_HOP).min(LONGEST_NODE_S);
         // Forces change the time of flight: longer and longer horizons until the ball is down.
@@ -407,7 +436,7 @@ struct Equations<'a> {
     scene: &'a Scene,
     forces: &'a [Acting<dyn Force>],
     spin: Vector3<f64>,
-    relative_tolerance: f64,
+    integration: Integration,
 }
 
 impl Equations<'_> {
@@ -426,15 +455,43 @@ impl Equations<'_> {
     /// Nodes `step_s` apart from `start` on, until the ball is below the floor or `horizon_s` is over; two or more.
     fn integrate(&self, start: &State, step_s: f64, horizon_s: f64) -> Result<Vec<Node>, SceneError> {
         let initial = join(start.position_m, start.velocity_m_s);
-        let mut solver = Dop853::new(
-            *self,
-            0.0,
-            horizon_s.max(3.0 * step_s),
-            step_s,
-            initial,
-            self.relative_tolerance,
-            self.relative_tolerance * ABSOLUTE_M,
-        );
+        let end_s = horizon_s.max(3.0 * step_s);
+        let mut solver = match self.integration.fixed_step_s {
+            None => {
+                let tolerance = self.integration.relative_tolerance;
+                Dop853::new(
+                    *self,
+                    0.0,
+                    end_s,
+                    step_s,
+                    initial,
+                    tolerance,
+                    tolerance * ABSOLUTE_M,
+                )
+            }
+            // Any error will do, so that every step is as long as it may be. The rest are the solver's own defaults.
+            Some(fixed_s) => {
+                const ANY: f64 = 1e30;
+                Dop853::from_param(
+                    *self,
+                    0.0,
+                    end_s,
+                    step_s,
+                    initial,
+                    ANY,
+                    ANY,
+                    0.9,
+                    0.0,
+                    0.333,
+                    6.0,
+                    fixed_s,
+                    fixed_s,
+                    100_000,
+                    1000,
+                    OutputType::Dense,
+                )
+            }
+        };
         solver
             .integrate()
             .map_err(|stuck| never_lands(&format!("the integration stopped: {stuck}")))?;

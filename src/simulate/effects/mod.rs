@@ -286,8 +286,8 @@ pub struct Acting<T: ?Sized> {
 }
 
 impl<T: ?Sized> Acting<T> {
-    #[cfg(test)]
-    pub(super) fn of(what: Box<T>) -> Self {
+    /// An action in use that no effect gave.
+    pub fn of(what: Box<T>) -> Self {
         Self {
             what,
             evaluations: Arc::default(),

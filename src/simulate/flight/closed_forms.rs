@@ -60,7 +60,10 @@ fn flown(
         scene: &scene,
         forces: &forces,
         spin,
-        relative_tolerance,
+        integration: Integration {
+            relative_tolerance,
+            fixed_step_s: None,
+        },
     };
     let start = State {
         position_m: Vector3::new(0.0, 0.0, 100.0),

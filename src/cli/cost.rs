@@ -1,0 +1,99 @@
+//! `track cost [--out DIR] [--quick] [--want NAME=VALUE] [--check N] [--json]`: what accuracy costs in time.
+
+use super::{Status, answer, say};
+use crate::cost::want::{Want, usual};
+use crate::cost::whole::{self, Check};
+use crate::cost::{self, Plan, Report, Step, Watch};
+use crate::report::{cost_json, cost_table, write};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// What to run, and where to put it.
+#[derive(Debug, Args)]
+pub struct CostArgs {
+    /// Write cost.html, cost.svg, cost.json and cost.csv into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// A coarse version in less than a minute; the full one takes up to 15 on two cores.
+    #[arg(long)]
+    pub quick: bool,
+    /// Name the cheapest measured setting with which 95 % of the recordings are this exact, e.g. restitution=0.002. May be
+    /// given several times: restitution, friction, incident_angle_deg, rebound_angle_deg, x0_m, x_m.
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub want: Vec<Want>,
+    /// Run that setting again on so many new recordings, and say how many of them are so exact.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub check: Option<u64>,
+    /// Print cost.json in place of the tables.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs and reports.
+///
+/// # Errors
+///
+/// Whatever keeps recordings from being rendered and measured, or the results from being written.
+pub fn run(args: &CostArgs) -> anyhow::Result<Status> {
+    // Kept to the end: a folder that nothing came into goes again.
+    let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
+    let plan = if args.quick { Plan::quick() } else { Plan::full() };
+    let wants = if args.want.is_empty() {
+        usual()
+    } else {
+        args.want.clone()
+    };
+    let start = Instant::now();
+    let clock = || start.elapsed().as_secs_f64();
+    let bar = progress_bar();
+    let mut show = |step: Step| {
+        bar.set_message(step.what);
+        // Of 1000: the bar's own unit.
+        bar.set_position((1000.0 * step.done) as u64);
+    };
+    let report = cost::run(&plan, &wants, &clock, &mut show)?;
+    let check = checked(args, &report, &mut Watch::new(&clock, &mut show))?;
+    bar.finish_and_clear();
+    if let Some(dir) = &args.out {
+        for path in write::write_cost(&report, check.as_ref(), dir)? {
+            say(&format!("wrote {}", path.display()));
+        }
+    }
+    if args.json {
+        let json = cost_json::cost_json(&report, check.as_ref());
+        answer(&String::from_utf8_lossy(&write::json_text(&json)?))?;
+    } else {
+        answer(&cost_table::cost_table(&report, check.as_ref()))?;
+    }
+    if report.recommendation.chosen.is_some() {
+        return Ok(Status::Done);
+    }
+    say("rejected: no setting that was measured reaches the wanted error; the last lines say what is best");
+    Ok(Status::Rejected)
+}
+
+/// The recommended setting on new recordings, where that is asked for and there is one.
+fn checked(args: &CostArgs, report: &Report, watch: &mut Watch<'_>) -> anyhow::Result<Option<Check>> {
+    let chosen = report.recommendation.chosen;
+    let setting = chosen.and_then(|i| report.whole_settings.get(i));
+    match (args.check, setting) {
+        (Some(count), Some(setting)) => Ok(Some(whole::check(
+            setting,
+            &report.recommendation.wants,
+            count,
+            watch,
+        )?)),
+        _ => Ok(None),
+    }
+}
+
+/// A bar on a terminal; nothing elsewhere.
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("{msg:27} {wide_bar} {percent} % {elapsed} {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}

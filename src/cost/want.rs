@@ -1,0 +1,293 @@
+//! The cheapest setting that was measured to reach wanted errors. Nothing is interpolated: a setting between two that were
+//! run is not one that was run.
+
+use super::whole::{LIGHT, QUANTITIES, SECONDS, STORAGE};
+use super::{Measure, Section};
+use std::str::FromStr;
+
+/// A quantity and how large its error may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Want {
+    /// One of [`QUANTITIES`].
+    pub quantity: Measure,
+    /// In its unit, for 95 % of the recordings.
+    pub at_most: f64,
+}
+
+/// What can be wrong with a want.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum WantError {
+    /// No equals sign.
+    #[error("{found:?} is not NAME=VALUE; write for example restitution=0.002")]
+    NotAPair {
+        /// As given.
+        found: String,
+    },
+    /// A quantity that is not measured.
+    #[error("unknown quantity {found:?}, did you mean {nearest:?}? Known: {known}")]
+    Unknown {
+        /// As given.
+        found: String,
+        /// The most similar one.
+        nearest: String,
+        /// All of them.
+        known: String,
+    },
+    /// No error that could be reached.
+    #[error(
+        "the error {found:?} for {quantity} is not a number above 0; write for example {quantity}={example}"
+    )]
+    Impossible {
+        /// Of what.
+        quantity: &'static str,
+        /// As given.
+        found: String,
+        /// What makes sense.
+        example: f64,
+    },
+}
+
+impl FromStr for Want {
+    type Err = WantError;
+
+    fn from_str(text: &str) -> Result<Self, WantError> {
+        let (name, value) = text.split_once('=').ok_or_else(|| WantError::NotAPair {
+            found: text.to_owned(),
+        })?;
+        let name = name.trim();
+        let Some(quantity) = QUANTITIES.into_iter().find(|q| q.name == name) else {
+            let known: Vec<&str> = QUANTITIES.iter().map(|q| q.name).collect();
+            let alike = |known: &&&str| strsim::jaro_winkler(&name.to_lowercase(), known);
+            let nearest = known.iter().max_by(|a, b| alike(a).total_cmp(&alike(b)));
+            return Err(WantError::Unknown {
+                found: name.to_owned(),
+                nearest: nearest.map_or("", |n| n).to_owned(),
+                known: known.join(", "),
+            });
+        };
+        match value.trim().parse::<f64>() {
+            Ok(at_most) if at_most > 0.0 && at_most.is_finite() => Ok(Self { quantity, at_most }),
+            _ => Err(WantError::Impossible {
+                quantity: quantity.name,
+                found: value.trim().to_owned(),
+                example: example(quantity.name),
+            }),
+        }
+    }
+}
+
+/// An error that makes sense to want.
+fn example(quantity: &str) -> f64 {
+    match quantity {
+        "restitution" => 0.002,
+        "friction" => 0.005,
+        "x0_m" | "x_m" => 0.0005,
+        _ => 0.1,
+    }
+}
+
+/// What is wanted where nobody says.
+#[must_use]
+pub fn usual() -> Vec<Want> {
+    vec![Want {
+        quantity: QUANTITIES[0],
+        at_most: example(QUANTITIES[0].name),
+    }]
+}
+
+/// What to take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recommendation {
+    /// What was wanted.
+    pub wants: Vec<Want>,
+    /// Index into the runs of the section `whole`; `None` where no run reaches all that is wanted.
+    pub chosen: Option<usize>,
+    /// All of it in words.
+    pub words: String,
+}
+
+/// The run with the least median time among those where no recording failed and the 95 % bound of every wanted error
+/// is within what is wanted.
+#[must_use]
+pub fn recommend(whole: &Section, wants: &[Want]) -> Recommendation {
+    let seconds = |i: usize| {
+        whole.runs[i]
+            .work(SECONDS.name)
+            .map_or(f64::INFINITY, |s| s.median)
+    };
+    let reaches = |i: &usize| {
+        let run = &whole.runs[*i];
+        run.failed.is_none()
+            && wants.iter().all(|w| {
+                run.error(w.quantity.name)
+                    .is_some_and(|e| e.bound_95 <= w.at_most)
+            })
+    };
+    let chosen = (0..whole.runs.len())
+        .filter(reaches)
+        .min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)));
+    let words = match chosen {
+        Some(i) => reached(whole, wants, i),
+        None => missed(whole, wants),
+    };
+    Recommendation {
+        wants: wants.to_vec(),
+        chosen,
+        words,
+    }
+}
+
+fn listed(wants: &[Want]) -> String {
+    wants
+        .iter()
+        .map(|w| {
+            let unit = if w.quantity.unit.is_empty() { "" } else { " " };
+            format!(
+                "{} within {}{unit}{}",
+                w.quantity.name, w.at_most, w.quantity.unit
+            )
+        })
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
+    let run = &whole.runs[chosen];
+    let of = |name: &str| run.setting(name).unwrap_or_default();
+    let found: Vec<String> = wants
+        .iter()
+        .filter_map(|w| {
+            let e = run.error(w.quantity.name)?;
+            Some(format!(
+                "{}: rms {:.2e}, 95 % of those seen within {:.2e}, 95 % of all within {:.2e} by the bound",
+                w.quantity.name, e.rms, e.p95, e.bound_95
+            ))
+        })
+        .collect();
+    let recordings = run.work(SECONDS.name).map_or(0, |s| s.repeats);
+    let seconds = run.work(SECONDS.name).map_or(0.0, |s| s.median);
+    let light = run.work(LIGHT.name).map_or(0.0, |s| s.median);
+    let megabytes = run.work(STORAGE.name).map_or(0.0, |s| s.median);
+    format!(
+        "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s. Measured on {recordings} recordings: \
+         {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.2} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \
+         were measured; none is interpolated.",
+        listed(wants),
+        of("accuracy"),
+        of("frame_rate_hz"),
+        of("picture"),
+        of("exposure_s"),
+        found.join("; "),
+        whole.runs.len(),
+    )
+}
+
+fn missed(whole: &Section, wants: &[Want]) -> String {
+    let mut words = format!(
+        "For {}: none of the {} settings that were measured reaches it.",
+        listed(wants),
+        whole.runs.len()
+    );
+    for want in wants {
+        let best = whole
+            .runs
+            .iter()
+            .filter(|run| run.failed.is_none())
+            .filter_map(|run| Some((run.error(want.quantity.name)?.bound_95, run)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((bound, run)) = best {
+            let settings: Vec<String> = run
+                .settings
+                .iter()
+                .map(|(name, value)| format!("{name} {value}"))
+                .collect();
+            words.push_str(&format!(
+                " The best for {} holds 95 % of the errors within {bound:.2e}: {}.",
+                want.quantity.name,
+                settings.join(", ")
+            ));
+        }
+    }
+    words.push_str(" Ask for less, or record with more light, a larger ball or more pixels.");
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::stats::{Errors, Spread};
+    use super::super::{Run, Section};
+    use super::*;
+
+    fn run(seconds: f64, errors: &[f64], failed: bool) -> Run {
+        Run {
+            settings: vec![("accuracy", "fast".to_owned()), ("picture", "half".to_owned())],
+            errors: vec![("restitution", Errors::of(errors).unwrap())],
+            work: vec![(SECONDS.name, Spread::exact(seconds))],
+            counts: Vec::new(),
+            failed: failed.then(|| "one was rejected".to_owned()),
+            is_default: false,
+        }
+    }
+
+    fn section(runs: Vec<Run>) -> Section {
+        Section {
+            name: "whole",
+            title: "",
+            words: Vec::new(),
+            errors: Vec::new(),
+            works: Vec::new(),
+            runs,
+            diagrams: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_cheapest_that_reaches_it_is_taken_and_never_one_that_failed() {
+        let good = [1e-4; 20];
+        let runs = vec![
+            run(0.1, &[0.1; 20], false),
+            run(0.2, &good, true),
+            run(0.6, &good, false),
+            run(0.4, &good, false),
+        ];
+        let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
+        let found = recommend(&section(runs), &wants);
+        assert_eq!(found.chosen, Some(3));
+        assert!(found.words.contains("--accuracy fast"), "{}", found.words);
+        let strict: Vec<Want> = vec!["restitution=1e-6".parse().unwrap()];
+        let found = recommend(&section(vec![run(0.4, &good, false)]), &strict);
+        assert_eq!(found.chosen, None);
+        assert!(found.words.contains("none of the 1 settings") && found.words.contains("The best"));
+    }
+
+    #[test]
+    fn few_errors_are_not_believed() {
+        // Three errors just below what is wanted say little of the next hundred.
+        let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
+        let few = recommend(
+            &section(vec![run(0.1, &[0.0015, -0.0012, 0.0014], false)]),
+            &wants,
+        );
+        assert_eq!(few.chosen, None);
+    }
+
+    #[test]
+    fn a_want_that_makes_no_sense_says_what_would() {
+        let error = |text: &str| text.parse::<Want>().unwrap_err().to_string();
+        assert!(error("nonsense=1").contains("Known: restitution, friction"));
+        assert!(error("restitition=0.1").contains("did you mean \"restitution\""));
+        assert!(error("frictoin=0.1").contains("did you mean \"friction\""));
+        assert!(error("x_o=0.1").contains("x0_m") || error("x_o=0.1").contains("x_m"));
+        for bad in [
+            "restitution=-0.002",
+            "restitution=0",
+            "restitution=nan",
+            "restitution=inf",
+            "restitution=",
+        ] {
+            assert!(error(bad).contains("not a number above 0"), "{bad}");
+        }
+        assert!(error("restitution").contains("NAME=VALUE"));
+        assert_eq!("x0_m = 0.0005".parse::<Want>().unwrap().at_most, 0.0005);
+    }
+}

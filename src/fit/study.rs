@@ -1,0 +1,107 @@
+//! The search of one model alone, to a tolerance of one's own: for seeing what the tolerance costs and what it gives.
+
+use super::data::Data;
+use super::law::{E, E_X, MU, PARAMETERS, Regimes, Theta};
+use super::models::FOLLOWED;
+use super::search::{Found, SETTLED, Task};
+use super::series::Series;
+use super::starts;
+
+/// The tolerance of the fits: a step that would move all residuals together by less than this part of the scatter of one is
+/// not taken.
+pub const DEFAULT_TOLERANCE: f64 = SETTLED;
+
+/// Which parameters are searched for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variant {
+    /// e and μ: leaves rolling, or slides.
+    MuE,
+    /// e, e_x and μ: grips, or slides.
+    GripSlide,
+}
+
+/// Where a search ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Searched {
+    /// e, e_x, μ; what is not searched for is 0.
+    pub values: [f64; 3],
+    /// Their standard uncertainties; 0 of what is not searched for.
+    pub stds: [f64; 3],
+    /// χ² there.
+    pub chi2: f64,
+    /// Steps that were tried, from all starts.
+    pub steps: u64,
+    /// Whether the best of the searches ended by its tolerance.
+    pub converged: bool,
+}
+
+/// The rows of a series, ready for searches.
+pub struct Study {
+    data: Data,
+    variant: Variant,
+}
+
+impl Study {
+    /// All rows of `series`, whatever their group.
+    #[must_use]
+    pub fn new(series: &Series, variant: Variant) -> Self {
+        let indices: Vec<usize> = (0..series.rows.len()).collect();
+        Self {
+            data: Data::new(series, &indices).0,
+            variant,
+        }
+    }
+
+    /// The least χ² from the starts of the fits, each search to `tolerance`. `None` where no search finds a finite χ².
+    #[must_use]
+    pub fn search(&self, tolerance: f64) -> Option<Searched> {
+        let task = self.task();
+        let candidates = starts::candidates(&self.data, &self.data.sample, &task.free);
+        self.from(starts::best(&task, candidates, 1.0, FOLLOWED), tolerance)
+    }
+
+    /// The least χ² near `values` (e, e_x, μ), to `tolerance`.
+    #[must_use]
+    pub fn search_near(&self, values: [f64; 3], tolerance: f64) -> Option<Searched> {
+        let mut start = [0.0; PARAMETERS];
+        (start[E], start[E_X], start[MU]) = (values[0], values[1], values[2]);
+        self.from(vec![start], tolerance)
+    }
+
+    fn task(&self) -> Task<'_> {
+        let mut free = [false; PARAMETERS];
+        free[E] = true;
+        free[MU] = true;
+        free[E_X] = self.variant == Variant::GripSlide;
+        Task {
+            rows: &self.data.rows,
+            chosen: None,
+            regimes: Regimes::Continuous,
+            free,
+        }
+    }
+
+    fn from(&self, starts: Vec<Theta>, tolerance: f64) -> Option<Searched> {
+        let task = self.task();
+        let mut steps = 0;
+        let searches: Vec<Found> = starts
+            .into_iter()
+            .filter_map(|start| task.search_to(start, tolerance))
+            .map(|(found, tried)| {
+                steps += tried;
+                found
+            })
+            .collect();
+        let best = searches.into_iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2))?;
+        let (determined, rank) = task.unit_triangle(&best.theta).determined(&task.free);
+        let covariance = best.triangle.covariance(&determined, &task.free, rank);
+        let order = [E, E_X, MU];
+        Some(Searched {
+            values: order.map(|j| best.theta[j]),
+            stds: order.map(|j| covariance[(j, j)].max(0.0).sqrt()),
+            chi2: best.chi2,
+            steps,
+            converged: best.converged,
+        })
+    }
+}
