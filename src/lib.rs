@@ -19,6 +19,7 @@
 //! | [`fit`] | a series of bounces: the models' coefficients, where sliding begins, which model it is | [`fit::SeriesFit`] |
 //! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `bounce` or `fit` | |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
+//! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::Finished`] |
 //! | [`cli`] | a file a command; the only place that prints or draws progress | |
 //!
 //! # Conventions
@@ -28,9 +29,10 @@
 //! * Pixel (0, 0) is the centre of the top-left pixel, u right, v down.
 //! * World: x along the launch, z up, the floor at z = 0 (the ball's centre touches at z = R).
 //! * A measured number is a [`quantity::Quantity`]; what could not be measured is `None`, never 0 or NaN.
-//! * Core code neither prints nor reads the clock.
+//! * Core code neither prints nor reads the clock (but for the time limit of a batch's processes).
 //! * OpenCV types stay in `detect`, `calibration` and the renderer; FFmpeg's in `frames`.
 
+pub mod batch;
 pub mod bounce;
 pub mod calibration;
 pub mod cli;

@@ -196,7 +196,8 @@ fn what_is_left_out_or_null_has_its_default() {
     let nulls = json!({
         "schema": "track.calib/1", "scale": {"gravity": true, "ball": null}, "view": null, "image_size_px": null,
         "origin_px": null, "up_px": null, "lens": null, "frame_rate_hz": null, "gravity_m_s2": null, "ball": null,
-        "launch": null, "up_std_deg": null, "origin_std_px": null, "gravity_std_m_s2": null
+        "launch": null, "up_std_deg": null, "origin_std_px": null, "gravity_std_m_s2": null,
+        "distance_m": null, "distance_std_m": null
     });
     assert_eq!(parse(&nulls), least);
 }
@@ -255,6 +256,10 @@ fn top_level_values_that_are_refused() {
         ("up_px", json!([0, 0, 1])),
         ("up_std_deg", json!(90)),
         ("up_std_deg", json!(-1)),
+        ("distance_m", json!(0)),
+        ("distance_m", json!(-2)),
+        ("distance_m", json!("2 m")),
+        ("distance_m", json!(0.025)),
         ("frame_rate_hz", json!(0)),
         ("frame_rate_hz", json!(-240)),
         ("frame_rate_hz", json!("240")),
@@ -270,6 +275,23 @@ fn top_level_values_that_are_refused() {
     for (key, value) in bad {
         refused(&set(contract(), key, value), key);
     }
+}
+
+#[test]
+fn the_cameras_distance_and_its_uncertainty() {
+    let far = set(contract(), "distance_m", json!(2.5));
+    let c = parse(&set(far.clone(), "distance_std_m", json!(0.01)));
+    assert_eq!((c.distance_m, c.distance_std_m), (Some(2.5), Some(0.01)));
+    assert_eq!(parse(&far).distance_std_m, None);
+    assert_eq!(parse(&contract()).distance_m, None);
+    refused(&set(far.clone(), "distance_std_m", json!(3)), "distance_std_m");
+    refused(&set(far, "distance_std_m", json!(0)), "distance_std_m");
+    let alone = refused(&set(contract(), "distance_std_m", json!(0.01)), "distance_std_m");
+    assert!(alone.found.contains("no distance_m"), "{alone}");
+    let mut homography = set(homography(), "image_size_px", json!([1280, 720]));
+    homography = set(homography, "distance_m", json!(2.0));
+    assert!(Calibration::parse(&homography.to_string(), "lab.json").is_ok());
+    refused(&set(homography, "distance_m", json!(1000.0)), "distance_m");
 }
 
 #[test]
@@ -701,7 +723,7 @@ prop_compose! {
         scale in any_scale(), top: bool, size: bool, origin in maybe((0.0..1279.0, 0.0..719.0)), angle in -3.2..3.2_f64,
         stds in (maybe(0.1..5.0), maybe(0.01..5.0), maybe(1e-3..0.1), maybe(1e-5..1e-3)), lens: bool,
         rate in maybe(1.0..1e4), gravity in 9.0..10.0, mass in maybe(1e-3..1.0), inertia in 0.1..0.66,
-        edge in maybe(-1.0..1.0), spin in maybe(-2.0..2.0),
+        edge in maybe(-1.0..1.0), spin in maybe(-2.0..2.0), distance in maybe(0.5..1.0), doubt in maybe(1e-3..0.1),
     ) -> Value {
         let mut file = contract();
         let homography = scale.get("world_from_pixel").is_some();
@@ -711,6 +733,9 @@ prop_compose! {
         file["origin_std_px"] = if file["origin_px"].is_null() { Value::Null } else { json!(stds.0) };
         file["up_px"] = if homography { Value::Null } else { json!([angle.sin(), -angle.cos()]) };
         file["up_std_deg"] = json!(stds.1);
+        // A homography's tilt leaves only some distances possible.
+        file["distance_m"] = json!(distance.filter(|_| !homography));
+        file["distance_std_m"] = if file["distance_m"].is_null() { Value::Null } else { json!(doubt) };
         file["gravity_m_s2"] = json!(gravity);
         file["gravity_std_m_s2"] = json!(stds.2);
         file["frame_rate_hz"] = json!(rate);
@@ -798,10 +823,13 @@ fn use_all(text: &str) -> Result<(), TestCaseError> {
     let scale = c.metres_per_unit(&EVIDENCE).unwrap();
     prop_assert!(scale.value.is_finite() && scale.value > 0.0);
     prop_assert!(scale.std_uncertainty.is_none_or(|s| s.is_finite() && s > 0.0));
+    let viewpoint = c.viewpoint(scale.value, (1280, 720)).ok().flatten();
     for p in [(0.0, 0.0), (640.0, 360.0), (1279.0, 719.0), (-1e9, 1e9)] {
         let p = PixelPoint::new(p.0, p.1);
         if let Some(q) = r.plane_from_pixel(p) {
             prop_assert!(q.right.is_finite() && q.up.is_finite());
+            let centre = viewpoint.and_then(|v| v.optics.centre_of_outline(&r, q, 20.0));
+            prop_assert!(centre.is_none_or(|c| c.right.is_finite() && c.up.is_finite()));
             if let Some(back) = r.pixel_from_plane(q) {
                 prop_assert!(back.u_px.is_finite() && back.v_px.is_finite());
             }

@@ -1,12 +1,15 @@
 //! From fitted arcs and the calibration to bounces and distances, with uncertainties.
 
+use super::air::{AIR_DENSITY_KG_M3, Lift};
 use super::propagate::{Evidence, Outputs};
-use super::{Bounce, Distances, Leg, XSource};
-use crate::calibration::{Calibration, Scale, View};
+use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
+use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
-use crate::flight::fit::{ARCS, DRAG, GRAVITY, Motion, meeting, motion, return_time};
+use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion, return_time};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
+
+mod top;
 
 /// The measured motion with everything that turns it into metres.
 #[derive(Debug)]
@@ -16,6 +19,7 @@ pub struct Scene<'a> {
     evidence: Evidence,
     /// +1 when the launch goes to the right in the picture, −1 to the left.
     pub x_sign: f64,
+    lift: Lift,
     /// Metres a plane unit.
     pub metres_per_unit: Quantity,
     /// Where x = 0 lies: `right` of the plane, plane units.
@@ -23,7 +27,7 @@ pub struct Scene<'a> {
 }
 
 /// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
-/// half the contact time, lift before and after, drag beyond its law before and after, centre errors that differ
+/// time from touch to meeting, lift before and after, drag beyond its law before and after, centre errors that differ
 /// between two impacts.
 const EXTRAS: usize = 10;
 const SCALE: usize = 0;
@@ -37,16 +41,9 @@ const DRAG_IN: usize = 7;
 const DRAG_OUT: usize = 8;
 const PLACES: usize = 9;
 
-/// Lift of the air on a spinning ball (Magnus) is not in the arcs. Over drag it is about the spin ratio, up to 1/2;
-/// a constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
-const LIFT_OVER_DRAG_STD: f64 = 0.3;
-
 /// The fitted drag goes as the square of the speed; a sphere's coefficient changes by about this part over the speeds
 /// of an arc (Clift and Gauvin 1970, Reynolds numbers of 300 to 30 000).
 const DRAG_LAW_STD: f64 = 0.15;
-
-/// Air at 20 °C and sea level, kg/m³.
-pub const AIR_DENSITY_KG_M3: f64 = 1.204;
 
 /// A centre's error that all frames share (the light's side, the edge's shape): it does not average out. The edge-band
 /// fit's on a shaded ball with a highlight is up to this, px.
@@ -55,11 +52,29 @@ const COMMON_STD_PX: f64 = 0.03;
 /// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
 const PLACES_STD_PX: f64 = 0.02;
 
-/// Half the time of contact, s: the arcs meet in the middle of it, the ball touches before and leaves after. A steel
-/// ball of 2 cm takes 0.07 ms in all (Hertz), smaller ones less; what a softer ball takes more is not contained.
-const HALF_CONTACT_S: f64 = 3.5e-5;
+/// Time from the touch to where the arcs meet, s, of a ball of unknown size or mass: half of a small hard ball's contact.
+const TOUCH_S: f64 = 3.5e-5;
 /// Standard deviation of that from ball to ball, s.
-const HALF_CONTACT_STD_S: f64 = 3e-5;
+const TOUCH_STD_S: f64 = 3e-5;
+
+/// Effective modulus of a hard ball on a hard floor, Pa: steel on glass or stone.
+const HARD_MODULUS_PA: f64 = 5e10;
+/// Relative doubt of the contact time from that: a factor of 3 in the modulus is one of 1.55 in time. What a soft ball
+/// takes more is not contained.
+const CONTACT_DOUBT: f64 = 0.5;
+
+/// Time from the touch to the deepest point, s, with its standard deviation: half of Hertz's contact time
+/// 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
+fn touch_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
+    match (ball.radius_m, ball.mass_kg) {
+        (Some(radius_m), Some(mass_kg)) if speed_m_s > 0.0 => {
+            let stiffness = radius_m * HARD_MODULUS_PA.powi(2) * speed_m_s;
+            let half_s = 0.5 * 2.87 * (mass_kg * mass_kg / stiffness).powf(0.2);
+            (half_s, CONTACT_DOUBT * half_s)
+        }
+        _ => (TOUCH_S, TOUCH_STD_S),
+    }
+}
 
 /// What kind of impact lies between two arcs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,17 +131,16 @@ impl<'a> Scene<'a> {
             (UP, calibration.up_std_rad.unwrap_or(0.0)),
             (ZERO_RIGHT, common.hypot(origin)),
             (ZERO_UP, common.hypot(origin)),
-            (CONTACT, HALF_CONTACT_STD_S),
-            (LIFT_IN, LIFT_OVER_DRAG_STD),
-            (LIFT_OUT, LIFT_OVER_DRAG_STD),
+            // In units of the doubt of each arc's lift.
+            (LIFT_IN, 1.0),
+            (LIFT_OUT, 1.0),
             (DRAG_IN, DRAG_LAW_STD),
             (DRAG_OUT, DRAG_LAW_STD),
             (PLACES, PLACES_STD_PX * units_per_px),
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
-        values[n + CONTACT] = HALF_CONTACT_S;
-        let vr = fit.motion(0, fit.times[0]).vr;
+        let vr = fit.in_plane(fit.parameters.as_slice(), 0, fit.times[0]).vr;
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
         let zero_right = if calibration.has_origin() {
@@ -134,14 +148,64 @@ impl<'a> Scene<'a> {
         } else {
             first_right
         };
-        Self {
+        let unlifted = Self {
             flight,
             calibration,
             evidence: Evidence { values, covariance },
             x_sign,
+            lift: Lift::default(),
             metres_per_unit,
             zero_right,
+        };
+        unlifted.in_contact().lifted()
+    }
+
+    /// The same with the time that the first impact on the floor takes.
+    fn in_contact(mut self) -> Self {
+        let p = self.evidence.values.as_slice();
+        let impacts = (0..self.arcs().saturating_sub(1)).filter(|&k| self.flight.impacts[k].is_some());
+        let speed_m_s = impacts
+            .map(|k| self.impact(p, k).1.vh.abs())
+            .find(|v| v.is_finite());
+        let (touch_s, std_s) = touch_s(&self.calibration.ball, speed_m_s.unwrap_or(0.0));
+        let i = self.evidence.values.len() - EXTRAS + CONTACT;
+        self.evidence.values[i] = touch_s;
+        self.evidence.covariance[(i, i)] = std_s * std_s;
+        self
+    }
+
+    /// The same with the lift that the bounces' spins make.
+    fn lifted(mut self) -> Self {
+        let lift = Lift::new(self.spins());
+        if let Some(change) = lift.response(self.flight) {
+            let mut arcs = self.evidence.values.rows_mut(0, change.len());
+            arcs += change;
         }
+        self.lift = lift;
+        self
+    }
+
+    /// Spin R ω on each arc, plane units/s, positive where it rolls along +r: the launch's, and what each bounce on the
+    /// floor made of it.
+    fn spins(&self) -> Vec<Option<f64>> {
+        if self.calibration.view == View::Top {
+            return Vec::new();
+        }
+        let p = self.evidence.values.as_slice();
+        let unit = self.x_sign / self.scale(p);
+        let inertia = self.calibration.ball.inertia_factor;
+        let mut spin = Some(self.spin_in(p, &[]) * unit).filter(|s| s.is_finite());
+        let mut spins = vec![spin];
+        for k in 0..self.arcs().saturating_sub(1) {
+            let (_, before, after) = self.impact(p, k);
+            let gained = (before.vr - after.vr) / inertia * unit;
+            spin = spin
+                .filter(|_| self.kind(k) == Some(ImpactKind::Floor))
+                .map(|s| s + gained)
+                .filter(|s| s.is_finite());
+            spins.push(spin);
+        }
+        spins
     }
 
     fn arcs(&self) -> usize {
@@ -158,7 +222,17 @@ impl<'a> Scene<'a> {
 
     /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
     fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
-        let m = motion(p, &self.flight.fit.times, k, t);
+        let times = &self.flight.fit.times;
+        let (free, lift) = (
+            self.flight.fit.in_plane(p, k, t),
+            self.lift.motion(p, times, k, t),
+        );
+        let m = Motion {
+            r: free.r + lift.r,
+            h: free.h + lift.h,
+            vr: free.vr + lift.vr,
+            vh: free.vh + lift.vh,
+        };
         let s = self.scale(p);
         let extras = &p[p.len() - EXTRAS..];
         let (sin, cos) = extras[UP].sin_cos();
@@ -174,27 +248,42 @@ impl<'a> Scene<'a> {
     }
 
     fn impact_time(&self, p: &[f64], k: usize) -> f64 {
-        meeting(p, &self.flight.fit.times, k, k + 1).map_or(f64::NAN, |m| m.0)
+        self.flight.fit.impact_time(p, k).unwrap_or(f64::NAN)
     }
 
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
-        let half = p[p.len() - EXTRAS + CONTACT];
-        let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - half));
-        let after = self.pushed(p, k + 1, (LIFT_OUT, DRAG_OUT), self.world(p, k + 1, t + half));
-        (t - half, before, after)
+        let touch_s = p[p.len() - EXTRAS + CONTACT];
+        let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - touch_s));
+        // What comes back more slowly takes longer to let go, up to twice as long.
+        let slower = (-before.vh / self.world(p, k + 1, t).vh).clamp(1.0, 2.0);
+        let told = slower.is_finite() && self.calibration.view == View::Side;
+        let release_s = touch_s * if told { slower } else { 1.0 };
+        let after = self.pushed(
+            p,
+            k + 1,
+            (LIFT_OUT, DRAG_OUT),
+            self.world(p, k + 1, t + release_s),
+        );
+        (t - touch_s, before, after)
     }
 
-    /// The motion with what lift may have changed in the speed along x, and drag beyond its law in both.
+    /// The motion with what lift beyond its law may have changed in the speed along x, and drag beyond its law in both: a
+    /// constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
+    /// (Seen from above by a near camera, the arcs have a lift of their own.)
     fn pushed(&self, p: &[f64], arc: usize, (lift, drag): (usize, usize), m: Motion) -> Motion {
+        if matches!(self.flight.fit.forces, Forces::Overhead(_)) {
+            return m;
+        }
         let drag_per_m = p[DRAG] / self.scale(p);
         let (from, to) = self.flight.spans[arc];
         let speed = m.vr.hypot(m.vh);
         let push = drag_per_m * speed * (to - from) / 4.0;
         let extras = &p[p.len() - EXTRAS..];
+        let lift = extras[lift] * self.lift.doubt(arc, speed / self.scale(p));
         Motion {
-            vr: m.vr + push * (extras[lift] * speed - extras[drag] * m.vr),
+            vr: m.vr + push * (lift * speed - extras[drag] * m.vr),
             vh: m.vh - push * extras[drag] * m.vh,
             ..m
         }
@@ -253,14 +342,19 @@ impl<'a> Scene<'a> {
             .filter(|&k| self.kind(k) == Some(ImpactKind::Floor))
             .collect();
         let mut bounces = Vec::new();
+        let mut unbroken = true;
         for (i, &k) in floors.iter().enumerate() {
             // Spin is known along an unbroken row of bounces from the first.
-            let history = (k == i).then(|| &floors[..i]);
+            unbroken &= k == i;
+            let history = unbroken.then(|| &floors[..i]);
             let bounce = match self.calibration.view {
                 View::Side => self.side_bounce(k, history),
+                View::Top if self.bend().is_some() => top::all_without_doubt(&self.top_bounce(k)),
                 View::Top => self.top_bounce(k),
             };
-            if !gains(&bounce) {
+            if gains(&bounce) {
+                unbroken = false;
+            } else {
                 bounces.push((k, bounce));
             }
         }
@@ -308,7 +402,7 @@ impl<'a> Scene<'a> {
             let slip = a.vr - spin_in;
             vec![
                 t,
-                0.5 * (a.r + b.r),
+                a.r,
                 a.vr,
                 a.vh,
                 (along * a.vr).atan2(-a.vh),
@@ -341,46 +435,7 @@ impl<'a> Scene<'a> {
             spin_in_m_s: out.quantity(12),
             spin_out_m_s: out.quantity(13),
             azimuth_rad: None,
-        }
-    }
-
-    /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
-    /// (towards +y, seen from above) positive.
-    fn top_bounce(&self, k: usize) -> Bounce {
-        let out = self.evidence.outputs(|p| {
-            let (t, a, b) = self.impact(p, k);
-            // Mirrored back, so that a turn to the left stays one for a launch to the left.
-            let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
-            let speed = ax.hypot(a.vh);
-            let along = (bx * ax + b.vh * a.vh) / speed;
-            let across = (ax * b.vh - a.vh * bx) / speed;
-            vec![
-                t,
-                0.5 * (a.r + b.r),
-                speed,
-                along,
-                along / speed,
-                across.atan2(along),
-            ]
-        });
-        let moving = out.stands_out(2, DIRECTION_SIGMAS);
-        let flat = |i| Leg {
-            vx_m_s: out.quantity(i),
-            vz_m_s: None,
-            angle_rad: None,
-        };
-        Bounce {
-            time_s: out.quantity(0),
-            x_m: out.quantity(1),
-            incident: flat(2),
-            rebound: flat(3),
-            restitution: None,
-            tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
-            friction: None,
-            tangential_restitution: None,
-            spin_in_m_s: None,
-            spin_out_m_s: None,
-            azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
+            correlations: correlations(&out, [2, 3, 5, 6, 12]),
         }
     }
 
@@ -388,13 +443,23 @@ impl<'a> Scene<'a> {
     /// down to the first impact's height). `bounces` by [`Self::bounces`].
     #[must_use]
     pub fn distances(&self, bounces: &[(usize, Bounce)]) -> Distances {
+        let found = self.distances_of(bounces);
+        if self.bend().is_some() {
+            return Distances {
+                x0_m: found.x0_m.and_then(top::without_doubt),
+                x_m: found.x_m.and_then(top::without_doubt),
+                ..found
+            };
+        }
+        found
+    }
+
+    fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
         let Some(&(first, _)) = bounces.first() else {
             return Distances::default();
         };
-        let place = |p: &[f64], k: usize| {
-            let (_, a, b) = self.impact(p, k);
-            0.5 * (a.r + b.r)
-        };
+        // Where the ball touches, as the time is when it does.
+        let place = |p: &[f64], k: usize| self.impact(p, k).1.r;
         let x0_m = self.edge_distance(first, &place);
         let apart = |p: &[f64]| p[p.len() - EXTRAS + PLACES] * self.scale(p);
         // Seen, when the very next impact is on the floor too.
@@ -415,7 +480,7 @@ impl<'a> Scene<'a> {
             _ => {
                 let out = self.evidence.outputs(|p| {
                     let t = self.impact_time(p, first);
-                    let down = t + return_time(p, &self.flight.fit.times, first + 1, t);
+                    let down = self.back_at(p, first + 1, t);
                     vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r + apart(p)]
                 });
                 (out.quantity(0), XSource::Extrapolated)
@@ -426,6 +491,17 @@ impl<'a> Scene<'a> {
             x_m,
             x_source: x_m.map(|_| x_source),
         }
+    }
+
+    /// When arc `k`, rising at `t`, is back at its height of then, lift included.
+    fn back_at(&self, p: &[f64], k: usize, t: f64) -> f64 {
+        let mut down = t + return_time(p, &self.flight.fit.times, k, t);
+        let height = self.world(p, k, t).h;
+        for _ in 0..3 {
+            let m = self.world(p, k, down);
+            down -= (m.h - height) / m.vh;
+        }
+        down
     }
 
     /// Whether the arc before the first impact can have begun at the edge: followed back to there, it is not below the
@@ -476,6 +552,19 @@ impl<'a> Scene<'a> {
         let m = self.world(self.evidence.values.as_slice(), k, t);
         (m.r, m.h)
     }
+}
+
+/// Of the outputs at `places`, in the order of [`Speed::ALL`].
+fn correlations(out: &Outputs, places: [usize; Speed::ALL.len()]) -> Vec<Correlation> {
+    let all = || Speed::ALL.into_iter().zip(places).enumerate();
+    all()
+        .flat_map(|(i, (a, at))| {
+            all()
+                .skip(i + 1)
+                .filter_map(move |(_, (b, bt))| Some(((a, b), out.correlation(at, bt)?)))
+        })
+        .map(|(of, value)| Correlation { of, value })
+        .collect()
 }
 
 fn leg(out: &Outputs, i: usize) -> Leg {

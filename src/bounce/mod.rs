@@ -8,6 +8,7 @@
 //! Rω'   = Rω + (vx - v'x)/k               e_x = -(v'x - Rω') / (vx - Rω)          [eqs. 7, 17 of Domenech 2005]
 //! ```
 
+pub mod air;
 pub mod impacts;
 pub mod propagate;
 pub mod reading;
@@ -19,10 +20,57 @@ use crate::quantity::Quantity;
 pub struct Leg {
     /// Along the launch, m/s.
     pub vx_m_s: Option<Quantity>,
-    /// Up, m/s (negative going down); `None` in a top view.
+    /// Up, m/s (negative going down); `None` in a top view, unless the camera is near enough to tell.
     pub vz_m_s: Option<Quantity>,
-    /// From the vertical, positive along the incident direction of motion, rad; `None` in a top view.
+    /// From the vertical, positive along the incident direction of motion, rad; `None` where `vz_m_s` is.
     pub angle_rad: Option<Quantity>,
+}
+
+/// A velocity of an impact, for the [`Correlation`]s of their errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Speed {
+    /// Along x before.
+    IncidentVx,
+    /// Up before.
+    IncidentVz,
+    /// Along x after.
+    ReboundVx,
+    /// Up after.
+    ReboundVz,
+    /// R ω_y before.
+    SpinIn,
+}
+
+impl Speed {
+    /// All of them, in the order of files.
+    pub const ALL: [Self; 5] = [
+        Self::IncidentVx,
+        Self::IncidentVz,
+        Self::ReboundVx,
+        Self::ReboundVz,
+        Self::SpinIn,
+    ];
+
+    /// Its name in a file, unit included.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::IncidentVx => "incident_vx_m_s",
+            Self::IncidentVz => "incident_vz_m_s",
+            Self::ReboundVx => "rebound_vx_m_s",
+            Self::ReboundVz => "rebound_vz_m_s",
+            Self::SpinIn => "spin_in_m_s",
+        }
+    }
+}
+
+/// Correlation of the errors of two velocities of an impact: what they share (the scale, the time of impact, gravity).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correlation {
+    /// Which two.
+    pub of: (Speed, Speed),
+    /// Between −1 and 1.
+    pub value: f64,
 }
 
 /// An impact on the floor. What does not apply or could not be measured is `None`.
@@ -40,7 +88,7 @@ pub struct Bounce {
     pub restitution: Option<Quantity>,
     /// vx after / vx before.
     pub tangential_ratio: Option<Quantity>,
-    /// |change of vx| / (|vz| (1 + e)).
+    /// |change of vx| / (|vz| (1 + e)); in a top view of the whole horizontal velocity.
     pub friction: Option<Quantity>,
     /// e_x for the given or assumed spin before.
     pub tangential_restitution: Option<Quantity>,
@@ -50,6 +98,8 @@ pub struct Bounce {
     pub spin_out_m_s: Option<Quantity>,
     /// Deviation of the rebound in the floor plane, rad; top view only.
     pub azimuth_rad: Option<Quantity>,
+    /// How the errors of the velocities hang together; nothing of those that have no uncertainty.
+    pub correlations: Vec<Correlation>,
 }
 
 /// x0 (edge to first impact) and x (first to second impact).

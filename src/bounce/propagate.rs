@@ -70,6 +70,15 @@ impl Outputs {
         self.covariance[(i, i)].max(0.0).sqrt()
     }
 
+    /// Correlation of the errors of outputs `i` and `j`; `None` where one has none, or is no number.
+    #[must_use]
+    pub fn correlation(&self, i: usize, j: usize) -> Option<f64> {
+        let scale = self.std(i) * self.std(j);
+        let known = self.values[i].is_finite() && self.values[j].is_finite();
+        let value = self.covariance[(i, j)] / scale;
+        (known && scale > 0.0 && value.is_finite()).then(|| value.clamp(-1.0, 1.0))
+    }
+
     /// Whether output `i` differs from zero by more than `sigmas` standard uncertainties.
     #[must_use]
     pub fn stands_out(&self, i: usize, sigmas: f64) -> bool {
@@ -92,5 +101,11 @@ mod tests {
         assert!(out.std(0) < 1e-4, "{}", out.std(0));
         assert!((out.std(1) - 0.6).abs() < 1e-9);
         assert!(out.quantity(1).is_some());
+        assert_eq!(
+            evidence.outputs(|p| vec![p[0], p[1], 7.0]).correlation(0, 2),
+            None
+        );
+        let same = evidence.outputs(|p| vec![p[0], -p[1]]);
+        assert!((same.correlation(0, 1).unwrap() + 1.0).abs() < 1e-9);
     }
 }

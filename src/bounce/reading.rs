@@ -119,6 +119,7 @@ mod tests {
             spin_in_m_s: None,
             spin_out_m_s: None,
             azimuth_rad: None,
+            correlations: Vec::new(),
         }
     }
 

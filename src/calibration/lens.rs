@@ -178,8 +178,14 @@ impl Lens {
         )
     }
 
-    fn focal_px(&self) -> (f64, f64) {
+    pub(super) fn focal_px(&self) -> (f64, f64) {
         (self.camera_matrix[(0, 0)], self.camera_matrix[(1, 1)])
+    }
+
+    /// fy / fx: 1 for square pixels.
+    pub(super) fn aspect(&self) -> f64 {
+        let (fx, fy) = self.focal_px();
+        fy / fx
     }
 
     pub(super) fn principal_point(&self) -> PixelPoint {

@@ -5,10 +5,13 @@
 //! ball or on the fall as the recording shows them). The calibration's part of a result's uncertainty is the standard
 //! uncertainty of that scale, [`Calibration::up_std_rad`] and [`Calibration::origin_std_px`].
 //!
+//! How far the camera stands ([`Calibration::distance_m`]) makes it a pinhole at a place, a [`Viewpoint`]: then what is
+//! nearer than the plane can be put right. For the outline of a ball off the optical axis the lens is enough ([`Optics`]).
+//!
 //! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `up_std_deg`,
-//! `origin_std_px`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens` `camera_std_px` and
-//! `distortion_std`, and in `scale` `length_std_m` and `point_std_px` (ruler), `relative_std` and `origin_unknown`
-//! (homography).
+//! `origin_std_px`, `distance_m`, `distance_std_m`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens`
+//! `camera_std_px` and `distortion_std`, and in `scale` `length_std_m` and `point_std_px` (ruler), `relative_std` and
+//! `origin_unknown` (homography).
 //!
 //! Rules beside a homography, which has its own origin and axes: `origin_px` and an `up_px` other than the default are
 //! errors, because they would either do nothing or contradict it.
@@ -23,12 +26,14 @@ mod lens;
 mod plane;
 pub mod ruler;
 mod scale;
+mod viewpoint;
 
 pub use deviation::Deviation;
 pub use error::{CalibrationError, Problem};
 pub use lens::Lens;
 pub use plane::{PlaneUnit, Rectification};
 pub use scale::{Homography, ROUNDED_PIXEL_STD_PX, Scale, ScaleEvidence};
+pub use viewpoint::{Optics, Viewpoint};
 
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
@@ -107,6 +112,12 @@ pub struct Calibration {
     pub up_px: [f64; 2],
     /// Standard uncertainty of that direction, rad.
     pub up_std_rad: Option<f64>,
+    /// Distance of the camera (its pinhole) from the calibrated plane along the optical axis, m; `None`: not known, the
+    /// picture is taken as that of a camera far away.
+    pub distance_m: Option<f64>,
+    /// Its standard uncertainty, m; `None`: 1 % where it matters, as where in its lens a camera has its pinhole is not
+    /// known to better.
+    pub distance_std_m: Option<f64>,
     /// Lens distortion.
     pub lens: Option<Lens>,
     /// Standard uncertainties of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, for people: what a result takes from the lens's
@@ -139,6 +150,8 @@ impl Calibration {
             origin_std_px: None,
             up_px: [0.0, -1.0],
             up_std_rad: None,
+            distance_m: None,
+            distance_std_m: None,
             lens: None,
             lens_std: [None; 9],
             deviations: Vec::new(),
@@ -229,6 +242,31 @@ impl Calibration {
     /// A scale that rests on the ball or on gravity, where `evidence` has no such measurement.
     pub fn metres_per_unit(&self, evidence: &ScaleEvidence) -> Result<Quantity, CalibrationError> {
         scale::metres_per_unit(self, evidence)
+    }
+
+    /// The angles at which the camera sees, for pictures of `image_size_px` and a plane whose units are `metres_per_unit`
+    /// metres long (as far as that is known): by its distance, or by its lens; `None` where neither is given.
+    #[must_use]
+    pub fn optics(&self, metres_per_unit: Option<f64>, image_size_px: (usize, usize)) -> Option<Optics> {
+        let placed = metres_per_unit.and_then(|m| self.viewpoint(m, image_size_px).ok().flatten());
+        let of_lens = || self.lens.as_ref().map(Optics::of_lens);
+        placed.map(|v| v.optics).or_else(of_lens)
+    }
+
+    /// Where the camera stands over the plane, whose units are `metres_per_unit` metres long, in pictures of
+    /// `image_size_px`; `None` without [`Self::distance_m`].
+    ///
+    /// # Errors
+    /// As [`Self::rectification`], and a distance that no camera with this homography can have.
+    pub fn viewpoint(
+        &self,
+        metres_per_unit: f64,
+        image_size_px: (usize, usize),
+    ) -> Result<Option<Viewpoint>, CalibrationError> {
+        match self.distance_m {
+            Some(distance_m) => Viewpoint::new(self, distance_m / metres_per_unit, image_size_px).map(Some),
+            None => Ok(None),
+        }
     }
 }
 

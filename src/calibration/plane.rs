@@ -83,7 +83,11 @@ impl Rectification {
     /// The plane point that the picture shows at `p`; `None` beyond the lens model's reach or the horizon.
     #[must_use]
     pub fn plane_from_pixel(&self, p: PixelPoint) -> Option<PlanePoint> {
-        let p = self.undistort(p)?;
+        self.plane_from_ideal(self.undistort(p)?)
+    }
+
+    /// The same for a point of the undistorted picture.
+    pub(super) fn plane_from_ideal(&self, p: PixelPoint) -> Option<PlanePoint> {
         let point = match &self.map {
             Map::Rotation { origin, up: [a, b] } => {
                 let (u, v) = (p.u_px - origin.u_px, p.v_px - origin.v_px);
@@ -101,7 +105,17 @@ impl Rectification {
     /// behind the camera.
     #[must_use]
     pub fn pixel_from_plane(&self, p: PlanePoint) -> Option<PixelPoint> {
-        let ideal = match &self.map {
+        let ideal = self.ideal_from_plane(p)?;
+        let seen = match &self.lens {
+            Some(lens) => lens.distort(ideal)?,
+            None => ideal,
+        };
+        (seen.u_px.is_finite() && seen.v_px.is_finite()).then_some(seen)
+    }
+
+    /// The same in the undistorted picture.
+    pub(super) fn ideal_from_plane(&self, p: PlanePoint) -> Option<PixelPoint> {
+        Some(match &self.map {
             Map::Rotation { origin, up: [a, b] } => PixelPoint::new(
                 origin.u_px - b * p.right + a * p.up,
                 origin.v_px + a * p.right + b * p.up,
@@ -110,12 +124,15 @@ impl Rectification {
                 let (u, v) = apply(pixel_from_plane, p.right, p.up)?;
                 PixelPoint::new(u, v)
             }
-        };
-        let seen = match &self.lens {
-            Some(lens) => lens.distort(ideal)?,
-            None => ideal,
-        };
-        (seen.u_px.is_finite() && seen.v_px.is_finite()).then_some(seen)
+        })
+    }
+
+    /// The homography's matrix from the plane to undistorted pixels, w > 0 where it is seen; `None` for a rotation.
+    pub(super) const fn ideal_from_plane_matrix(&self) -> Option<&Matrix3<f64>> {
+        match &self.map {
+            Map::Rotation { .. } => None,
+            Map::Homography { pixel_from_plane, .. } => Some(pixel_from_plane),
+        }
     }
 
     /// d(right, up)/d(u, v) at `p`, plane units per pixel of the picture; `None` where [`Self::plane_from_pixel`] is.
@@ -135,7 +152,7 @@ impl Rectification {
         jacobian.iter().all(|d| d.is_finite()).then_some(jacobian)
     }
 
-    fn undistort(&self, p: PixelPoint) -> Option<PixelPoint> {
+    pub(super) fn undistort(&self, p: PixelPoint) -> Option<PixelPoint> {
         match &self.lens {
             Some(lens) => lens.undistort(p),
             None => Some(p),

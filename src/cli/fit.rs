@@ -57,6 +57,11 @@ pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
     } else {
         answer(&series_table::fit_table(&fitted))?;
     }
+    Ok(status(&fitted))
+}
+
+/// A group without a row that can be used is no measurement; it says so.
+pub(super) fn status(fitted: &SeriesFit) -> Status {
     let empty: Vec<&str> = fitted
         .groups
         .iter()
@@ -64,16 +69,17 @@ pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
         .map(|group| group.name.as_str())
         .collect();
     if empty.is_empty() {
-        return Ok(Status::Done);
+        return Status::Done;
     }
     say(&format!(
         "rejected: no row can be used in group {}; see the reasons of each",
         empty.join(", ")
     ));
-    Ok(Status::Rejected)
+    Status::Rejected
 }
 
-fn warn(fitted: &SeriesFit) {
+/// The warnings of a fit, on stderr.
+pub(super) fn warn(fitted: &SeriesFit) {
     for note in &fitted.notes {
         say(&format!("warning: {}: {}", note.code, note.message));
     }

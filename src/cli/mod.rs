@@ -1,5 +1,6 @@
 //! The command line: a file a command; the only place that prints or draws progress.
 
+mod batch;
 mod calibrate;
 mod fit;
 mod measure;
@@ -31,6 +32,11 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Measures many recordings, each in a process of its own, and fits the series of their bounces.
+    Batch(batch::BatchArgs),
+    /// One recording of a batch: `batch` starts the program with this.
+    #[command(name = crate::batch::process::COMMAND, hide = true)]
+    BatchRecording(batch::RecordingArgs),
     /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
     Calibrate(Box<calibrate::CalibrateArgs>),
     /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
@@ -78,6 +84,8 @@ enum Status {
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let outcome = match (cli.command, cli.measure) {
+        (Some(Command::Batch(args)), _) => batch::run(&args),
+        (Some(Command::BatchRecording(args)), _) => batch::run_recording(&args),
         (Some(Command::Fit(args)), _) => fit::run(&args),
         (
             Some(Command::Simulate {

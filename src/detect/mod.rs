@@ -115,6 +115,7 @@ impl Detector {
             crop,
             background: blobs::background_of(&self.background, registration, crop),
             noise_grey: self.background.noise_grey,
+            drawn_out: None,
         }
     }
 

@@ -111,6 +111,7 @@ fn patch(crop: &Crop, noise_grey: f64) -> Patch<'_> {
         crop,
         background: vec![60.0; crop.luma.data.len()],
         noise_grey,
+        drawn_out: None,
     }
 }
 
@@ -170,6 +171,7 @@ impl Trial {
                 disc: self.first(i),
                 velocity_px_s: Self::velocity_px_s(&self.balls[i]),
                 gain: 1.0,
+                magnification: 1.0,
             })
             .collect();
         learn(&examples, 2.0 * EXPOSURE_S, lesson).expect("an appearance")

@@ -12,6 +12,9 @@ use super::series::{Column, ColumnSet, GRAVITY_M_S2, Row, Weights};
 use crate::models::{Motion, e_e, grip_slide, mu_e};
 use nalgebra::Vector3;
 
+/// Spin ratios no further from each other than this are those of one kind of launch.
+pub const SAME_SPIN: f64 = 0.03;
+
 /// A number to draw, with the length of its error bar to either side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mark {

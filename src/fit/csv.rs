@@ -3,7 +3,8 @@
 //! Columns go by name, in any order; what is not known is left alone, as `track batch` writes more than a fit needs. `,`,
 //! `;` or a tab may part the cells (with `;` a decimal comma is read, as spreadsheets of half the world write it). Lines
 //! that begin with `#` are comments. Beside any column of numbers may stand `<name>_std`, and `<a>__<b>_corr` for a
-//! correlation of two errors. A cell that is empty, `null`, `nan` or `?` is not known.
+//! correlation of two errors. A cell that is empty, `null`, `nan` or `?` is not known. A row with something in `left_out` is
+//! set aside, and that is the reason.
 
 use super::error::FitError;
 use super::series::{Column, ColumnSet, DEFAULT_GROUP, Note, Reading, Row, Series, SetAside};
@@ -125,7 +126,7 @@ fn refuse_what_is_no_text(bytes: &[u8], name: &str) -> Result<(), FitError> {
 }
 
 /// What parts the cells of the column names.
-fn delimiter(bytes: &[u8]) -> u8 {
+pub(crate) fn delimiter(bytes: &[u8]) -> u8 {
     let names = bytes
         .split(|&b| b == b'\n' || b == b'\r')
         .find(|line| !line.is_empty() && line[0] != b'#')
@@ -145,6 +146,7 @@ enum Meaning {
     Group,
     Recording,
     Page,
+    LeftOut,
     Other,
 }
 
@@ -154,6 +156,7 @@ impl Meaning {
             "group" => return Self::Group,
             "recording" | "video" => return Self::Recording,
             "page" => return Self::Page,
+            "left_out" => return Self::LeftOut,
             _ => {}
         }
         let correlated = name.strip_suffix("_corr").and_then(|pair| pair.split_once("__"));
@@ -232,6 +235,7 @@ impl Header {
     /// A row of the file; why it cannot be one.
     fn row(&self, record: &::csv::ByteRecord, number: usize, decimal_comma: bool) -> Result<Row, SetAside> {
         let mut row = Row::new(number, DEFAULT_GROUP);
+        let mut left_out = None;
         let text = |cell: &[u8]| String::from_utf8_lossy(cell).into_owned();
         let cells = || self.columns.iter().zip(record.iter());
         for ((_, meaning), cell) in cells().filter(|(_, cell)| !cell.is_empty()) {
@@ -239,6 +243,7 @@ impl Header {
                 Meaning::Group => row.group = text(cell),
                 Meaning::Recording => row.recording = Some(text(cell)),
                 Meaning::Page => row.page = Some(text(cell)),
+                Meaning::LeftOut => left_out = Some(text(cell)),
                 _ => {}
             }
         }
@@ -247,6 +252,9 @@ impl Header {
             group: row.group.clone(),
             reason,
         };
+        if let Some(reason) = left_out {
+            return Err(aside(reason));
+        }
         if record.len() > self.columns.len() {
             return Err(aside(format!(
                 "it has {} cells, the line of column names {}",

@@ -4,6 +4,7 @@
 mod profile;
 mod sliding;
 
+use super::coordinates::SAME_SPIN;
 use super::criteria;
 use super::data::{Data, demand};
 use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Theta};
@@ -13,7 +14,7 @@ use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowReg
 use super::series::{ColumnSet, Weights};
 use super::transition::Limits;
 use crate::models::{e_e, grip_slide, mu_e, slip_share};
-use crate::quantity::{Quantity, median};
+use crate::quantity::{Quantity, commonest, median};
 use nalgebra::SMatrix;
 use profile::Region;
 
@@ -140,7 +141,7 @@ impl<'a> Work<'a> {
             region: Region::default(),
             scatter,
             factor,
-            spin_ratio: median(&mut ratios).unwrap_or(0.0),
+            spin_ratio: commonest(&mut ratios, SAME_SPIN).unwrap_or(0.0),
             slip_share: median(&mut shares).unwrap_or_else(|| slip_share(crate::models::SOLID_SPHERE)),
             sliding,
             gripping: nearest.len() - sliding,

@@ -12,7 +12,9 @@
 //! Weighted least squares by QR of the whitened rows; times are centred, so nothing is lost at late times. The
 //! covariance is that of the QR, times the excess of the residuals over the stated uncertainties (never below 1).
 
+use super::overhead::{self, Overhead};
 use super::segment::Sample;
+use crate::geometry::PlanePoint;
 use nalgebra::{DMatrix, DVector};
 
 /// A point for the fit.
@@ -44,15 +46,17 @@ pub enum Forces {
     Fall,
     /// Gravity is fitted; drag β is known to be this ± that, 1 / plane unit.
     FallWithDrag(f64, f64),
-    /// None that shows: a top view.
+    /// None that shows: a top view from far away.
     None,
+    /// Towards the floor, which a camera above sees by perspective.
+    Overhead(Overhead),
 }
 
 impl Forces {
     /// Whether gravity acts in the plane.
     #[must_use]
     pub fn falls(self) -> bool {
-        !matches!(self, Self::None)
+        matches!(self, Self::Fall | Self::FallWithDrag(..))
     }
 }
 
@@ -90,9 +94,12 @@ impl ArcFit {
     /// Fits `arcs` arcs to `points`; `None` when some arc has too few points, or gravity is not determined.
     #[must_use]
     pub fn new(points: &[FitPoint], arcs: usize, forces: Forces) -> Option<Self> {
+        if let Forces::Overhead(known) = forces {
+            return Self::overhead(points, arcs, known);
+        }
         let plain = Self::with(points, arcs, forces, None)?;
         match forces {
-            Forces::None => Some(plain),
+            Forces::None | Forces::Overhead(_) => Some(plain),
             Forces::FallWithDrag(..) => Self::with(points, arcs, forces, Some(&plain)),
             Forces::Fall => {
                 let dragged = Self::with(points, arcs, forces, Some(&plain));
@@ -103,6 +110,19 @@ impl ArcFit {
                 Some(dragged.filter(shows).unwrap_or(plain))
             }
         }
+    }
+
+    /// Seen by a camera above.
+    fn overhead(points: &[FitPoint], arcs: usize, known: Overhead) -> Option<Self> {
+        let found = overhead::fit::fit(points, arcs, &known)?;
+        Some(Self {
+            times: found.times,
+            parameters: found.parameters,
+            covariance: found.covariance,
+            excess: found.excess,
+            persistence: found.persistence,
+            forces: Forces::Overhead(known),
+        })
     }
 
     /// Without drag, or with it from the fit without.
@@ -155,6 +175,9 @@ impl ArcFit {
     /// units). `None` where these points do not determine them.
     #[must_use]
     pub fn response(&self, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
+        if let Forces::Overhead(known) = &self.forces {
+            return overhead::fit::response(points, self.arcs(), known, &self.parameters, shifts);
+        }
         // What was held has no variance.
         let held = [GRAVITY, DRAG].map(|i| self.covariance[(i, i)] == 0.0);
         let (matrix, mut right) = system(points, &self.times, &self.parameters, self.forces, held);
@@ -185,16 +208,109 @@ impl ArcFit {
         self.parameters[DRAG]
     }
 
-    /// Motion on arc `k` at time `t` with the fitted parameters.
+    /// Motion on arc `k` at time `t` with the fitted parameters, as the plane shows it: what spots are compared with.
     #[must_use]
     pub fn motion(&self, k: usize, t: f64) -> Motion {
-        motion(self.parameters.as_slice(), &self.times, k, t)
+        let p = self.parameters.as_slice();
+        match &self.forces {
+            Forces::Overhead(known) => overhead::seen(
+                known,
+                p,
+                &self.times,
+                &overhead::flying(known, p, &self.times, k, t),
+            ),
+            _ => motion(p, &self.times, k, t),
+        }
+    }
+
+    /// Speed on arc `k` at time `t`, plane units a second.
+    #[must_use]
+    pub fn speed(&self, k: usize, t: f64) -> f64 {
+        let p = self.parameters.as_slice();
+        match &self.forces {
+            Forces::Overhead(known) => known.speed(&overhead::flying(known, p, &self.times, k, t)),
+            _ => {
+                let m = motion(p, &self.times, k, t);
+                m.vr.hypot(m.vh)
+            }
+        }
+    }
+
+    /// Motion on arc `k` at time `t` for any parameters of this fit's layout, in the calibrated plane (of a ball seen by
+    /// a camera above: over the floor).
+    #[must_use]
+    pub fn in_plane(&self, parameters: &[f64], k: usize, t: f64) -> Motion {
+        match &self.forces {
+            Forces::Overhead(known) => overhead::flying(known, parameters, &self.times, k, t).ground,
+            _ => motion(parameters, &self.times, k, t),
+        }
+    }
+
+    /// Time of the impact between arcs `k` and `k + 1` for any parameters of this fit's layout, s; `None` when the two
+    /// do not part.
+    #[must_use]
+    pub fn impact_time(&self, parameters: &[f64], k: usize) -> Option<f64> {
+        match &self.forces {
+            Forces::Overhead(_) => Some(parameters[overhead::Layout::new(self.arcs()).impact(k)]),
+            _ => meeting(parameters, &self.times, k, k + 1).map(|m| m.0),
+        }
+    }
+
+    /// Upward speed over gravity on arc `k` at time `t`, s, as a camera above sees the ball near it; `None` for others.
+    #[must_use]
+    pub fn rise_over_gravity_s(&self, parameters: &[f64], k: usize, t: f64) -> Option<f64> {
+        let Forces::Overhead(known) = &self.forces else {
+            return None;
+        };
+        let fall_per_s2 = known.fall_per_s2 * parameters[overhead::Layout::new(self.arcs()).fall()].exp();
+        Some(overhead::flying(known, parameters, &self.times, k, t).rate / fall_per_s2)
+    }
+
+    /// What of the camera's height the ball is up on arc `k` at time `t`; 0 where the camera is not above.
+    #[must_use]
+    pub fn nearness(&self, k: usize, t: f64) -> f64 {
+        match &self.forces {
+            Forces::Overhead(known) => {
+                overhead::flying(known, self.parameters.as_slice(), &self.times, k, t).zeta
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// How many times larger than in the calibrated plane the ball is seen on arc `k` at time `t`: 1 where the camera is not
+    /// above. With its height ζ and radius c, both over the camera's height, 1/√((1 − ζ)² − c²).
+    #[must_use]
+    pub fn magnification(&self, k: usize, t: f64) -> f64 {
+        let Forces::Overhead(known) = &self.forces else {
+            return 1.0;
+        };
+        let contact = known.contact.unwrap_or(0.0);
+        let left = 1.0 - self.nearness(k, t);
+        (1.0 / (left * left - contact * contact).max(0.0).sqrt()).min(MOST_MAGNIFIED)
+    }
+
+    /// The point of the calibrated plane that a ball seen against `place` is at (of a camera above: over), on arc `k` at
+    /// time `t`.
+    #[must_use]
+    pub fn place_in_plane(&self, place: PlanePoint, k: usize, t: f64) -> PlanePoint {
+        if !matches!(self.forces, Forces::Overhead(_)) {
+            return place;
+        }
+        let foot = overhead::foot(self.parameters.as_slice(), &self.times);
+        let part = 1.0 - self.nearness(k, t);
+        PlanePoint::new(
+            foot.right + part * (place.right - foot.right),
+            foot.up + part * (place.up - foot.up),
+        )
     }
 }
 
+/// A ball seen this many times larger fills any picture: what is nearer the camera is another thing.
+const MOST_MAGNIFIED: f64 = 20.0;
+
 /// Factor on a covariance for errors that last from point to point (a codec's, a lamp's): (1 + ρ)/(1 − ρ) with ρ the
 /// correlation of successive residuals of one arc; 1 where it does not show.
-fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
+pub(super) fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
     let (mut product, mut square, mut pairs) = (0.0, 0.0, 0.0);
     for (i, w) in points.windows(2).enumerate() {
         if w[0].arc == w[1].arc {
@@ -223,7 +339,7 @@ fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
 const MOST_PERSISTENT: f64 = 0.97;
 
 /// Mean time of each arc's points; `None` when one has fewer than two.
-fn mean_times(points: &[FitPoint], arcs: usize) -> Option<Vec<f64>> {
+pub(super) fn mean_times(points: &[FitPoint], arcs: usize) -> Option<Vec<f64>> {
     let start = points.first()?.sample.t;
     let mut sums = vec![(0.0, 0.0); arcs];
     for p in points {
@@ -282,16 +398,37 @@ fn system(
     (matrix, right)
 }
 
-/// Shift of the place at `t` by a unit of drag, to first order: twice the integral of −|v| v along the parabola.
+/// Shift of the place at `t` by a unit of drag, to first order.
 fn drag_shift(parameters: &[f64], times: &[f64], k: usize, t: f64) -> (f64, f64) {
+    let m = pushed_by(parameters, times, k, t, |vr, vh| {
+        let speed = vr.hypot(vh);
+        (-speed * vr, -speed * vh)
+    });
+    (m.r, m.h)
+}
+
+/// What an acceleration `field` of the velocity (along r and h) adds to the motion on arc `k` from its mean time to `t`,
+/// to first order: its integrals along the parabola.
+#[must_use]
+pub fn pushed_by(
+    parameters: &[f64],
+    times: &[f64],
+    k: usize,
+    t: f64,
+    field: impl Fn(f64, f64) -> (f64, f64),
+) -> Motion {
     const PARTS: usize = 12;
     let (g, a) = (parameters[GRAVITY], &parameters[ARCS + 4 * k..ARCS + 4 * k + 4]);
     let dt = (t - times[k]) / PARTS as f64;
+    let mut sum = Motion {
+        r: 0.0,
+        h: 0.0,
+        vr: 0.0,
+        vh: 0.0,
+    };
     // ∫∫ f = ∫ (t - s) f(s) ds: Simpson's rule needs no second integration.
-    let (mut dr, mut dh) = (0.0, 0.0);
     for i in 0..=PARTS {
-        let s = i as f64 * dt;
-        let (vr, vh) = (a[1], a[3] - g * s);
+        let (fr, fh) = field(a[1], a[3] - g * i as f64 * dt);
         let weight = match i {
             0 | PARTS => 1.0,
             _ if i % 2 == 1 => 4.0,
@@ -299,11 +436,12 @@ fn drag_shift(parameters: &[f64], times: &[f64], k: usize, t: f64) -> (f64, f64)
         } * dt
             / 3.0;
         let lever = (PARTS - i) as f64 * dt;
-        let speed = vr.hypot(vh);
-        dr -= weight * lever * speed * vr;
-        dh -= weight * lever * speed * vh;
+        sum.r += weight * lever * fr;
+        sum.h += weight * lever * fh;
+        sum.vr += weight * fr;
+        sum.vh += weight * fh;
     }
-    (dr, dh)
+    sum
 }
 
 /// Motion on arc `k` at time `t` for any parameter vector of [`ArcFit`]'s layout.
@@ -411,7 +549,7 @@ pub fn return_time(parameters: &[f64], times: &[f64], k: usize, t: f64) -> f64 {
 
 /// Least squares by QR with scaled columns; the parameters and (AᵀA)⁻¹. `None` when rank-deficient: what is not
 /// determined has no number.
-fn solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+pub(super) fn solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let scale: Vec<f64> = matrix.column_iter().map(|c| c.norm()).collect();
     if scale.iter().any(|&s| !(s > 0.0 && s.is_finite())) {
         return None;

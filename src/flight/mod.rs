@@ -7,10 +7,12 @@
 //! 4. [`fit`]: all arcs together, with one gravity. Points that do not fit are set aside with the reason.
 //! 5. Two arcs that meet between the last point of one and the first of the next are an impact.
 //!
-//! In a top view nothing falls: arcs are straight lines, and the longest track of such lines is the ball's.
+//! In a top view from far away nothing falls: arcs are straight lines, and the longest track of such lines is the
+//! ball's. From a camera whose height is known they bend; that is [`overhead`].
 
 pub mod fit;
 pub mod linking;
+pub mod overhead;
 pub mod repeats;
 pub mod scatter;
 pub mod segment;
@@ -79,7 +81,7 @@ pub enum NoFlight {
 /// (drag over a long arc, a drifting hand-held camera).
 const SEGMENT_PART_OF_RADIUS: f64 = 0.04;
 
-/// The same in a top view, where a ball that rises towards the camera bends the straight path.
+/// The same in a top view from a distance not known, where a ball that rises towards the camera bends the straight path.
 const TOP_PART_OF_RADIUS: f64 = 0.2;
 
 /// An arc counts as falling when its sagitta is this many standard deviations (of segmentation).
@@ -94,7 +96,6 @@ const OFF_SIGMAS: f64 = 4.5;
 ///
 /// [`NoFlight`] with what was found instead.
 pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
-    let falls = forces.falls();
     let tracks = linking::link(spots);
     let longest = tracks.first().map_or(0, Vec::len);
     if longest < 4 {
@@ -103,11 +104,11 @@ pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
     let best = tracks
         .iter()
         .filter(|t| t.len() >= 4)
-        .filter_map(|t| Candidate::new(spots, t, falls))
+        .filter_map(|t| Candidate::new(spots, t, forces))
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
         .ok_or(NoFlight::NothingFalls { longest })?;
     let interval_s = interval(&best.track.iter().map(|&i| spots[i].time_s).collect::<Vec<_>>());
-    let whole = with_continuations(spots, &tracks, &best, falls);
+    let whole = with_continuations(spots, &tracks, &best, forces);
     build(spots, &whole, best.gravity, forces, interval_s).ok_or(NoFlight::NothingFalls { longest })
 }
 
@@ -139,10 +140,18 @@ struct Candidate {
 }
 
 impl Candidate {
-    fn new(spots: &[Spot], track: &Track, falls: bool) -> Option<Self> {
-        let sigma = segment_sigma(spots, track, falls);
+    fn new(spots: &[Spot], track: &Track, forces: Forces) -> Option<Self> {
+        let sigma = segment_sigma(spots, track, forces);
         let samples = samples_of(spots, track, sigma);
-        if !falls {
+        if let Forces::Overhead(known) = forces {
+            return Some(Self {
+                track: track.clone(),
+                gravity: 0.0,
+                evidence: overhead::find::evidence(spots, track, sigma, known)?,
+                span: (samples.first()?.t, samples.last()?.t),
+            });
+        }
+        if !forces.falls() {
             let found = segment::arcs(&samples, Fall::Known(0.0));
             let covered: usize = found.iter().map(ExactSizeIterator::len).sum();
             let (first, last) = (samples.first()?, samples.last()?);
@@ -216,14 +225,14 @@ impl Candidate {
 
 /// Standard deviation for segmentation: the largest of the stated uncertainty, the scatter that third differences
 /// show (they vanish on a parabola) and a small part of the radius.
-fn segment_sigma(spots: &[Spot], track: &Track, falls: bool) -> f64 {
+fn segment_sigma(spots: &[Spot], track: &Track, forces: Forces) -> f64 {
     let mut stds: Vec<f64> = track.iter().map(|&i| spots[i].std).collect();
     let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
     let stated = median(&mut stds);
-    let of_radius = if falls {
-        SEGMENT_PART_OF_RADIUS
-    } else {
+    let of_radius = if forces == Forces::None {
         TOP_PART_OF_RADIUS
+    } else {
+        SEGMENT_PART_OF_RADIUS
     };
     let part = of_radius * median(&mut radii);
     let mut thirds = Vec::new();
@@ -258,16 +267,20 @@ fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
             r: spots[i].place.right,
             h: spots[i].place.up,
             weight,
+            near: 0.0,
+            near_weight: 0.0,
         })
         .collect()
 }
 
 /// The best track with others that are the same ball before or after it (it left the picture, or was hidden): of the
 /// same size, not at the same time, with arcs of the same fall that lead to it.
-fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, falls: bool) -> Track {
+fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, forces: Forces) -> Track {
     let mut whole = best.track.clone();
-    if !falls {
-        return whole;
+    match forces {
+        Forces::Fall | Forces::FallWithDrag(..) => {}
+        Forces::Overhead(_) => return overhead::find::with_continuations(spots, tracks, whole),
+        Forces::None => return whole,
     }
     let radius = {
         let mut radii: Vec<f64> = whole.iter().map(|&i| spots[i].radius).collect();
@@ -277,7 +290,7 @@ fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, falls:
     for track in tracks.iter().filter(|t| t.len() >= 5 && **t != best.track) {
         let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
         let alike = (median(&mut radii) / radius - 1.0).abs() < 0.25;
-        let Some(other) = Candidate::new(spots, track, true).filter(|_| alike) else {
+        let Some(other) = Candidate::new(spots, track, forces).filter(|_| alike) else {
             continue;
         };
         let (from, to) = other.span;
@@ -329,7 +342,10 @@ fn cut_and_fit(
     interval_s: f64,
 ) -> Option<Flight> {
     let falls = forces.falls();
-    let sigma = segment_sigma(spots, track, falls);
+    let sigma = segment_sigma(spots, track, forces);
+    if let Forces::Overhead(known) = forces {
+        return overhead::find::build(spots, track, sigma, known, interval_s);
+    }
     let samples = samples_of(spots, track, sigma);
     let fall = Fall::Known(gravity);
     let mut ranges = segment::arcs(&samples, fall);
@@ -469,6 +485,30 @@ impl Flight {
         median(&mut ratios).max(1.0)
     }
 
+    /// Mean speed over the ends and middles of the arcs, plane units/s.
+    #[must_use]
+    pub fn usual_speed(&self) -> f64 {
+        let speeds: Vec<f64> = self
+            .spans
+            .iter()
+            .enumerate()
+            .flat_map(|(k, s)| [s.0, 0.5 * (s.0 + s.1), s.1].map(|t| (k, t)))
+            .map(|(k, t)| self.fit.speed(k, t))
+            .collect();
+        speeds.iter().sum::<f64>() / speeds.len() as f64
+    }
+
+    /// The points in use as the fit had them.
+    #[must_use]
+    pub fn fit_points(&self) -> Vec<FitPoint> {
+        let used = self.points.iter().filter_map(|p| match p.use_ {
+            SpotUse::Used(arc) => Some((arc, &p.spot)),
+            _ => None,
+        });
+        used.map(|(arc, spot)| fit_point(spot, arc, &self.extra))
+            .collect()
+    }
+
     /// Number of points in use.
     #[must_use]
     pub fn used(&self) -> usize {
@@ -593,7 +633,7 @@ fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
         }
         // Where nothing falls, nothing bends a path but an impact.
         Fall::Known(g) => g == 0.0,
-        Fall::Free => true,
+        Fall::Free | Fall::Overhead(_) => true,
     };
     jump > LEAST_JUMP * speed || turn
 }
@@ -734,18 +774,24 @@ fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &Extra) ->
         .iter()
         .zip(uses)
         .filter_map(|(&i, u)| match u {
-            SpotUse::Used(arc) => Some(FitPoint {
-                arc: *arc,
-                sample: Sample {
-                    t: spots[i].time_s,
-                    r: spots[i].place.right,
-                    h: spots[i].place.up,
-                    weight: 1.0 / variance(&spots[i], extra),
-                },
-            }),
+            SpotUse::Used(arc) => Some(fit_point(&spots[i], *arc, extra)),
             _ => None,
         })
         .collect()
+}
+
+fn fit_point(spot: &Spot, arc: usize, extra: &Extra) -> FitPoint {
+    FitPoint {
+        arc,
+        sample: Sample {
+            t: spot.time_s,
+            r: spot.place.right,
+            h: spot.place.up,
+            weight: 1.0 / variance(spot, extra),
+            near: 0.0,
+            near_weight: 0.0,
+        },
+    }
 }
 
 fn finish(
@@ -788,6 +834,9 @@ fn finish(
 
 /// Two arcs meet in an impact when they come together between their points, within what is known of them.
 fn impact_between(fit: &ArcFit, spans: &[(f64, f64)], a: usize, b: usize, interval_s: f64) -> Option<f64> {
+    if let Forces::Overhead(known) = &fit.forces {
+        return overhead::find::impact_between(fit, known, spans, a, interval_s);
+    }
     let (t, gap) = meeting(fit.parameters.as_slice(), &fit.times, a, b)?;
     let slack = 1.5 * interval_s;
     let in_between = t > spans[a].1 - slack && t < spans[b].0 + slack;

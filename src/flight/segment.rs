@@ -6,6 +6,8 @@
 //!
 //! Sums run over times and places relative to the arc's first point, so that no digits are lost at late times.
 
+use super::overhead::{self, Overhead};
+
 /// A point of a track: time, place along r (right) and h (up), 1/σ² of each coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
@@ -17,6 +19,10 @@ pub struct Sample {
     pub h: f64,
     /// 1 / plane units².
     pub weight: f64,
+    /// Of a camera above: how near the ball is by its apparent radius, 1 − r0/r, camera heights. Not looked at elsewhere.
+    pub near: f64,
+    /// 1 / camera heights².
+    pub near_weight: f64,
 }
 
 /// Acceleration along h that the arcs have.
@@ -26,6 +32,8 @@ pub enum Fall {
     Free,
     /// The same for all: h'' = −g, plane units/s² (0 in a top view).
     Known(f64),
+    /// Towards the floor that a camera above looks at.
+    Overhead(Overhead),
 }
 
 impl Fall {
@@ -36,6 +44,7 @@ impl Fall {
             Self::Free => true,
             Self::Known(0.0) => g.abs() < 5.0 * std,
             Self::Known(common) => (g - common).abs() < 5.0 * std + 0.25 * common.abs(),
+            Self::Overhead(o) => Self::Known(o.fall_per_s2).agrees(g, std),
         }
     }
 }
@@ -53,11 +62,56 @@ const HOPELESS: f64 = 3.0;
 /// The arcs of a track: half-open index ranges, in time order. `samples` are in time order.
 #[must_use]
 pub fn arcs(samples: &[Sample], fall: Fall) -> Vec<std::ops::Range<usize>> {
-    let n = samples.len();
-    let least = match fall {
-        Fall::Free => 5,
-        Fall::Known(_) => 3,
+    divided(samples, fall).0
+}
+
+/// What the best division of a track costs: squared residuals in variances, and the prices of arcs and dropped points.
+#[must_use]
+pub fn cost(samples: &[Sample], fall: Fall) -> f64 {
+    divided(samples, fall).1
+}
+
+fn divided(samples: &[Sample], fall: Fall) -> (Vec<std::ops::Range<usize>>, f64) {
+    let falling = |first: &Sample| FallSums {
+        sums: Sums::new(*first),
+        fall,
     };
+    match fall {
+        Fall::Free => cut(samples, 5, falling),
+        Fall::Known(_) => cut(samples, 3, falling),
+        Fall::Overhead(known) => cut(samples, 4, |first| overhead::segment::Sums::new(known, first.t)),
+    }
+}
+
+/// Running sums of a stretch of samples, and how badly the best arc through them fits.
+pub trait ArcSums {
+    /// One more sample.
+    fn add(&mut self, sample: &Sample);
+    /// Squared residuals of the best arc, in variances.
+    fn residual(&self) -> f64;
+}
+
+struct FallSums {
+    sums: Sums,
+    fall: Fall,
+}
+
+impl ArcSums for FallSums {
+    fn add(&mut self, sample: &Sample) {
+        self.sums.add(sample);
+    }
+
+    fn residual(&self) -> f64 {
+        self.sums.residual(self.fall)
+    }
+}
+
+fn cut<S: ArcSums>(
+    samples: &[Sample],
+    least: usize,
+    begin: impl Fn(&Sample) -> S,
+) -> (Vec<std::ops::Range<usize>>, f64) {
+    let n = samples.len();
     let mut best = vec![f64::INFINITY; n + 1];
     let mut from: Vec<Option<usize>> = vec![None; n + 1];
     best[0] = 0.0;
@@ -67,14 +121,14 @@ pub fn arcs(samples: &[Sample], fall: Fall) -> Vec<std::ops::Range<usize>> {
             best[i + 1] = dropped;
             from[i + 1] = None;
         }
-        let mut sums = Sums::new(samples[i]);
+        let mut sums = begin(&samples[i]);
         for (j, sample) in samples.iter().enumerate().skip(i) {
             sums.add(sample);
             let count = j + 1 - i;
             if count < least {
                 continue;
             }
-            let cost = sums.residual(fall);
+            let cost = sums.residual();
             let total = best[i] + cost + ARC_COST;
             if total < best[j + 1] {
                 best[j + 1] = total;
@@ -97,7 +151,7 @@ pub fn arcs(samples: &[Sample], fall: Fall) -> Vec<std::ops::Range<usize>> {
         }
     }
     found.reverse();
-    found
+    (found, best[n])
 }
 
 /// Own fall of a stretch of samples: (g, its standard deviation), from a free parabola; `None` below 4 points.
@@ -115,6 +169,9 @@ pub fn own_fall(samples: &[Sample]) -> Option<(f64, f64)> {
 #[must_use]
 pub fn misfit(samples: &[Sample], fall: Fall) -> f64 {
     let Some(first) = samples.first() else { return 0.0 };
+    if let Fall::Overhead(known) = fall {
+        return overhead::segment::Sums::of(known, samples).residual();
+    }
     let mut sums = Sums::new(*first);
     samples.iter().for_each(|s| sums.add(s));
     sums.residual(fall)
@@ -129,6 +186,7 @@ pub fn place(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
     let g = match fall {
         Fall::Known(g) => g,
         Fall::Free => own_fall(samples)?.0,
+        Fall::Overhead(_) => return None,
     };
     // The best arc goes through the mean point, but for the curve's own mean.
     let bend = mean_square(samples, tm);
@@ -149,6 +207,7 @@ pub fn velocity(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
     let g = match fall {
         Fall::Known(g) => g,
         Fall::Free => sums.own_fall()?.0,
+        Fall::Overhead(_) => return None,
     };
     let [s0, s1, s2, s3, _] = sums.t;
     let det = s0 * s2 - s1 * s1;
@@ -208,7 +267,8 @@ impl Sums {
                 let hh = self.hh + 2.0 * a * self.h[2] + a * a * self.t[4];
                 linear_residual(&self.t, h, hh)
             }
-            Fall::Free => {
+            // An overhead arc has sums of its own.
+            Fall::Free | Fall::Overhead(_) => {
                 let line = linear_residual(&self.t, [self.h[0], self.h[1]], self.hh);
                 self.bend()
                     .map_or(line, |(b, information)| line - b * b * information)
@@ -269,6 +329,8 @@ mod tests {
                     r: 100.0 * t,
                     h,
                     weight: 400.0,
+                    near: 0.0,
+                    near_weight: 0.0,
                 }
             })
             .collect()

@@ -14,7 +14,6 @@ use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
-use std::thread::available_parallelism;
 
 /// Frames of a recording, in presentation order.
 pub trait FrameSource {
@@ -48,9 +47,9 @@ pub fn open(path: &Path) -> Result<Box<dyn FrameSource + Send>, FrameError> {
     }
 }
 
-/// Threads to decode with: all there are, within reason.
+/// Threads to decode with: as many as everything else here runs on (all there are, or a job's share), within reason.
 fn threads() -> usize {
-    available_parallelism().map_or(2, usize::from).min(16)
+    rayon::current_num_threads().min(16)
 }
 
 /// A decoded frame before it is known as what.

@@ -6,15 +6,14 @@
 //! result with the right correlations: a lens that makes all lengths longer does nothing to e.
 
 use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence};
+use crate::flight::Flight;
 use crate::flight::fit::FitPoint;
-use crate::flight::segment::Sample;
-use crate::flight::{Flight, SpotUse};
 use crate::geometry::{PixelPoint, PlanePoint};
 
 /// `flight` with the doubt of `calibration`'s lens and plane in its covariance; `map` is the calibration's own.
 pub fn widened(flight: &Flight, calibration: &Calibration, map: &Rectification) -> Flight {
     let mut wide = flight.clone();
-    let points = fit_points(flight);
+    let points = flight.fit_points();
     for off in calibration.deviated() {
         let change = off
             .rectification()
@@ -26,23 +25,6 @@ pub fn widened(flight: &Flight, calibration: &Calibration, map: &Rectification) 
         }
     }
     wide
-}
-
-fn fit_points(flight: &Flight) -> Vec<FitPoint> {
-    let used = flight.points.iter().filter_map(|p| match p.use_ {
-        SpotUse::Used(arc) => Some((arc, &p.spot)),
-        _ => None,
-    });
-    used.map(|(arc, spot)| FitPoint {
-        arc,
-        sample: Sample {
-            t: spot.time_s,
-            r: spot.place.right,
-            h: spot.place.up,
-            weight: 1.0 / (spot.std * spot.std),
-        },
-    })
-    .collect()
 }
 
 /// By how much each point moves in the plane, in units of the calibration's own scale; `None` where one has no place.

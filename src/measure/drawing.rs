@@ -28,11 +28,13 @@ pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<Arc
                 .filter_map(|i| {
                     let time_s = from + (to - from) * i as f64 / ARC_POINTS as f64;
                     let m = flight.fit.motion(k, time_s);
-                    let pixel = map.pixel_from_plane(PlanePoint::new(m.r, m.h))?;
+                    let seen = PlanePoint::new(m.r, m.h);
+                    let pixel = map.pixel_from_plane(seen)?;
+                    let place = flight.fit.place_in_plane(seen, k, time_s);
                     Some(ArcSample {
                         time_s,
                         pixel,
-                        world: Some(frame.world(m.r, m.h)),
+                        world: Some(frame.world(place.right, place.up)),
                     })
                 })
                 .collect();
@@ -48,11 +50,13 @@ pub fn residual(flight: &Flight, p: &FlightPoint, frame: &WorldFrame) -> Option<
         SpotUse::Off(_) | SpotUse::Contact => arc_at(flight, p.spot.time_s),
         SpotUse::NotFree => return None,
     };
-    let m = flight.fit.motion(k, p.spot.time_s);
-    let (here, there) = (
-        frame.world(p.spot.place.right, p.spot.place.up),
-        frame.world(m.r, m.h),
-    );
+    let t = p.spot.time_s;
+    let m = flight.fit.motion(k, t);
+    let world = |seen: PlanePoint| {
+        let place = flight.fit.place_in_plane(seen, k, t);
+        frame.world(place.right, place.up)
+    };
+    let (here, there) = (world(p.spot.place), world(PlanePoint::new(m.r, m.h)));
     Some(WorldPoint {
         x_m: here.x_m - there.x_m,
         up_m: here.up_m - there.up_m,

@@ -3,6 +3,7 @@
 //! observe → repeats → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
 //! bounces → readings → warnings → drawing.
 
+mod camera;
 mod doubt;
 mod drawing;
 mod observe;
@@ -12,9 +13,9 @@ mod warn;
 
 pub use result::*;
 
-use crate::bounce::impacts::{AIR_DENSITY_KG_M3, ImpactKind, Scene};
+use crate::bounce::impacts::{ImpactKind, Scene};
 use crate::bounce::reading;
-use crate::calibration::{Calibration, CalibrationError, Rectification, ScaleEvidence};
+use crate::calibration::{Calibration, CalibrationError, Optics, Rectification, ScaleEvidence};
 use crate::detect::centre::{Accuracy, Centre};
 use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
@@ -23,6 +24,7 @@ use crate::frames::timebase::TimeBase;
 use crate::frames::{FrameError, FrameSource, LumaRange};
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::quantity::{Quantity, median};
+use camera::in_plane;
 use observe::Observation;
 use refine::{Found, Shared};
 use std::path::{Path, PathBuf};
@@ -103,13 +105,6 @@ const BALL_PART: f64 = 0.5;
 /// Balls smaller than this may be measured by their outline alone, px.
 const SMALL_BALL_PX: f64 = 6.0;
 
-/// Drag coefficient of a smooth sphere between Reynolds numbers of 1e3 and 2e5 (Clift, Grace and Weber 1978), where
-/// balls of 1 to 10 cm at 0.5 to 20 m/s are.
-const SPHERE_DRAG: f64 = 0.45;
-
-/// Relative doubt of that drag: felt, seams, slower or smaller balls, thinner air.
-const SPHERE_DRAG_DOUBT: f64 = 0.2;
-
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
 
@@ -144,7 +139,7 @@ pub fn measure(
     let mut work = Work::new(video, calibration, map, seen, accuracy);
     match work.find_flight() {
         Ok(flight) => work.measured(&flight).map_err(misfit),
-        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen))),
+        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, calibration))),
     }
 }
 
@@ -159,6 +154,9 @@ fn opened(
     let info = source.info();
     calibration
         .check_image_size(info.width_px, info.height_px)
+        .map_err(misfit)?;
+    calibration
+        .viewpoint(1.0, (info.width_px, info.height_px))
         .map_err(misfit)?;
     if !info.has_time_base && calibration.frame_rate_hz.is_none() {
         return Err(MeasureError::NoClock {
@@ -180,6 +178,8 @@ struct Work<'a> {
     base: TimeBase,
     found: Vec<Found>,
     shared: Option<Shared>,
+    /// The camera's angles, where its lens, or its distance and the scale are known.
+    optics: Option<Optics>,
     warnings: Vec<Warning>,
 }
 
@@ -201,12 +201,17 @@ impl<'a> Work<'a> {
             seen,
             found: Vec::new(),
             shared: None,
+            optics: None,
             warnings: Vec::new(),
         };
+        // A scale that rests on the recording itself has to wait for the ball.
+        let scale = calibration.metres_per_unit(&ScaleEvidence::default());
+        work.optics = work.optics_at(scale.ok());
         let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
         work.repeats = repeats.frames;
         work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
         work.warnings = warn::file(&work.seen, &work.base, &work.repeats, calibration);
+        work.warnings.extend(warn::perspective(calibration));
         work
     }
 
@@ -230,14 +235,18 @@ impl<'a> Work<'a> {
             .iter()
             .enumerate()
             .filter(|(_, s)| !self.repeats[s.frame])
-            .filter_map(|(i, s)| refine::spot(&self.map, s, &s.centre?, i, self.base.times_s[s.frame]))
+            .filter_map(|(i, s)| self.first_spot(i, &s.centre?))
             .collect()
     }
 
     /// The flight: first with centres found freely, then with what the recording has in common held.
     fn find_flight(&mut self) -> Result<Flight, NoFlight> {
         let spots = self.first_spots();
-        let forces = if self.falls() { Forces::Fall } else { Forces::None };
+        let forces = if self.falls() {
+            Forces::Fall
+        } else {
+            self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
+        };
         let flight = flight::find(&spots, forces)?;
         for p in &flight.points {
             if let Some(centre) = self.seen.sightings[p.spot.id].centre {
@@ -258,6 +267,14 @@ impl<'a> Work<'a> {
         }
     }
 
+    fn scenery(&self) -> refine::Scenery<'_> {
+        refine::Scenery {
+            seen: &self.seen,
+            map: &self.map,
+            optics: self.optics,
+        }
+    }
+
     fn frames(&self) -> refine::Frames<'_> {
         refine::Frames {
             times_s: &self.base.times_s,
@@ -269,29 +286,30 @@ impl<'a> Work<'a> {
     /// the better arcs do.
     fn refined(&mut self, first: &Flight, accuracy: Accuracy) -> Result<Flight, NoFlight> {
         let mut flight = first.clone();
+        let above = matches!(first.fit.forces, Forces::Overhead(_));
         self.shared = None;
         for round in 0..2 {
-            let again = accuracy == Accuracy::Fine;
+            // Seen from above, a better flight is a better size of the ball in every frame.
+            let again = accuracy == Accuracy::Fine || above;
             let learned = self.shared.clone().filter(|_| !again);
-            let learn = || refine::shared(&self.seen, &self.found, &flight, &self.map, accuracy);
+            let scenery = self.scenery();
+            let learn = || refine::shared(&scenery, &self.found, &flight, accuracy);
             let Some(shared) = learned.or_else(learn) else {
                 break;
             };
             // What was found with the same appearance stays; a new one is a new measurement.
             let known: &[Found] = if round > 0 && !again { &self.found } else { &[] };
-            let found = refine::centres(
-                &self.seen,
-                &flight,
-                &self.map,
-                &shared,
-                &self.frames(),
-                known,
-                accuracy,
-            );
+            let found = refine::centres(&scenery, &flight, &shared, &self.frames(), known, accuracy);
+            let scale = self.metres_per_unit(&flight, Some(shared.radius_px)).ok();
+            self.optics = self.optics_at(scale);
             let forces = self.forces(&flight, &shared);
             match flight::again(&self.spots_of(&found), &flight, forces) {
                 Some(better) if better.used() as f64 >= KEPT_PART * first.used() as f64 => {
-                    (flight, self.found) = self.extended(better, found, &shared, forces, accuracy);
+                    (flight, self.found) = if above {
+                        (better, found)
+                    } else {
+                        self.extended(better, found, &shared, forces, accuracy)
+                    };
                     self.shared = Some(shared);
                 }
                 // A ball of a few pixels may be too blurred for its edge to be fitted: its outline has to do. A
@@ -327,7 +345,7 @@ impl<'a> Work<'a> {
         let times_s = &self.base.times_s;
         found.retain(|f| within(times_s[self.seen.sightings[f.sighting].frame]));
         found.extend(refine::of_that_size(
-            &self.seen,
+            &self.scenery(),
             &flight,
             shared,
             &self.frames(),
@@ -346,31 +364,21 @@ impl<'a> Work<'a> {
 
     /// Gravity, and drag where the ball's size and mass tell it.
     fn forces(&self, flight: &Flight, shared: &Shared) -> Forces {
+        let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok();
+        let scale = scale.map(|s| s.value);
         if !self.falls() {
-            return Forces::None;
+            return self
+                .overhead(scale, Some(flight))
+                .map_or(Forces::None, Forces::Overhead);
         }
-        let ball = &self.calibration.ball;
-        let known = || {
-            let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
-            let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok()?.value;
-            let beta = AIR_DENSITY_KG_M3 * SPHERE_DRAG * std::f64::consts::PI * radius_m * radius_m
-                / (2.0 * mass_kg);
-            // Metres a unit turn 1/m into 1/unit.
-            Some(Forces::FallWithDrag(
-                beta * scale,
-                SPHERE_DRAG_DOUBT * beta * scale,
-            ))
-        };
-        known().unwrap_or(Forces::Fall)
+        self.drag(scale, flight.usual_speed())
+            .map_or(Forces::Fall, |(drag, std)| Forces::FallWithDrag(drag, std))
     }
 
     fn spots_of(&self, found: &[Found]) -> Vec<Spot> {
         found
             .iter()
-            .filter_map(|f| {
-                let s = &self.seen.sightings[f.sighting];
-                refine::spot(&self.map, s, &f.centre, f.sighting, self.base.times_s[s.frame])
-            })
+            .filter_map(|f| self.spot(f.sighting, &f.centre))
             .collect()
     }
 
@@ -410,7 +418,13 @@ impl<'a> Work<'a> {
     fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
         let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
         let flight = &doubt::widened(flight, self.calibration, &self.map);
-        let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
+        let first = match flight.fit.forces {
+            Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
+            _ => flight.points.first(),
+        };
+        let first_right = first
+            .and_then(|p| in_plane(flight, p))
+            .map_or(0.0, |place| place.right);
         let scene = Scene::new(
             flight,
             self.calibration,
@@ -444,7 +458,7 @@ impl<'a> Work<'a> {
             .extend(warn::unlearned(self.accuracy, self.method()));
         let outcome = if bounces.is_empty() {
             Outcome::Rejected {
-                reason: warn::no_bounce(flight, walls),
+                reason: warn::no_bounce(flight, walls, self.calibration),
             }
         } else {
             Outcome::Measured
@@ -529,9 +543,9 @@ impl<'a> Work<'a> {
                 Some(TrackPoint {
                     frame: p.spot.frame,
                     time_s: p.spot.time_s,
-                    pixel: c.disc.centre,
+                    pixel: self.centre_px(p).unwrap_or(c.disc.centre),
                     std_px: Some(c.std_px() * flight.std(&p.spot) / p.spot.std),
-                    world: Some(frame.world(p.spot.place.right, p.spot.place.up)),
+                    world: in_plane(flight, p).map(|place| frame.world(place.right, place.up)),
                     use_: drawing::use_of(p, frame),
                     residual_m: drawing::residual(flight, p, frame),
                 })

@@ -3,8 +3,9 @@
 //! hand, another thing) are looked at again there.
 
 use super::observe::Observation;
-use crate::calibration::Rectification;
+use crate::calibration::{Optics, Rectification};
 use crate::detect::centre::appearance::{self, Example, Lesson};
+use crate::detect::centre::drawn_out::DrawnOut;
 use crate::detect::centre::known_ball::{self, Appearance, Effort};
 use crate::detect::centre::{Accuracy, Centre, Disc, Patch, fast, fine, outline, standard};
 use crate::detect::{LEAST_AGREEMENT, Sighting};
@@ -17,7 +18,7 @@ use rayon::prelude::*;
 /// What all frames share.
 #[derive(Debug, Clone)]
 pub struct Shared {
-    /// The ball's radius, px.
+    /// The ball's radius in the calibrated plane, px.
     pub radius_px: Quantity,
     /// The radius that first outlines have, px: of a ball of few pixels it is larger.
     pub outline_px: f64,
@@ -59,6 +60,40 @@ pub struct Frames<'a> {
     pub skip: &'a [bool],
 }
 
+/// A recording as its camera sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Scenery<'a> {
+    /// What moves.
+    pub seen: &'a Observation,
+    /// From the reference picture to the calibrated plane.
+    pub map: &'a Rectification,
+    /// The camera's angles, where they are known.
+    pub optics: Option<Optics>,
+}
+
+impl Scenery<'_> {
+    /// The pixels around a sighting, and how perspective draws a ball like `disc` out there.
+    fn patch<'a>(&self, s: &'a Sighting, disc: &Disc) -> Patch<'a> {
+        let at = s.registration.reference_from_frame(disc.centre);
+        let stretch = self
+            .optics
+            .map(|o| o.outline_stretch(at))
+            .filter(|m| (m.determinant() - 1.0) * disc.radius_px > ROUND_ENOUGH_PX);
+        Patch {
+            drawn_out: stretch.and_then(|m| DrawnOut::new(disc.centre, m)),
+            ..self.seen.detector.patch(&s.blob.crop, &s.registration)
+        }
+    }
+}
+
+/// An outline this little longer than wide is round, px.
+const ROUND_ENOUGH_PX: f64 = 0.01;
+
+/// How many times larger than in the calibrated plane the ball is seen at `t`.
+fn magnification(flight: &Flight, t: f64) -> f64 {
+    flight.fit.magnification(arc_at(flight, t), t)
+}
+
 /// The one of `found` (in the order of sightings, as all lists of them are) that is of this sighting.
 #[must_use]
 pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
@@ -70,13 +105,8 @@ pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
 
 /// The ball's radius and appearance from some of the flight's used points, spread over it.
 #[must_use]
-pub fn shared(
-    seen: &Observation,
-    found: &[Found],
-    flight: &Flight,
-    map: &Rectification,
-    accuracy: Accuracy,
-) -> Option<Shared> {
+pub fn shared(scenery: &Scenery<'_>, found: &[Found], flight: &Flight, accuracy: Accuracy) -> Option<Shared> {
+    let Scenery { seen, map, .. } = *scenery;
     let used: Vec<(&Sighting, Centre, f64)> = flight
         .points
         .iter()
@@ -95,11 +125,19 @@ pub fn shared(
             .skip(step / 2)
             .step_by(step)
             .filter_map(|(s, centre, t)| {
+                let velocity_px_s = velocity_px_s(flight, map, *t)?;
+                let patch = scenery.patch(s, &centre.disc);
+                let moving = Disc {
+                    swept_px: velocity_px_s,
+                    ..centre.disc
+                };
+                let round = patch.drawn_out.map_or(moving, |d| d.round_disc(&moving));
                 Some(Example {
-                    patch: seen.detector.patch(&s.blob.crop, &s.registration),
+                    patch,
                     disc: centre.disc,
-                    velocity_px_s: velocity_px_s(flight, map, *t)?,
+                    velocity_px_s: round.swept_px,
                     gain: s.registration.gain,
+                    magnification: magnification(flight, *t),
                 })
             })
             .collect();
@@ -123,7 +161,10 @@ fn common_radius(seen: &Observation, flight: &Flight) -> Option<Quantity> {
         .points
         .iter()
         .filter(|p| matches!(p.use_, SpotUse::Used(_)))
-        .filter_map(|p| Some(seen.sightings[p.spot.id].centre?.disc.radius_px))
+        .filter_map(|p| {
+            let centre = seen.sightings[p.spot.id].centre?;
+            Some(centre.disc.radius_px / magnification(flight, p.spot.time_s))
+        })
         .collect();
     let n = radii.len() as f64;
     let radius = median(&mut radii)?;
@@ -174,15 +215,15 @@ fn velocity_px_s(flight: &Flight, map: &Rectification, t: f64) -> Option<[f64; 2
 /// held; what is in `known` stands.
 #[must_use]
 pub fn centres(
-    seen: &Observation,
+    scenery: &Scenery<'_>,
     flight: &Flight,
-    map: &Rectification,
     shared: &Shared,
     frames: &Frames<'_>,
     known: &[Found],
     accuracy: Accuracy,
 ) -> Vec<Found> {
     let Frames { times_s, skip } = *frames;
+    let seen = scenery.seen;
     let (from, to) = reach(flight);
     let wanted: Vec<usize> = (0..seen.sightings.len())
         .filter(|&i| {
@@ -197,7 +238,7 @@ pub fn centres(
             let s = &seen.sightings[i];
             of_sighting(known, i)
                 .copied()
-                .or_else(|| guided(seen, flight, map, shared, i, times_s[s.frame], accuracy))
+                .or_else(|| guided(scenery, flight, shared, i, times_s[s.frame], accuracy))
         })
         .collect();
     let mut found: Vec<Found> = Vec::new();
@@ -220,7 +261,7 @@ pub fn centres(
 /// faint or spoilt ball better than the first look did.
 #[must_use]
 pub fn of_that_size(
-    seen: &Observation,
+    scenery: &Scenery<'_>,
     flight: &Flight,
     shared: &Shared,
     frames: &Frames<'_>,
@@ -229,7 +270,9 @@ pub fn of_that_size(
 ) -> Vec<Found> {
     let Frames { times_s, skip } = *frames;
     let (from, to) = reach(flight);
-    seen.sightings
+    scenery
+        .seen
+        .sightings
         .iter()
         .enumerate()
         .filter(|(_, s)| {
@@ -245,8 +288,7 @@ pub fn of_that_size(
                 radius_px: shared.radius_px.value,
                 swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
             };
-            let patch = seen.detector.patch(&s.blob.crop, &s.registration);
-            outlined(&patch, s, sighting, &start, shared, accuracy)
+            outlined(scenery, sighting, &start, shared, accuracy)
         })
         .collect()
 }
@@ -263,17 +305,17 @@ fn reach(flight: &Flight) -> (f64, f64) {
 }
 
 fn guided(
-    seen: &Observation,
+    scenery: &Scenery<'_>,
     flight: &Flight,
-    map: &Rectification,
     shared: &Shared,
     sighting: usize,
     t: f64,
     accuracy: Accuracy,
 ) -> Option<Found> {
-    let s = &seen.sightings[sighting];
+    let map = scenery.map;
+    let s = &scenery.seen.sightings[sighting];
     let there = s.registration.frame_from_reference(predicted(flight, map, t)?);
-    let radius_px = shared.radius_px.value;
+    let radius_px = shared.radius_px.value * magnification(flight, t);
     if !s.blob.crop.contains(there, -0.3 * radius_px) {
         return None;
     }
@@ -290,56 +332,55 @@ fn guided(
         radius_px,
         swept_px,
     };
-    let patch = seen.detector.patch(&s.blob.crop, &s.registration);
     let close = |f: &Found, to: PixelPoint, gate: f64| f.centre.disc.centre.distance_px(to) < gate;
-    fitted(&patch, s, sighting, &disc, shared, accuracy)
+    fitted(scenery, sighting, &disc, shared, accuracy)
         .or_else(|| {
-            outlined(&patch, s, sighting, &disc, shared, accuracy)
-                .filter(|f| close(f, start, 0.5 * radius_px))
+            outlined(scenery, sighting, &disc, shared, accuracy).filter(|f| close(f, start, 0.5 * radius_px))
         })
         .filter(|f| close(f, there, gate))
 }
 
 /// The centre near `start` by the method of `accuracy`.
 fn fitted(
-    patch: &Patch<'_>,
-    s: &Sighting,
+    scenery: &Scenery<'_>,
     sighting: usize,
     start: &Disc,
     shared: &Shared,
     accuracy: Accuracy,
 ) -> Option<Found> {
-    match (&shared.appearance, method(accuracy)) {
+    let s = &scenery.seen.sightings[sighting];
+    let patch = scenery.patch(s, start);
+    let centre = match (&shared.appearance, method(accuracy)) {
         (Some(ball), Some((_, effort))) => {
-            let fitted = known_ball::fit(patch, ball, start, s.registration.gain, effort)?;
-            Some(Found {
-                sighting,
-                centre: fitted.centre,
-            })
+            let ball = ball.magnified(start.radius_px / shared.radius_px.value, effort);
+            let (gain, drawn_out) = (s.registration.gain, patch.drawn_out);
+            let round = drawn_out.map_or(*start, |d| d.round_disc(start));
+            let centre = known_ball::fit(&patch, &ball, &round, gain, effort)?.centre;
+            drawn_out.map_or(centre, |d| d.frame_centre(&centre))
         }
-        _ => Some(Found {
-            sighting,
-            centre: fast::centre(patch, start, s.blob.contrast_grey)?,
-        }),
-    }
+        // A circle in the middle of an ellipse has the same centre.
+        _ => fast::centre(&patch, start, s.blob.contrast_grey)?,
+    };
+    Some(Found { sighting, centre })
 }
 
 /// The centre wherever around `start` the patch holds an outline of the ball's size.
 fn outlined(
-    patch: &Patch<'_>,
-    s: &Sighting,
+    scenery: &Scenery<'_>,
     sighting: usize,
     start: &Disc,
     shared: &Shared,
     accuracy: Accuracy,
 ) -> Option<Found> {
-    let found = outline::find(patch, start.centre, Some(shared.outline_px))?;
+    let patch = scenery.patch(&scenery.seen.sightings[sighting], start);
+    let outline_px = shared.outline_px * start.radius_px / shared.radius_px.value;
+    let found = outline::find(&patch, start.centre, Some(outline_px))?;
     let disc = Disc {
         centre: found.disc.centre,
         ..*start
     };
     (found.agreement >= LEAST_AGREEMENT)
-        .then(|| fitted(patch, s, sighting, &disc, shared, accuracy))
+        .then(|| fitted(scenery, sighting, &disc, shared, accuracy))
         .flatten()
 }
 

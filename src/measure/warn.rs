@@ -8,6 +8,7 @@ use crate::bounce::impacts::Scene;
 use crate::calibration::{Calibration, Scale, View};
 use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
+use crate::flight::overhead::find;
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
 use crate::quantity::Quantity;
@@ -96,6 +97,16 @@ pub fn file(
     out
 }
 
+/// A top view whose camera is not known to be far.
+pub fn perspective(calibration: &Calibration) -> Option<Warning> {
+    (calibration.view == View::Top && calibration.distance_m.is_none()).then(|| {
+        warning(
+            "perspective_uncorrected",
+            "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties; nor are there vertical speeds, restitution or friction. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
+        )
+    })
+}
+
 fn repeated(
     seen: &Observation,
     base: &TimeBase,
@@ -162,6 +173,9 @@ pub struct Judged<'a> {
 pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(j.gravity.and_then(|g| gravity(g, j)));
+    out.extend(distance_against_fall(j));
+    out.extend(heights(j));
+    out.extend(j.scene.bend().map(bent));
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
     out.extend(different_heights(j));
@@ -255,6 +269,59 @@ fn gravity(g: Quantity, j: &Judged<'_>) -> Option<Warning> {
         ),
     ))
 }
+
+/// The self-check of a top view: the bend of the path tells g over the camera's distance.
+fn distance_against_fall(j: &Judged<'_>) -> Option<Warning> {
+    let distance_m = j.calibration.distance_m?;
+    let seen = find::fall_seen(j.flight)?;
+    let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
+    let std = seen.std_uncertainty? / seen.value;
+    let off = seen.value.ln().abs();
+    if !(off > DISTANCE_SIGMAS * std.hypot(given) && off > DISTANCE_PART) {
+        return None;
+    }
+    let time = time_factor(1.0 / seen.value).map_or(String::new(), |n| {
+        let (given, meant) = (rounded(1.0 / j.interval_s), rounded(n / j.interval_s));
+        format!(" Or the clock is wrong: it fits a capture rate of {meant} Hz in place of {given} Hz (\"frame_rate_hz\").")
+    });
+    Some(warning(
+        "distance_mismatch",
+        format!(
+            "the ball's path bends as for a camera {:.2} ± {:.2} m above the floor, not {distance_m} m: directions and speeds are not to be trusted before this is explained. Check \"distance_m\": from the lens to the floor, in metres, along the line of sight.{time}",
+            distance_m / seen.value,
+            distance_m / seen.value * std,
+        ),
+    ))
+}
+
+/// A path that is no straight line, where it is taken for one.
+fn bent(part: f64) -> Warning {
+    warning(
+        "paths_bend",
+        format!(
+            "seen from above, the ball's path bends by {:.0} % of its speed within one flight (up to {:.0} degrees), as a near camera shows it: directions and speeds may be off by as much, so their uncertainties are left out. Set \"distance_m\" to the distance from the lens to the floor, and this is corrected.",
+            100.0 * part,
+            part.atan().to_degrees()
+        ),
+    )
+}
+
+/// Why a top view with its distance given tells no vertical speeds.
+fn heights(j: &Judged<'_>) -> Option<Warning> {
+    let known = j.calibration.view == View::Top && j.calibration.distance_m.is_some();
+    let untold = j.bounces.iter().any(|(_, b)| b.restitution.is_none());
+    (known && untold).then(|| {
+        warning(
+            "heights_not_told",
+            "from so far above, the ball's path hardly bends: it does not tell vertical speeds to a tenth, and so no restitution, friction or angles from the vertical. A camera nearer to the floor, or one to the side, does.".to_owned(),
+        )
+    })
+}
+
+/// A distance is off when it is by this part, which turns directions by less than the tracking does, and by so many
+/// standard uncertainties.
+const DISTANCE_PART: f64 = 0.04;
+const DISTANCE_SIGMAS: f64 = 4.0;
 
 /// Whole factors between stored and true frame rates that phones and editors make.
 fn time_factor(ratio: f64) -> Option<f64> {
@@ -353,13 +420,26 @@ fn different_heights(j: &Judged<'_>) -> Option<Warning> {
 }
 
 /// Why nothing was measured, and what to try.
-pub fn no_flight(reason: &NoFlight, seen: &Observation) -> String {
+pub fn no_flight(reason: &NoFlight, seen: &Observation, calibration: &Calibration) -> String {
     let frames = seen.stamps_s.len();
     let moving = seen.sightings.len();
     match reason {
         NoFlight::NothingRound { spots } => format!(
             "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
         ),
+        NoFlight::NothingFalls { longest } if calibration.view == View::Top => {
+            let all = format!(
+                "{moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames)"
+            );
+            match calibration.distance_m {
+                Some(distance_m) => format!(
+                    "nothing bounces as seen from above: {all} follows the path of a bouncing ball as a camera {distance_m} m above it shows it. Are \"distance_m\" (from the lens to the calibrated plane, in metres), the scale and the frame rate right, and does the camera look straight down?"
+                ),
+                None => format!(
+                    "nothing moves in straight lines as seen from above: {all} is made of straight lines with turns between. A camera that is near sees them bent, because the ball nears it as it rises: set \"distance_m\" to the distance from the lens to the calibrated plane."
+                ),
+            }
+        }
         NoFlight::NothingFalls { longest } => format!(
             "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?"
         ),
@@ -367,8 +447,13 @@ pub fn no_flight(reason: &NoFlight, seen: &Observation) -> String {
 }
 
 /// Why a flight alone is no measurement.
-pub fn no_bounce(flight: &Flight, walls: usize) -> String {
+pub fn no_bounce(flight: &Flight, walls: usize, calibration: &Calibration) -> String {
     let frames = flight.used();
+    if calibration.view == View::Top {
+        return format!(
+            "a ball moves freely through {frames} frames, but shows no impact within the clip: seen from above it is a turn of the path between two stretches, so keep recording until after the first one."
+        );
+    }
     let walls = if walls > 0 {
         format!(", and {walls} impact(s) on something upright")
     } else {

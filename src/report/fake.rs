@@ -1,7 +1,9 @@
 //! Measurements for the tests of this module: a ball launched from an edge that bounces twice, with the noise that a
 //! good recording has, and its less fortunate relatives.
 
-use crate::bounce::{Bounce, Distances, EERegime, Leg, MuERegime, Preferred, Readings, XSource};
+use crate::bounce::{
+    Bounce, Correlation, Distances, EERegime, Leg, MuERegime, Preferred, Readings, Speed, XSource,
+};
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::measure::{
@@ -205,6 +207,10 @@ fn bounces() -> Vec<Bounce> {
                 spin_in_m_s: q(before.spin, if before.spin == 0.0 { f64::NAN } else { 0.0041 }),
                 spin_out_m_s: q(after.spin, 0.0041),
                 azimuth_rad: None,
+                correlations: vec![Correlation {
+                    of: (Speed::IncidentVx, Speed::ReboundVx),
+                    value: 0.4,
+                }],
             }
         })
         .collect()

@@ -3,7 +3,7 @@
 //! Angles are degrees here and radians everywhere else. What is unknown is `null`; a number that is not finite becomes
 //! `null` too, as JSON has no word for it.
 
-use crate::bounce::{Bounce, EERegime, Leg, MuERegime, Preferred, Readings, XSource};
+use crate::bounce::{Bounce, Correlation, EERegime, Leg, MuERegime, Preferred, Readings, XSource};
 use crate::measure::{Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, VideoFacts, View};
 use crate::quantity::Quantity;
 use serde_json::{Value, json};
@@ -125,7 +125,17 @@ fn bounce(bounce: &Bounce) -> Value {
         "spin_in_m_s": quantity(bounce.spin_in_m_s),
         "spin_out_m_s": quantity(bounce.spin_out_m_s),
         "azimuth_deg": angle(bounce.azimuth_rad),
+        "correlations": correlations(&bounce.correlations),
     })
+}
+
+/// An entry a pair of velocities, by the name that it has in a series.
+fn correlations(all: &[Correlation]) -> Value {
+    let entry = |c: &Correlation| {
+        let (a, b) = c.of;
+        (format!("{}__{}", a.name(), b.name()), json!(c.value))
+    };
+    Value::Object(all.iter().map(entry).collect())
 }
 
 fn leg(leg: &Leg) -> Value {
@@ -228,7 +238,8 @@ mod tests {
                 "tangential_restitution",
                 "spin_in_m_s",
                 "spin_out_m_s",
-                "azimuth_deg"
+                "azimuth_deg",
+                "correlations"
             ]
         );
         for leg in ["incident", "rebound"] {

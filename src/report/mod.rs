@@ -12,12 +12,14 @@
 //! | [`marks`] | a frame with the marks of a calibration drawn in |
 //! | [`board`] | the table and JSON of a lens from pictures of a board |
 //! | [`overlay`] | the drawing on each frame of `<stem>.overlay.mp4` |
+//! | [`batch_page`] | `report.html` of a batch: the same with a list of its recordings |
 //! | [`series_table`] | the table of a fit for people on stdout |
 //! | [`series_json`] | `fit.json`, schema `track.fit/1` |
 //! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows |
 //! | `chart`, `series_figures`, `series_rows` | its figures and tables |
 //! | [`write`](mod@write) | files that appear whole or not at all |
 
+pub mod batch_page;
 pub mod board;
 pub mod calibrate_page;
 mod chart;

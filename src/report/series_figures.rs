@@ -2,10 +2,10 @@
 
 use super::chart::{Chart, Dot, Marker, Stroke};
 use super::plots::span;
-use crate::fit::coordinates::{Coordinates, Mark, Prediction};
+use crate::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
 use crate::fit::{Curve, GroupFit, ModelFit, ModelName, RowRegime, Series};
 use crate::models::SOLID_SPHERE;
-use crate::quantity::median;
+use crate::quantity::{commonest, median};
 use std::f64::consts::FRAC_PI_2;
 
 /// Rows drawn of a group; of more, every n-th.
@@ -84,7 +84,7 @@ struct Drawn {
 pub(super) struct Drawing<'a> {
     group: &'a GroupFit,
     rows: Vec<Drawn>,
-    /// Of the curves: the rows' own medians.
+    /// Of the curves: the one that most rows have, and the rows' own medians.
     spin_ratio: f64,
     inertia_factor: f64,
     /// tan θ times x_o: u_o²/g, the same for all launches at one speed.
@@ -141,8 +141,15 @@ impl<'a> Drawing<'a> {
                     .collect::<Vec<_>>(),
             )
         };
+        // A recording's later bounces have each their own spin; the curves are for the launches.
+        let mut spins: Vec<f64> = rows
+            .iter()
+            .filter_map(|d| d.coordinates.spin_ratio)
+            .map(|m| m.value)
+            .filter(|v| v.is_finite())
+            .collect();
         Self {
-            spin_ratio: middle(&|d| d.coordinates.spin_ratio.map(|m| m.value)).unwrap_or(0.0),
+            spin_ratio: commonest(&mut spins, SAME_SPIN).unwrap_or(0.0),
             inertia_factor: middle(&|d| Some(d.inertia_factor)).unwrap_or(SOLID_SPHERE),
             reach_m: middle(&|d| Some(d.coordinates.x0_m?.value * d.coordinates.incident_tangent.value)),
             group,

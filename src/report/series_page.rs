@@ -29,14 +29,25 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         page::STYLE
     );
     header(&mut page, fit, &name);
-    notes(&mut page, &fit.notes, "");
+    sections(&mut page, series, fit)?;
+    let _ = writeln!(
+        page,
+        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
+        env!("CARGO_PKG_VERSION")
+    );
+    Ok(page)
+}
+
+/// Everything between the head of the page and its foot.
+pub(super) fn sections(page: &mut String, series: &Series, fit: &SeriesFit) -> Result<(), PageError> {
+    notes(page, &fit.notes, "");
     for group in &fit.groups {
         let prefix = if fit.groups.len() > 1 {
             format!("group {}: ", group.name)
         } else {
             String::new()
         };
-        notes(&mut page, &group.notes, &prefix);
+        notes(page, &group.notes, &prefix);
     }
     let drawings: Vec<Drawing<'_>> = fit
         .groups
@@ -44,18 +55,13 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
         .map(|group| Drawing::new(series, group))
         .collect();
     if fit.groups.len() > 1 {
-        overview(&mut page, fit, &drawings)?;
+        overview(page, fit, &drawings)?;
     }
     for (group, drawing) in fit.groups.iter().zip(&drawings) {
-        group_section(&mut page, series, fit, group, drawing)?;
+        group_section(page, series, fit, group, drawing)?;
     }
-    to_copy(&mut page, fit);
-    let _ = writeln!(
-        page,
-        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    );
-    Ok(page)
+    to_copy(page, fit);
+    Ok(())
 }
 
 /// The file's name, with its folder where it is a batch's `series.csv`.
@@ -333,7 +339,7 @@ fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -
             "<br>Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model.",
         );
         if drawing.spins_differ() {
-            text.push_str(" The rows differ in spin before the bounce: curves are for their median, residuals for each its own.");
+            text.push_str(" The rows differ in spin before the bounce: curves are for the commonest, residuals for each its own.");
         }
     }
     if drawing.every > 1 {

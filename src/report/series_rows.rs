@@ -117,7 +117,7 @@ fn is_relative(link: &str) -> bool {
 }
 
 /// A path as a link: what has a meaning of its own in an address is written by its number.
-fn encoded(path: &str) -> String {
+pub(super) fn encoded(path: &str) -> String {
     let mut link = String::with_capacity(path.len());
     for byte in path.bytes() {
         if byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte) {

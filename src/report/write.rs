@@ -82,7 +82,7 @@ pub enum WriteError {
 
 impl WriteError {
     /// The error for people from the system's own.
-    fn new(path: &Path, source: io::Error) -> Self {
+    pub(crate) fn new(path: &Path, source: io::Error) -> Self {
         let path = path.to_owned();
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::Full { path, source },
@@ -212,6 +212,33 @@ pub fn write_reports(
     Ok(paths)
 }
 
+/// Gives a whole file of this disk another name, which then stands for it, or for what it stood for before.
+///
+/// # Errors
+/// See [`WriteError`].
+pub fn rename(from: &Path, to: &Path) -> Result<(), WriteError> {
+    refuse_folder(to)?;
+    fs::rename(from, to).map_err(|source| WriteError::new(to, source))
+}
+
+/// Takes away what writers that were killed have left in `dir` under passing names. Only for a folder in which nobody
+/// else is writing.
+///
+/// # Errors
+/// See [`WriteError`].
+pub fn clear_passing_names(dir: &Path) -> Result<(), WriteError> {
+    let refused = |source| WriteError::new(dir, source);
+    for entry in fs::read_dir(dir).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        let name = entry.file_name();
+        let name = name.as_encoded_bytes();
+        if name.starts_with(PASSING.0.as_bytes()) && name.ends_with(PASSING.1.as_bytes()) {
+            fs::remove_file(entry.path()).map_err(refused)?;
+        }
+    }
+    Ok(())
+}
+
 /// Where [`write_fit`] put its files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FitPaths {
@@ -335,9 +362,12 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
+/// What passing names begin and end with.
+const PASSING: (&str, &str) = (".track-", ".tmp");
+
 fn temporary_in(dir: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".track-").suffix(".tmp");
+    builder.prefix(PASSING.0).suffix(PASSING.1);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;

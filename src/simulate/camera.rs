@@ -102,13 +102,13 @@ impl PictureOf {
 #[must_use]
 pub fn ideal_pixel(camera: &Camera, point_m: &Vector3<f64>) -> Vector2<f64> {
     let seen = turned(camera, &from_middle(camera, point_m)) / camera.metres_per_pixel;
-    middle_px(camera) + Vector2::new(seen.x, -seen.y)
+    axis_px(camera) + Vector2::new(seen.x, -seen.y)
 }
 
 /// The way from the point of the calibrated plane in the picture's middle: right, up and towards the camera, before that
 /// is turned, m.
 fn from_middle(camera: &Camera, point_m: &Vector3<f64>) -> Vector3<f64> {
-    let plane = in_plane(camera.view, point_m) - middle_m(camera);
+    let plane = in_plane(camera.view, point_m) - axis_m(camera);
     let towards = match camera.view {
         // x right and z up leave y pointing away from the camera.
         View::Side => camera.plane_offset_m - point_m.y,
@@ -119,8 +119,8 @@ fn from_middle(camera: &Camera, point_m: &Vector3<f64>) -> Vector3<f64> {
 
 /// The point of the calibrated plane in the picture's middle: right and up of the origin, m.
 #[must_use]
-pub fn middle_m(camera: &Camera) -> Vector2<f64> {
-    let from_origin = middle_px(camera) - Vector2::from(camera.origin_px);
+pub fn axis_m(camera: &Camera) -> Vector2<f64> {
+    let from_origin = axis_px(camera) - Vector2::from(camera.origin_px);
     Vector2::new(from_origin.x, -from_origin.y) * camera.metres_per_pixel
 }
 
@@ -148,10 +148,13 @@ pub fn nearness_m(camera: &Camera, point_m: &Vector3<f64>) -> f64 {
     turned(camera, &from_middle(camera, point_m)).z
 }
 
-/// The middle of the picture, through which the optical axis goes, px.
+/// Where the optical axis goes through the picture: the lens's principal point, without a lens the middle, px.
 #[must_use]
-pub fn middle_px(camera: &Camera) -> Vector2<f64> {
-    Vector2::new(camera.width_px as f64 - 1.0, camera.height_px as f64 - 1.0) * 0.5
+pub fn axis_px(camera: &Camera) -> Vector2<f64> {
+    camera.lens.map_or_else(
+        || Vector2::new(camera.width_px as f64 - 1.0, camera.height_px as f64 - 1.0) * 0.5,
+        |lens| Vector2::new(lens.camera_matrix[0][2], lens.camera_matrix[1][2]),
+    )
 }
 
 /// The component of a displacement towards the camera.
@@ -181,6 +184,6 @@ pub fn picture_shift_px(camera: &Camera, at_m: &Vector3<f64>, displacement: &Vec
     };
     let depth = distance_m - nearness_m(camera, at_m);
     let magnification = distance_m / depth;
-    let off_axis_px = (ideal_pixel(camera, at_m) - middle_px(camera)).norm() * magnification;
+    let off_axis_px = (ideal_pixel(camera, at_m) - axis_px(camera)).norm() * magnification;
     along_px * magnification + off_axis_px * (displacement.z / depth).abs()
 }

@@ -117,6 +117,19 @@ impl Recording {
         self.scene.camera.lens.filter(|_| self.uses("lens"))
     }
 
+    /// How far the camera is, unless it was rendered as if it were not: a perspective that was switched off.
+    fn distance_m(&self) -> Option<f64> {
+        let wrong = |d: &Decision| {
+            // A turned camera's homography has it, or has not.
+            let matters = d.estimate.amount > d.tolerance || self.scene.camera.tilt_rad != 0.0;
+            d.name == "perspective" && !d.used && matters
+        };
+        self.scene
+            .camera
+            .distance_m
+            .filter(|_| !self.decisions.iter().any(wrong))
+    }
+
     fn check_seen(&self) -> Result<(), SceneError> {
         let centres = self.truth().centres;
         if centres.iter().any(|c| c.visible) {

@@ -220,6 +220,14 @@ pub struct Lens {
     pub distortion: [f64; 5],
 }
 
+impl Lens {
+    /// Focal length, px; of pixels that are not square the geometric mean.
+    #[must_use]
+    pub fn focal_px(&self) -> f64 {
+        (self.camera_matrix[0][0] * self.camera_matrix[1][1]).sqrt()
+    }
+}
+
 /// The camera. Its calibrated plane is the plane of motion y = 0 in a side view, the floor z = 0 in a top view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
@@ -237,7 +245,8 @@ pub struct Camera {
     pub metres_per_pixel: f64,
     /// Where x = 0, z = 0 (side) or x = 0, y = 0 (top) is in that picture, px.
     pub origin_px: [f64; 2],
-    /// From the optical centre to the calibrated plane, m; `None` is infinitely far.
+    /// From the optical centre to the calibrated plane, m; `None` is infinitely far. A lens says it, where the scene does not:
+    /// with a focal length of f px a metre of the plane is 1/q px at f q.
     pub distance_m: Option<f64>,
     /// How much nearer to the camera than the calibrated plane the ball is launched, m (side view).
     pub plane_offset_m: f64,
@@ -615,6 +624,8 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
         },
     )?;
     let crf = s.whole("crf", 14, 0, 51)?;
+    let lens = read_lens(&s)?;
+    let metres_per_pixel = s.number("metres_per_pixel", 0.0008, POSITIVE)?;
     let lossy = s.choice("codec", &[("h264", true), ("lossless", false)])?;
     Ok(Camera {
         view: s.choice("view", &[("side", View::Side), ("top", View::Top)])?,
@@ -623,9 +634,11 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
         height_px: size[1] as usize,
         frame_rate_hz: s.number("frame_rate_hz", 240.0, POSITIVE)?,
         exposure_s: s.number("exposure_s", 0.0005, NOT_NEGATIVE)?,
-        metres_per_pixel: s.number("metres_per_pixel", 0.0008, POSITIVE)?,
+        metres_per_pixel,
         origin_px: s.numbers("origin_px", [120.0, 660.0], ANY)?,
-        distance_m: s.optional_number("distance_m", POSITIVE)?,
+        distance_m: s
+            .optional_number("distance_m", POSITIVE)?
+            .or(lens.map(|l| l.focal_px() * metres_per_pixel)),
         plane_offset_m: s.number("plane_offset_m", 0.0, ANY)?,
         tilt_rad: s
             .number(
@@ -638,7 +651,7 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
                 },
             )?
             .to_radians(),
-        lens: read_lens(&s)?,
+        lens,
         readout_s: s.number("readout_s", 0.0, NOT_NEGATIVE)?,
         blur_px: s.number(
             "blur_px",

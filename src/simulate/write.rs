@@ -1,7 +1,7 @@
 //! The files of a recording: video, truth, calibration.
 
 use super::Recording;
-use super::camera::{middle_m, middle_px};
+use super::camera::{axis_m, axis_px};
 use super::scene::{Scene, SceneError, View};
 use crate::frames::encode::{Coding, EncodeError, VideoWriter};
 use nalgebra::{Matrix3, Vector3};
@@ -144,10 +144,17 @@ pub fn calibration(recording: &Recording) -> Value {
         let rows = [0, 1, 2].map(|i| [h[(i, 0)], h[(i, 1)], h[(i, 2)]]);
         calib.insert("scale".into(), json!({"world_from_pixel": rows}));
     }
-    if let Some(lens) = recording.lens() {
+    if let Some(distance_m) = recording.distance_m() {
+        calib.insert("distance_m".into(), json!(distance_m));
+    }
+    // Without perspective and distortion nothing of the lens is in the picture.
+    let shows = recording.lens().is_some() || recording.distance_m().is_some();
+    if let Some(lens) = camera.lens.filter(|_| shows) {
+        // A distortion that was not worth simulating is not in the picture; the optical axis is where it is all the same.
+        let distortion = recording.lens().map_or([0.0; 5], |used| used.distortion);
         calib.insert(
             "lens".into(),
-            json!({"camera_matrix": lens.camera_matrix, "distortion": lens.distortion}),
+            json!({"camera_matrix": lens.camera_matrix, "distortion": distortion}),
         );
     }
     calib.insert("gravity_m_s2".into(), json!(scene.gravity_m_s2));
@@ -167,16 +174,16 @@ pub fn calibration(recording: &Recording) -> Value {
 /// middle, the point is at (d cos τ, h)/q, times D/(D − d sin τ) where perspective is simulated.
 fn world_from_pixel(recording: &Recording) -> Matrix3<f64> {
     let camera = &recording.scene().camera;
-    let (middle_m, middle_px) = (middle_m(camera), middle_px(camera));
+    let (axis_m, axis_px) = (axis_m(camera), axis_px(camera));
     let (sin, cos) = camera.tilt_rad.sin_cos();
     let nearer = camera
         .distance_m
         .filter(|_| recording.uses("perspective"))
         .map_or(0.0, |distance_m| sin / distance_m);
-    let from_middle = Matrix3::new(1.0, 0.0, -middle_m.x, 0.0, 1.0, -middle_m.y, 0.0, 0.0, 1.0);
+    let from_middle = Matrix3::new(1.0, 0.0, -axis_m.x, 0.0, 1.0, -axis_m.y, 0.0, 0.0, 1.0);
     let q = camera.metres_per_pixel;
     let seen = Matrix3::new(cos / q, 0.0, 0.0, 0.0, -1.0 / q, 0.0, -nearer, 0.0, 1.0);
-    let in_picture = Matrix3::new(1.0, 0.0, middle_px.x, 0.0, 1.0, middle_px.y, 0.0, 0.0, 1.0);
+    let in_picture = Matrix3::new(1.0, 0.0, axis_px.x, 0.0, 1.0, axis_px.y, 0.0, 0.0, 1.0);
     // Never singular: |τ| is at most 80 degrees.
     let inverse = (in_picture * seen * from_middle).try_inverse();
     let h = inverse.unwrap_or_else(Matrix3::identity);

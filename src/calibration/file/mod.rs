@@ -21,7 +21,7 @@ const LARGEST_FILE_BYTES: u64 = 1_000_000;
 /// Larger than any camera's picture.
 const LARGEST_SIDE_PX: u64 = 100_000;
 
-const TOP_KEYS: [&str; 15] = [
+const TOP_KEYS: [&str; 17] = [
     "schema",
     "view",
     "image_size_px",
@@ -30,6 +30,8 @@ const TOP_KEYS: [&str; 15] = [
     "origin_std_px",
     "up_px",
     "up_std_deg",
+    "distance_m",
+    "distance_std_m",
     "lens",
     "deviations",
     "frame_rate_hz",
@@ -62,6 +64,7 @@ pub(super) fn home_of(name: &str) -> Option<String> {
     });
     match name {
         "fps" | "frame_rate" | "framerate" => Some("frame_rate_hz".into()),
+        "camera_distance_m" | "camera_height_m" => Some("distance_m".into()),
         "diameter_m" | "ball_diameter_m" => Some("ball.radius_m (half the diameter)".into()),
         _ if TOP_KEYS.contains(&name) => Some(format!("{name}, at the top level")),
         _ => nested,
@@ -161,6 +164,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     let up_std_rad = reader
         .number(top, "up_std_deg", UP_STD, "give degrees, or leave it out")
         .map(f64::to_radians);
+    let (distance_m, distance_std_m) = distance(reader, top);
     let lens = lens(reader, top);
     let lens_std = lens_std(reader, top);
     let homography = matches!(scale, Some(Scale::Homography(_)));
@@ -176,6 +180,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         .unwrap_or(9.81);
     let gravity_std_m_s2 = deviation(reader, top, "gravity_std_m_s2", Some(gravity_m_s2));
     let ball = ball(reader, top, scale.as_ref());
+    check_outside_ball(reader, distance_m, &ball);
     let has_origin = top.get("origin_px").is_some() || scale.as_ref().is_some_and(Scale::has_origin);
     let launch = launch(reader, top, has_origin);
     if homography {
@@ -197,6 +202,8 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         origin_std_px,
         up_px,
         up_std_rad,
+        distance_m,
+        distance_std_m,
         lens,
         lens_std,
         deviations,
@@ -289,6 +296,37 @@ fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
         HINT,
     );
     DEFAULT
+}
+
+/// How far the camera is from the calibrated plane, m, and its standard uncertainty.
+fn distance(reader: &mut Reader, top: &Section<'_>) -> (Option<f64>, Option<f64>) {
+    let hint = "the distance in metres from the lens to the calibrated plane, along the optical axis; leave it out \
+                where it is not known";
+    let distance_m = reader.number(top, "distance_m", POSITIVE, hint);
+    let distance_std_m = deviation(reader, top, "distance_std_m", distance_m);
+    if distance_std_m.is_some() && top.get("distance_m").is_none() {
+        reader.refuse(
+            "distance_std_m".into(),
+            "no distance_m beside it",
+            "only with distance_m",
+            "give distance_m or remove it",
+        );
+    }
+    (distance_m, distance_std_m)
+}
+
+/// A ball that lies in the calibrated plane (on the floor, in a top view) is in front of the camera.
+fn check_outside_ball(reader: &mut Reader, distance_m: Option<f64>, ball: &Ball) {
+    if let (Some(distance_m), Some(radius_m)) = (distance_m, ball.radius_m)
+        && distance_m <= 2.0 * radius_m
+    {
+        reader.refuse(
+            "distance_m".into(),
+            format!("{distance_m}, within the ball (ball.radius_m is {radius_m})"),
+            "more than the ball's diameter",
+            "check the unit: metres, from the lens to the calibrated plane",
+        );
+    }
 }
 
 fn lens(reader: &mut Reader, top: &Section<'_>) -> Option<Lens> {
@@ -514,10 +552,13 @@ const INERTIA: Range = Range {
 /// What only shows when the parts come together: points the lens cannot undistort, ruler ends outside the picture,
 /// a homography that cannot be inverted.
 fn geometry_problems(c: &Calibration) -> Vec<Problem> {
-    let mut problems = c
-        .rectification()
-        .err()
-        .map_or(Vec::new(), |error| error.problems().to_vec());
+    let of = |error: Option<CalibrationError>| error.map_or(Vec::new(), |e| e.problems().to_vec());
+    let mut problems = of(c.rectification().err());
+    if let (Scale::Homography(_), Some(size)) = (&c.scale, c.image_size_px)
+        && problems.is_empty()
+    {
+        problems.extend(of(c.viewpoint(1.0, size).err()));
+    }
     let Scale::Ruler { from, to, .. } = c.scale else {
         return problems;
     };

@@ -49,6 +49,8 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
         ("origin_std_px", c.origin_std_px.map(Value::from)),
         ("up_px", (!homography).then(|| json!(c.up_px))),
         ("up_std_deg", c.up_std_rad.map(|s| s.to_degrees().into())),
+        ("distance_m", c.distance_m.map(Value::from)),
+        ("distance_std_m", c.distance_std_m.map(Value::from)),
         ("lens", lens),
         ("deviations", deviations(c)),
         ("frame_rate_hz", c.frame_rate_hz.map(Value::from)),

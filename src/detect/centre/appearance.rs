@@ -13,6 +13,7 @@ use super::known_ball::{self, Appearance, DEPARTURES, Effort, SIZE};
 use super::{Disc, Patch};
 use crate::quantity::median;
 use nalgebra::{DMatrix, DVector};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A frame to learn from.
 #[derive(Debug, Clone)]
@@ -25,6 +26,8 @@ pub struct Example<'a> {
     pub velocity_px_s: [f64; 2],
     /// The frame's brightness over the usual one.
     pub gain: f64,
+    /// How many times larger than usual the ball is seen, as it is nearer to the camera; 1 where that does not change.
+    pub magnification: f64,
 }
 
 /// How much to learn.
@@ -59,14 +62,44 @@ pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson)
     if examples.len() < LEAST_EXAMPLES {
         return None;
     }
-    let mut radii: Vec<f64> = examples.iter().map(|e| e.disc.radius_px).collect();
+    let mut radii: Vec<f64> = examples
+        .iter()
+        .map(|e| e.disc.radius_px / e.magnification)
+        .collect();
+    let outline_px = median(&mut radii)?;
+    // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
+    // its radius is then the better one.
+    let near = |a: &Appearance| {
+        (a.radius_px - outline_px).abs() < FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * outline_px)
+    };
+    learn_with(examples, &radii, longest_exposure_s, lesson, false)
+        .filter(near)
+        .or_else(|| learn_with(examples, &radii, longest_exposure_s, lesson, true))
+}
+
+/// A radius further than this from the outlines' is no radius, px and part of it.
+const FAR_FROM_OUTLINE_PX: f64 = 1.0;
+const FAR_FROM_OUTLINE: f64 = 0.2;
+
+/// An outline is at half of the edge's height, which shading and blur put up to this far from the rim, px.
+const OUTLINE_STD_PX: f64 = 0.2;
+
+/// The same with the median of the outlines' `radii` held or not.
+fn learn_with(
+    examples: &[Example<'_>],
+    radii: &[f64],
+    longest_exposure_s: f64,
+    lesson: &Lesson,
+    radius_held: bool,
+) -> Option<Appearance> {
     let start = Shared {
-        radius_px: median(&mut radii)?,
+        radius_px: median(&mut radii.to_vec())?,
+        radius_held,
         blur_px: USUAL_BLUR_PX,
         exposure_s: 0.0,
         terms: vec![0.0; TERM_LEVELS[0]],
     };
-    let spread_px = spread_px(&radii, start.radius_px);
+    let spread_px = spread_px(radii, start.radius_px);
     let loose_size_px = spread_px.max(LOOSE_SIZE * start.radius_px);
     let mut frames: Vec<Studied> = examples.iter().map(Studied::new).collect();
     let mut shared = first_look(&frames, &start, longest_exposure_s, lesson)?;
@@ -85,9 +118,11 @@ pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson)
         let spread = study(&mut frames, &ball, lesson);
         scatter = spread.scatter;
         // The usual ball is the middle one; its picture is learned again with that.
-        shared.radius_px += spread.middle_size_px;
-        for f in &mut frames {
-            f.departures[SIZE] -= spread.middle_size_px;
+        if !radius_held {
+            shared.radius_px += spread.middle_size_px;
+            for f in &mut frames {
+                f.departures[SIZE] -= spread.middle_size_px;
+            }
         }
         best = Some(Appearance { scatter, ..ball });
     }
@@ -128,7 +163,7 @@ impl<'a> Studied<'a> {
     fn disc_with(&self, shared: &Shared) -> Disc {
         Disc {
             centre: self.disc.centre,
-            radius_px: shared.radius_px + self.departures[SIZE],
+            radius_px: shared.radius_px * self.example.magnification + self.departures[SIZE],
             swept_px: self.example.velocity_px_s.map(|v| v * shared.exposure_s),
         }
     }
@@ -142,27 +177,25 @@ impl<'a> Studied<'a> {
 #[derive(Debug, Clone)]
 struct Shared {
     radius_px: f64,
+    /// The radius is not fitted.
+    radius_held: bool,
     blur_px: f64,
     exposure_s: f64,
     terms: Vec<f64>,
 }
 
 impl Shared {
-    fn inside_px(&self, lesson: &Lesson) -> f64 {
-        lesson.effort.reach(self.radius_px, self.blur_px, 1).inside_px
-    }
-
-    fn profiles(&self, lesson: &Lesson) -> RadialTable {
-        RadialTable::profiles(self.radius_px, self.blur_px, self.inside_px(lesson) + 2.0)
-    }
-
     fn appearance(&self, pool: &Pool, scatter: [f64; DEPARTURES], lesson: &Lesson) -> Appearance {
         Appearance {
             radius_px: self.radius_px,
             radius_std_px: pool.radius_std_px,
             blur_px: self.blur_px,
             exposure_s: self.exposure_s,
-            table: self.profiles(lesson).of_ball(&self.terms),
+            table: lesson
+                .effort
+                .profiles(self.radius_px, self.blur_px)
+                .of_ball(&self.terms),
+            terms: self.terms.clone(),
             scatter,
             residual_grey: pool.scale,
         }
@@ -246,12 +279,13 @@ struct Spread {
 fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spread {
     let mut found: Vec<([f64; DEPARTURES], [f64; DEPARTURES])> = Vec::new();
     for f in frames.iter_mut() {
+        let ball = ball.magnified(f.example.magnification, &lesson.effort);
         let start = Disc {
             centre: f.disc.centre,
             radius_px: ball.radius_px + f.departures[SIZE],
             swept_px: f.example.velocity_px_s.map(|v| v * ball.exposure_s),
         };
-        let fitted = known_ball::fit(&f.example.patch, ball, &start, f.example.gain, &lesson.effort);
+        let fitted = known_ball::fit(&f.example.patch, &ball, &start, f.example.gain, &lesson.effort);
         f.good = fitted.is_some();
         if let Some(fitted) = fitted {
             f.disc.centre = fitted.centre.disc.centre;
@@ -328,6 +362,9 @@ impl Pool {
             } else if shared.exposure_s == 0.0 {
                 equations.hold(&[EXPOSURE]);
             }
+            if shared.radius_held {
+                equations.hold(&[RADIUS]);
+            }
             let change = equations.solve()?;
             scale = equations.scale;
             let clip = |x: f64, most: f64| x.clamp(-most, most);
@@ -358,7 +395,11 @@ impl Pool {
         let equations = last?;
         Some(Self {
             shift,
-            radius_std_px: equations.std(RADIUS),
+            radius_std_px: if shared.radius_held {
+                Some(OUTLINE_STD_PX)
+            } else {
+                equations.std(RADIUS)
+            },
             residuals: equations.residuals,
             scale,
         })
@@ -385,13 +426,58 @@ fn gather<'a, 'b>(
         .filter(|f| f.good)
         .map(|f| {
             let disc = f.disc_with(shared);
-            let mut reach = lesson.effort.reach(shared.radius_px, shared.blur_px, 1);
+            let radius_px = shared.radius_px * f.example.magnification;
+            let mut reach = lesson.effort.reach(radius_px, shared.blur_px, 1);
             reach.most_pixels = lesson.most_pixels;
             let pixels = ball::band(&f.example.patch, &disc, shared.blur_px, reach, 1);
             (f, pixels)
         })
         .filter(|(_, pixels)| pixels.len() > 20)
         .collect()
+}
+
+/// The ball's picture at one magnification, and what it is with a slightly larger radius or blur.
+struct Tables {
+    magnification: f64,
+    profiles: RadialTable,
+    table: RadialTable,
+    wider: RadialTable,
+    softer: RadialTable,
+}
+
+/// Sizes of a class differ by no more than this part, which [`Pose::larger_px`] bridges.
+const SIZE_CLASS: f64 = 0.02;
+
+/// The class of a magnification; that of 1 is exact.
+fn size_class(magnification: f64) -> i32 {
+    (magnification.ln() / SIZE_CLASS).round() as i32
+}
+
+/// The tables of every class of sizes that the frames have. Slopes by radius and blur are the model's own, by differences.
+fn tables(
+    bands: &[(&Studied<'_>, Vec<BandPixel>)],
+    shared: &Shared,
+    step_px: f64,
+    lesson: &Lesson,
+) -> BTreeMap<i32, Tables> {
+    let classes: BTreeSet<i32> = bands
+        .iter()
+        .map(|(f, _)| size_class(f.example.magnification))
+        .collect();
+    let of_class = |class: i32| {
+        let magnification = (SIZE_CLASS * f64::from(class)).exp();
+        let profiles =
+            |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
+        let usual = profiles(shared.radius_px, shared.blur_px);
+        Tables {
+            magnification,
+            table: usual.of_ball(&shared.terms),
+            wider: profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms),
+            softer: profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms),
+            profiles: usual,
+        }
+    };
+    classes.into_iter().map(|c| (c, of_class(c))).collect()
 }
 
 /// The normal equations of one step.
@@ -414,21 +500,8 @@ impl Equations {
     ) -> Self {
         let terms = shared.terms.len();
         let n = TERMS + terms;
-        let profiles = shared.profiles(lesson);
-        let table = profiles.of_ball(&shared.terms);
-        // Slopes by radius and blur: the model's own, by differences.
         let step_px = 1e-3 * shared.radius_px.min(1.0);
-        let varied = |radius_px: f64, blur_px: f64| {
-            Shared {
-                radius_px,
-                blur_px,
-                ..shared.clone()
-            }
-            .profiles(lesson)
-            .of_ball(&shared.terms)
-        };
-        let wider = varied(shared.radius_px + step_px, shared.blur_px);
-        let softer = varied(shared.radius_px, shared.blur_px + step_px);
+        let tables = tables(bands, shared, step_px, lesson);
         let mut normal = DMatrix::zeros(n, n);
         let mut right = DVector::zeros(n);
         let mut residuals = Vec::new();
@@ -439,9 +512,19 @@ impl Equations {
             let mut disc = f.disc_with(shared);
             disc.centre.u_px += shift[0];
             disc.centre.v_px += shift[1];
+            let Some(Tables {
+                magnification,
+                profiles,
+                table,
+                wider,
+                softer,
+            }) = tables.get(&size_class(f.example.magnification))
+            else {
+                continue;
+            };
             let pose = Pose {
-                radius_px: shared.radius_px,
-                larger_px: f.departures[SIZE],
+                radius_px: shared.radius_px * magnification,
+                larger_px: f.departures[SIZE] + shared.radius_px * (f.example.magnification - magnification),
                 swept_px: disc.swept_px,
                 points: ball::path_points(disc.swept_px, shared.blur_px),
             };
@@ -450,7 +533,7 @@ impl Equations {
             for p in pixels {
                 let at = ball::offset(disc.centre, p);
                 let see = |t: &RadialTable| ball::light(t, &pose, at);
-                let l = see(&table);
+                let l = see(table);
                 let tilt = f.departures[1] * l.dipole[0] + f.departures[2] * l.dipole[1];
                 let residual = p.grey - (p.background * (1.0 - l.cover) + strength * l.ball + tilt);
                 residuals.push(residual);
@@ -468,14 +551,14 @@ impl Equations {
                     let o = see(other);
                     (strength * (o.ball - l.ball) - p.background * (o.cover - l.cover)) / step_px
                 };
-                row[RADIUS] = slope(&wider);
-                row[BLUR] = slope(&softer);
+                row[RADIUS] = slope(wider);
+                row[BLUR] = slope(softer);
                 row[EXPOSURE] = if shared.exposure_s > 0.0 {
                     (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
                 } else {
                     0.0
                 };
-                ball::term_shares(&profiles, &pose, at, &mut row[TERMS..]);
+                ball::term_shares(profiles, &pose, at, &mut row[TERMS..]);
                 for share in &mut row[TERMS..] {
                     *share *= strength;
                 }

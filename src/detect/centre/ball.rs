@@ -304,14 +304,27 @@ pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors:
     let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
     let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
     let beyond = disc.radius_px + reach.outside_px;
+    // In the frame, whose pixels are gone through, the disc may be drawn out.
+    let (middle, most) = patch
+        .drawn_out
+        .map_or((disc.centre, 1.0), |d| (d.frame(disc.centre), d.most()));
     let span = |centre: f64, reach: f64, n: usize| {
         let low = (centre - reach).floor().max(0.0) as usize;
         let high = ((centre + reach).ceil() + 1.0).clamp(0.0, n as f64) as usize;
         low.min(high)..high
     };
-    let rows = span(disc.centre.v_px - v0, beyond + 0.5 * disc.swept_px[1].abs(), h);
-    let columns = span(disc.centre.u_px - u0, beyond + 0.5 * disc.swept_px[0].abs(), w);
     let length = norm(disc.swept_px[0], disc.swept_px[1]);
+    let along = |swept_px: f64| if most > 1.0 { length } else { swept_px.abs() };
+    let rows = span(
+        middle.v_px - v0,
+        most * (beyond + 0.5 * along(disc.swept_px[1])),
+        h,
+    );
+    let columns = span(
+        middle.u_px - u0,
+        most * (beyond + 0.5 * along(disc.swept_px[0])),
+        w,
+    );
     let wide = reach.inside_px + reach.outside_px;
     let share = reach.most_pixels as f64 / ((std::f64::consts::TAU * disc.radius_px + 2.0 * length) * wide);
     let (inner, outer) = (
@@ -325,6 +338,7 @@ pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors:
     for row in rows {
         for column in columns.clone() {
             let (u, v) = (u0 + column as f64, v0 + row as f64);
+            let (u, v) = patch.drawn_out.map_or((u, v), |d| d.round(u, v));
             let (x, y) = nearest_offset(disc, u, v);
             let r2 = x * x + y * y;
             if r2 < inner || r2 > outer {

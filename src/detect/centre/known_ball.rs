@@ -12,6 +12,7 @@
 use super::ball::{self, BandPixel, Pose, RadialTable, Reach, norm};
 use super::{Centre, Disc, Patch};
 use nalgebra::{SMatrix, SVector};
+use std::borrow::Cow;
 
 /// What all frames of a recording have in common.
 #[derive(Debug, Clone)]
@@ -26,11 +27,29 @@ pub struct Appearance {
     pub exposure_s: f64,
     /// The ball's picture.
     pub table: RadialTable,
+    /// The terms of its light.
+    pub terms: Vec<f64>,
     /// What a frame departs by: relative strength of the light, its tilt along u and along v (grey levels), the radius
     /// (px); standard deviations.
     pub scatter: [f64; DEPARTURES],
     /// Typical residual, grey levels.
     pub residual_grey: f64,
+}
+
+impl Appearance {
+    /// The same ball nearer to the camera or farther from it, so that it is `times` as large.
+    #[must_use]
+    pub fn magnified(&self, times: f64, effort: &Effort) -> Cow<'_, Self> {
+        if times == 1.0 {
+            return Cow::Borrowed(self);
+        }
+        let radius_px = times * self.radius_px;
+        Cow::Owned(Self {
+            radius_px,
+            table: effort.profiles(radius_px, self.blur_px).of_ball(&self.terms),
+            ..self.clone()
+        })
+    }
 }
 
 /// Departures of a frame from what is usual.
@@ -67,6 +86,13 @@ impl Effort {
             outside_px: edge,
             most_pixels: (self.most_lookups / points).max(200),
         }
+    }
+
+    /// The profiles of a ball of this size, as far inwards as the band goes.
+    #[must_use]
+    pub fn profiles(&self, radius_px: f64, blur_px: f64) -> RadialTable {
+        let inside_px = self.reach(radius_px, blur_px, 1).inside_px;
+        RadialTable::profiles(radius_px, blur_px, inside_px + 2.0)
     }
 }
 

@@ -6,10 +6,12 @@
 //! | [`ball`] | what a ball looks like: the model that the likelihood fits share |
 //! | [`appearance`] | what this recording's ball looks like, learned from many frames |
 //! | [`known_ball`] | the likelihood fit of a centre once that is known |
+//! | [`drawn_out`] | the ellipse that perspective makes of a ball, as a circle |
 //! | [`fast`], [`standard`], [`fine`] | the methods behind `--accuracy`, each with its cost and error |
 
 pub mod appearance;
 pub mod ball;
+pub mod drawn_out;
 pub mod fast;
 pub mod fine;
 pub mod known_ball;
@@ -18,6 +20,7 @@ pub mod standard;
 
 use super::blobs::Crop;
 use crate::geometry::PixelPoint;
+use drawn_out::DrawnOut;
 
 /// How much time to spend on accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -40,6 +43,9 @@ pub struct Patch<'a> {
     pub background: Vec<f32>,
     /// Standard deviation of a pixel's noise, grey levels.
     pub noise_grey: f64,
+    /// How perspective draws the ball out here; `None` where it is as round as can be seen. The likelihood fits then have
+    /// their discs and centres in the round picture.
+    pub drawn_out: Option<DrawnOut>,
 }
 
 /// The outline of a ball that moves by `swept` while the shutter is open: a disc, or a capsule.

@@ -1,8 +1,9 @@
 //! Perspective: what is nearer than the calibrated plane looks larger, and a ball off the optical axis has an elliptical
 //! outline whose centre is not the image of the ball's centre.
 //!
-//! A pinhole at distance D from the calibrated plane, axis through the middle of the picture. A sphere of radius R
-//! whose centre is at depth Z and ρ off the axis has, with the focal length f = D/q px,
+//! A pinhole at distance D from the calibrated plane, axis through the lens's principal point (without a lens, the
+//! middle of the picture). A sphere of radius R whose centre is at depth Z and ρ off the axis has, with the focal length
+//! f = D/q px,
 //!
 //! ```text
 //! image of its centre      f ρ / Z
@@ -14,7 +15,7 @@
 
 use super::{Action, Effect, Estimate, Ideal, Warp};
 use crate::geometry::PixelPoint;
-use crate::simulate::camera::{Ellipse, Outline, middle_px, nearness_m};
+use crate::simulate::camera::{Ellipse, Outline, axis_px, nearness_m};
 use crate::simulate::scene::{Camera, Scene};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -30,7 +31,7 @@ impl Effect for Perspective {
         let Some(distance_m) = scene.camera.distance_m else {
             return Estimate::px(0.0, "ρ h/(D − h) + ρ (R/Z)²: camera infinitely far");
         };
-        let middle = middle_px(&scene.camera);
+        let middle = axis_px(&scene.camera);
         let shift = ideal.largest(|s| {
             let off_axis_px = (Vector2::new(s.pixel.u_px, s.pixel.v_px) - middle).norm();
             let nearness = nearness_m(&scene.camera, &s.state.position_m);
@@ -64,7 +65,7 @@ struct Pinhole {
 
 impl Warp for Pinhole {
     fn warp(&self, ball_m: &Vector3<f64>, outline: &Outline) -> Outline {
-        let middle = middle_px(&self.camera);
+        let middle = axis_px(&self.camera);
         let depth = self.distance_m - nearness_m(&self.camera, ball_m);
         let off_axis = Vector2::new(outline.centre.u_px, outline.centre.v_px) - middle;
         let focal_px = self.distance_m / self.camera.metres_per_pixel;

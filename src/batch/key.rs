@@ -1,0 +1,180 @@
+//! What a result depends on. A result whose key is the one of today need not be measured again.
+//!
+//! The key holds SHA-256 digests of the recording and of its calibration, the settings that have a part in the result, and
+//! the program's version; times of files and their places have none in it, so a copied or touched recording is not measured
+//! again.
+
+use super::{LaunchSpin, Recording};
+use crate::detect::centre::Accuracy;
+use crate::frames::pictures_in;
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::Path;
+
+/// The schema of the file that holds a key.
+const SCHEMA: &str = "track.key/1";
+
+/// What a result depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Key(Value);
+
+impl Key {
+    /// Of a recording as it is now. `None` where it cannot be read through; then its process will tell why.
+    pub fn of(recording: &Recording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
+        let changes = &recording.changes;
+        Some(Self(json!({
+            "schema": SCHEMA,
+            "version": env!("CARGO_PKG_VERSION"),
+            "input_sha256": of_recording(&recording.video).ok()?,
+            "calibration_sha256": of_bytes(calib),
+            "settings": {
+                "accuracy": accuracy_name(accuracy),
+                "spin_ratio": match changes.spin {
+                    LaunchSpin::AsCalibrated => json!("as_calibrated"),
+                    LaunchSpin::Ratio(ratio) => json!(ratio),
+                    LaunchSpin::Unknown => Value::Null,
+                },
+                "frame_rate_hz": changes.frame_rate_hz,
+                "ball_radius_m": changes.ball_radius_m,
+            },
+        })))
+    }
+
+    /// The key with the digests of the files that were measured with it.
+    pub fn with_files(&self, files: &[(&str, &Path)]) -> io::Result<Value> {
+        let mut whole = self.0.clone();
+        let mut digests = serde_json::Map::new();
+        for (name, path) in files {
+            digests.insert((*name).to_owned(), json!(of_file(path)?));
+        }
+        whole["files_sha256"] = Value::Object(digests);
+        Ok(whole)
+    }
+}
+
+/// The name of a level of accuracy.
+pub fn accuracy_name(accuracy: Accuracy) -> &'static str {
+    match accuracy {
+        Accuracy::Fast => "fast",
+        Accuracy::Standard => "standard",
+        Accuracy::Fine => "fine",
+    }
+}
+
+fn of_recording(path: &Path) -> io::Result<String> {
+    if !path.is_dir() {
+        return of_file(path);
+    }
+    let mut hash = Sha256::new();
+    for picture in pictures_in(path).map_err(io::Error::other)? {
+        // Names give the order; digests in place of contents let nothing run together.
+        let name = picture.file_name().unwrap_or_default();
+        hash.update(of_bytes(name.as_encoded_bytes()));
+        hash.update(of_file(&picture)?);
+    }
+    Ok(hex(&hash.finalize()))
+}
+
+/// The digest of a plain file; a pipe or a device might never end.
+fn of_file(path: &Path) -> io::Result<String> {
+    if !path.metadata()?.is_file() {
+        return Err(io::Error::other("not a plain file"));
+    }
+    let mut file = File::open(path)?;
+    let mut hash = Sha256::new();
+    let mut part = vec![0; 1 << 18];
+    loop {
+        match file.read(&mut part)? {
+            0 => return Ok(hex(&hash.finalize())),
+            n => hash.update(&part[..n]),
+        }
+    }
+}
+
+fn of_bytes(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(digest: &[u8]) -> String {
+    digest.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::batch::Changes;
+    use std::fs;
+
+    fn recording(video: &Path) -> Recording {
+        Recording {
+            name: "a".to_owned(),
+            video: video.to_owned(),
+            calib: None,
+            group: "all".to_owned(),
+            changes: Changes::default(),
+        }
+    }
+
+    #[test]
+    fn a_key_changes_with_what_a_result_depends_on_and_with_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let video = dir.path().join("a.mp4");
+        fs::write(&video, "frames").unwrap();
+        let r = recording(&video);
+        let key = |r: &Recording, calib: &str, accuracy| Key::of(r, calib.as_bytes(), accuracy).unwrap();
+        let first = key(&r, "{}", Accuracy::Standard);
+        let copy = dir.path().join("b.mp4");
+        fs::copy(&video, &copy).unwrap();
+        let mut other = recording(&copy);
+        (other.name, other.group) = ("b".to_owned(), "steel".to_owned());
+        assert_eq!(key(&other, "{}", Accuracy::Standard), first);
+        assert_ne!(key(&r, "{ }", Accuracy::Standard), first);
+        assert_ne!(key(&r, "{}", Accuracy::Fine), first);
+        for changes in [
+            Changes {
+                spin: LaunchSpin::Unknown,
+                ..Changes::default()
+            },
+            Changes {
+                spin: LaunchSpin::Ratio(0.0),
+                ..Changes::default()
+            },
+            Changes {
+                frame_rate_hz: Some(240.0),
+                ..Changes::default()
+            },
+            Changes {
+                ball_radius_m: Some(0.02),
+                ..Changes::default()
+            },
+        ] {
+            let changed = Recording { changes, ..r.clone() };
+            assert_ne!(key(&changed, "{}", Accuracy::Standard), first, "{changes:?}");
+        }
+        fs::write(&video, "frame5").unwrap();
+        assert_ne!(key(&r, "{}", Accuracy::Standard), first);
+    }
+
+    #[test]
+    fn a_folder_is_its_pictures_and_a_device_is_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, text) in [("1.png", "a"), ("2.png", "b"), ("notes.txt", "c")] {
+            fs::write(dir.path().join(name), text).unwrap();
+        }
+        let digest = || of_recording(dir.path()).unwrap();
+        let first = digest();
+        fs::write(dir.path().join("notes.txt"), "d").unwrap();
+        assert_eq!(digest(), first);
+        fs::rename(dir.path().join("2.png"), dir.path().join("3.png")).unwrap();
+        assert_ne!(digest(), first);
+        assert!(of_recording(Path::new("/dev/zero")).is_err());
+        assert!(of_recording(Path::new("/no/such")).is_err());
+        assert_eq!(of_bytes(b"abc")[..8], *"ba7816bf");
+    }
+}

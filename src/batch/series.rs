@@ -1,0 +1,314 @@
+//! The series of a batch: `series.csv`, a row a bounce, from the results of its recordings.
+//!
+//! The columns are those of velocities, with the deviations and correlations of each bounce, and more: what `track fit` does
+//! not know it leaves alone. A bounce that would mislead a fit stands there all the same, with the reason in `left_out`.
+//!
+//! What is neglected: two bounces of one recording share the arc between them, and all of them the scale; rows count as
+//! independent.
+
+use super::Recording;
+use crate::bounce::Speed;
+use crate::calibration::Calibration;
+use serde_json::Value;
+
+/// The rows of a recording.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Rows(Vec<Vec<String>>);
+
+/// What the table says of a recording beside its result.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    /// Its name and group.
+    pub recording: &'a Recording,
+    /// Its calibration, with the manifest's changes.
+    pub calibration: &'a Calibration,
+    /// Its page, relative to the table.
+    pub page: &'a str,
+}
+
+/// Numbers of a bounce: the column, and where its result has it.
+const OF_BOUNCE: [(&str, &str); 14] = [
+    ("time_s", "/time_s"),
+    ("impact_x_m", "/x_m"),
+    ("incident_vx_m_s", "/incident/vx_m_s"),
+    ("incident_vz_m_s", "/incident/vz_m_s"),
+    ("rebound_vx_m_s", "/rebound/vx_m_s"),
+    ("rebound_vz_m_s", "/rebound/vz_m_s"),
+    ("spin_in_m_s", "/spin_in_m_s"),
+    ("spin_out_m_s", "/spin_out_m_s"),
+    ("incident_angle_deg", "/incident/angle_deg"),
+    ("rebound_angle_deg", "/rebound/angle_deg"),
+    ("restitution", "/restitution"),
+    ("tangential_ratio", "/tangential_ratio"),
+    ("friction", "/friction"),
+    ("tangential_restitution", "/tangential_restitution"),
+];
+
+/// Those without which a row is none of a fit.
+const VELOCITIES: [&str; 4] = [
+    "/incident/vx_m_s",
+    "/incident/vz_m_s",
+    "/rebound/vx_m_s",
+    "/rebound/vz_m_s",
+];
+
+/// Numbers of a launch, which stand in the row of its first bounce.
+const OF_LAUNCH: [(&str, &str); 2] = [("x0_m", "/x0_m"), ("x_m", "/x_m")];
+
+/// The names of the columns.
+fn header() -> Vec<String> {
+    let mut names: Vec<String> = ["group", "recording", "bounce", "left_out"]
+        .map(str::to_owned)
+        .to_vec();
+    let mut with_std = |name: &str| names.extend([name.to_owned(), format!("{name}_std")]);
+    for (name, _) in OF_BOUNCE.iter().chain(&OF_LAUNCH) {
+        with_std(name);
+    }
+    with_std("launch_speed_m_s");
+    with_std("measured_gravity_m_s2");
+    names.extend(["spin_ratio", "gravity_m_s2", "inertia_factor"].map(str::to_owned));
+    names.extend(pairs().map(|pair| format!("{pair}_corr")));
+    names.push("page".to_owned());
+    names
+}
+
+/// The names of the correlations, as results have them.
+fn pairs() -> impl Iterator<Item = String> {
+    let all = Speed::ALL;
+    (0..all.len())
+        .flat_map(move |i| (i + 1..all.len()).map(move |j| format!("{}__{}", all[i].name(), all[j].name())))
+}
+
+impl Rows {
+    /// The bounces of a recording's `result`.
+    #[must_use]
+    pub fn of(result: &Value, source: &Source<'_>) -> Self {
+        let bounces = result["bounces"].as_array().map_or(&[][..], Vec::as_slice);
+        let rows = bounces
+            .iter()
+            .enumerate()
+            .map(|(i, bounce)| row(result, source, i, bounce))
+            .collect();
+        Self(rows)
+    }
+
+    /// How many bounces there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+/// The whole table, with its header.
+///
+/// # Errors
+/// Whatever the `csv` crate refuses; into memory it refuses nothing.
+pub fn table<'a>(recordings: impl Iterator<Item = &'a Rows>) -> Result<Vec<u8>, ::csv::Error> {
+    let mut writer = ::csv::Writer::from_writer(Vec::new());
+    writer.write_record(header())?;
+    for row in recordings.flat_map(|rows| &rows.0) {
+        writer.write_record(row)?;
+    }
+    writer
+        .into_inner()
+        .map_err(|error| ::csv::Error::from(error.into_error()))
+}
+
+fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<String> {
+    let Source {
+        recording,
+        calibration,
+        page,
+    } = source;
+    let mut cells = vec![
+        recording.group.clone(),
+        recording.name.clone(),
+        (i + 1).to_string(),
+        left_out(result, calibration, i, bounce).unwrap_or_default(),
+    ];
+    let first = i == 0;
+    let mut quantity = |q: Option<&Value>| {
+        let cell = |key| {
+            q.and_then(|q| q[key].as_f64())
+                .map_or_else(String::new, |x| x.to_string())
+        };
+        cells.extend([cell("value"), cell("std_uncertainty")]);
+    };
+    for (_, place) in OF_BOUNCE {
+        quantity(bounce.pointer(place));
+    }
+    for (_, place) in OF_LAUNCH {
+        quantity(result.pointer(place).filter(|_| first));
+    }
+    // The speed along x stays in flight, but for the air.
+    let launched = first && !result["x0_m"].is_null();
+    quantity(bounce.pointer(VELOCITIES[0]).filter(|_| launched));
+    quantity(result.get("gravity_m_s2"));
+    let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
+    cells.push(number(calibration.launch.spin_ratio.filter(|_| first)));
+    cells.push(number(Some(calibration.gravity_m_s2)));
+    cells.push(number(Some(calibration.ball.inertia_factor)));
+    for pair in pairs() {
+        cells.push(number(bounce["correlations"][&pair].as_f64()));
+    }
+    cells.push((*page).to_owned());
+    cells
+}
+
+/// Why a bounce is nothing for a fit.
+fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value) -> Option<String> {
+    let unknown = |place: &&str| bounce.pointer(place).is_none_or(Value::is_null);
+    if VELOCITIES.iter().any(&unknown) {
+        return Some("not all of its velocities are known (a view from above has none upwards)".to_owned());
+    }
+    if !unknown(&"/azimuth_deg") {
+        return Some(
+            "seen from above: a spin to the side may have turned it, which a series of launches has not"
+                .to_owned(),
+        );
+    }
+    let warned = |code: &str| {
+        let all = result["warnings"].as_array();
+        all.is_some_and(|all| all.iter().any(|w| w["code"] == code))
+    };
+    if warned("first_impact_unsure") {
+        return Some(
+            "an impact before the first one seen was missed, so its spin is not known (first_impact_unsure)"
+                .to_owned(),
+        );
+    }
+    if !unknown(&"/spin_in_m_s") {
+        return None;
+    }
+    match calibration.launch.spin_ratio {
+        Some(_) => Some(
+            "its spin is not known: an impact before it was not on the floor, or not one at all".to_owned(),
+        ),
+        // The fit finds the launch's spin, but not what the bounces before made of it.
+        None if i > 0 => Some("its spin is not known, as that of the launch is not (spin_ratio)".to_owned()),
+        None => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::batch::Changes;
+    use crate::calibration::Scale;
+    use crate::fit::{self, Column, ColumnSet, Weights};
+    use serde_json::json;
+    use std::path::PathBuf;
+
+    fn calibration() -> Calibration {
+        Calibration::new(Scale::MetresPerPixel {
+            value: 0.001,
+            std: None,
+        })
+    }
+
+    fn recording() -> Recording {
+        Recording {
+            name: "a, \"b\"".to_owned(),
+            video: PathBuf::from("a.mp4"),
+            calib: None,
+            group: "steel".to_owned(),
+            changes: Changes::default(),
+        }
+    }
+
+    fn q(value: f64, std: f64) -> Value {
+        json!({"value": value, "std_uncertainty": std})
+    }
+
+    fn result() -> Value {
+        let bounce = |spin: Value| {
+            json!({
+                "time_s": q(0.2, 1e-4), "x_m": q(0.2, 1e-4),
+                "incident": {"vx_m_s": q(1.0, 0.01), "vz_m_s": q(-2.0, 0.02), "angle_deg": q(26.6, 0.1)},
+                "rebound": {"vx_m_s": q(0.8, 0.01), "vz_m_s": q(1.6, 0.02), "angle_deg": q(26.6, 0.1)},
+                "restitution": q(0.8, 0.001), "tangential_ratio": q(0.8, 0.001), "friction": q(0.05, 0.001),
+                "tangential_restitution": q(0.3, 0.01), "spin_in_m_s": spin, "spin_out_m_s": q(0.5, 0.01),
+                "correlations": {"incident_vx_m_s__rebound_vx_m_s": 0.75}
+            })
+        };
+        json!({
+            "gravity_m_s2": q(9.8, 0.01), "x0_m": q(0.2, 1e-4), "x_m": q(0.25, 1e-4), "warnings": [],
+            "bounces": [bounce(json!({"value": 0.0, "std_uncertainty": null})), bounce(q(0.5, 0.01))]
+        })
+    }
+
+    fn series(result: &Value, calibration: &Calibration) -> fit::Series {
+        let recording = recording();
+        let source = Source {
+            recording: &recording,
+            calibration,
+            page: "results/a.report.html",
+        };
+        let rows = Rows::of(result, &source);
+        fit::csv::parse(&table([&rows].into_iter()).unwrap(), "series.csv").unwrap()
+    }
+
+    #[test]
+    fn a_fit_reads_what_is_written() {
+        let s = series(&result(), &calibration());
+        assert_eq!((s.set, s.weights), (ColumnSet::Velocities, Weights::Stated));
+        assert_eq!((s.rows.len(), s.set_aside.len()), (2, 0));
+        assert!(s.notes.is_empty(), "{:?}", s.notes);
+        let first = &s.rows[0];
+        assert_eq!(
+            (first.group.as_str(), first.recording.as_deref()),
+            ("steel", Some("a, \"b\""))
+        );
+        assert_eq!(first.page.as_deref(), Some("results/a.report.html"));
+        let std = |column| first.reading(column).unwrap().std;
+        assert_eq!((std(Column::IncidentVx), std(Column::SpinIn)), (Some(0.01), None));
+        assert_eq!(
+            first.correlations(),
+            [(Column::IncidentVx, Column::ReboundVx, 0.75)]
+        );
+        assert_eq!(first.value(Column::X), Some(0.25));
+        assert_eq!(first.value(Column::LaunchSpeed), Some(1.0));
+        assert_eq!(first.inertia_factor(), 0.4);
+        assert_eq!(s.rows[1].value(Column::X), None, "x belongs to the launch");
+        assert_eq!(s.rows[1].value(Column::SpinIn), Some(0.5));
+    }
+
+    #[test]
+    fn what_would_mislead_a_fit_is_left_out_with_its_reason() {
+        let mut c = calibration();
+        let mut above = result();
+        above["bounces"][0]["incident"]["vz_m_s"] = Value::Null;
+        let s = series(&above, &c);
+        assert_eq!((s.rows.len(), s.set_aside[0].row), (1, 1));
+        assert!(s.set_aside[0].reason.contains("view from above"));
+
+        let mut near = result();
+        near["bounces"][0]["azimuth_deg"] = json!({"value": 3.0, "std_uncertainty": 0.1});
+        assert!(series(&near, &c).set_aside[0].reason.contains("seen from above"));
+
+        let mut missed = result();
+        missed["warnings"] = json!([{"code": "first_impact_unsure", "message": ""}]);
+        let s = series(&missed, &c);
+        assert!(s.rows.is_empty() && s.set_aside[1].reason.contains("first_impact_unsure"));
+
+        let mut broken = result();
+        broken["bounces"][1]["spin_in_m_s"] = Value::Null;
+        let s = series(&broken, &c);
+        assert_eq!(s.rows.len(), 1);
+        assert!(s.set_aside[0].reason.contains("an impact before it"));
+
+        c.launch.spin_ratio = None;
+        broken["bounces"][0]["spin_in_m_s"] = Value::Null;
+        let s = series(&broken, &c);
+        assert_eq!(s.rows.len(), 1, "the launch's spin is for the fit to find");
+        assert_eq!(s.rows[0].value(Column::SpinIn), None);
+        assert_eq!(s.rows[0].value(Column::SpinRatio), None);
+        assert!(s.set_aside[0].reason.contains("that of the launch is not"));
+    }
+}

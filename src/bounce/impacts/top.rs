@@ -1,0 +1,160 @@
+//! Impacts seen from above.
+//!
+//! A camera far away sees straight paths over the floor. One that is near, at a known distance, sees them bent by the rise and
+//! fall of the ball, which tells the vertical speeds. Near and at a distance that is not known, it sees them bent, and what
+//! that does to directions is not known either.
+
+use super::{Bounce, DIRECTION_SIGMAS, Leg, Scene};
+use crate::calibration::View;
+use crate::flight::SpotUse;
+use crate::flight::fit::Forces;
+use crate::flight::segment::{Sample, own_fall};
+use crate::quantity::Quantity;
+
+/// Vertical speeds that a camera above tells to a tenth or better are told.
+const VERTICAL_SIGMAS: f64 = 10.0;
+
+/// A bend shows when it stands out by this many standard uncertainties,
+const BEND_SIGMAS: f64 = 5.0;
+
+/// and matters when the velocity changes by this part of itself over an arc: a degree.
+const LEAST_BEND: f64 = 0.02;
+
+/// Fewer points of an arc tell no bend.
+const LEAST_BEND_POINTS: usize = 8;
+
+impl Scene<'_> {
+    /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
+    /// (towards +y, seen from above) positive. Where the camera is near, the bend of the path tells the vertical speeds;
+    /// friction is then by the whole change of the horizontal velocity, as spin may push sideways.
+    pub(super) fn top_bounce(&self, k: usize) -> Bounce {
+        let out = self.evidence.outputs(|p| {
+            let (t, a, b) = self.impact(p, k);
+            let (down, up) = self.vertical(p, k);
+            let restitution = -up / down;
+            let push = (b.vr - a.vr).hypot(b.vh - a.vh);
+            // Mirrored back, so that a turn to the left stays one for a launch to the left.
+            let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
+            let speed = ax.hypot(a.vh);
+            let along = (bx * ax + b.vh * a.vh) / speed;
+            let across = (ax * b.vh - a.vh * bx) / speed;
+            vec![
+                t,
+                0.5 * (a.r + b.r),
+                speed,
+                along,
+                along / speed,
+                across.atan2(along),
+                down,
+                speed.atan2(-down),
+                up,
+                along.atan2(up),
+                restitution,
+                push / (down.abs() * (1.0 + restitution)),
+            ]
+        });
+        let moving = out.stands_out(2, DIRECTION_SIGMAS);
+        let told = [6, 8].iter().all(|&i| out.stands_out(i, VERTICAL_SIGMAS));
+        let vertical = |i| told.then(|| out.quantity(i)).flatten();
+        let flight = |along, vertical_at| Leg {
+            vx_m_s: out.quantity(along),
+            vz_m_s: vertical(vertical_at),
+            angle_rad: vertical(vertical_at + 1),
+        };
+        Bounce {
+            time_s: out.quantity(0),
+            x_m: out.quantity(1),
+            incident: flight(2, 6),
+            rebound: flight(3, 8),
+            restitution: vertical(10),
+            tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
+            friction: vertical(11),
+            tangential_restitution: None,
+            spin_in_m_s: None,
+            spin_out_m_s: None,
+            azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
+            correlations: Vec::new(),
+        }
+    }
+
+    /// Vertical speeds before and after the impact between arcs k and k + 1 as a near camera above shows them, m/s; NaN
+    /// where it does not.
+    fn vertical(&self, p: &[f64], k: usize) -> (f64, f64) {
+        let t = self.impact_time(p, k);
+        let speed = |k: usize| {
+            let s = self.flight.fit.rise_over_gravity_s(p, k, t);
+            s.map_or(f64::NAN, |s| s * self.calibration.gravity_m_s2)
+        };
+        (speed(k), speed(k + 1))
+    }
+
+    /// The part of itself by which the velocity changes most over an arc, where straight lines were fitted to a path that
+    /// shows to be bent; `None` where none does.
+    #[must_use]
+    pub fn bend(&self) -> Option<f64> {
+        if self.calibration.view != View::Top || self.flight.fit.forces != Forces::None {
+            return None;
+        }
+        let bends = (0..self.arcs()).filter_map(|k| self.bend_of(k));
+        bends.max_by(f64::total_cmp)
+    }
+
+    fn bend_of(&self, k: usize) -> Option<f64> {
+        let samples = |turned: bool| -> Vec<Sample> {
+            let used = self.flight.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
+            used.map(|p| {
+                let (right, up) = (p.spot.place.right, p.spot.place.up);
+                let (r, h) = if turned { (up, right) } else { (right, up) };
+                Sample {
+                    t: p.spot.time_s,
+                    r,
+                    h,
+                    // What else centres scatter by is here the bend itself.
+                    weight: 1.0 / (p.spot.std * p.spot.std),
+                    near: 0.0,
+                    near_weight: 0.0,
+                }
+            })
+            .collect()
+        };
+        let (up, right) = (samples(false), samples(true));
+        if up.len() < LEAST_BEND_POINTS {
+            return None;
+        }
+        let ((along_h, std), (along_r, _)) = (own_fall(&up)?, own_fall(&right)?);
+        let change = along_h.hypot(along_r);
+        let m = self.flight.fit.motion(k, self.flight.fit.times[k]);
+        let seconds = up.last()?.t - up.first()?.t;
+        let part = change * seconds / m.vr.hypot(m.vh);
+        // A point off its place by a tenth of its neighbours' uncertainty is no bend: persistence asks for more.
+        let doubt = std * self.flight.fit.persistence.min(MOST_PERSISTENCE).sqrt();
+        (change > BEND_SIGMAS * doubt && part > LEAST_BEND).then_some(part)
+    }
+}
+
+/// Beyond this it is the bend that persists.
+const MOST_PERSISTENCE: f64 = 4.0;
+
+/// The same with its uncertainty not determined.
+pub(super) fn without_doubt(q: Quantity) -> Option<Quantity> {
+    Quantity::undetermined(q.value)
+}
+
+/// A bounce of whose numbers no uncertainty is known.
+pub(super) fn all_without_doubt(bounce: &Bounce) -> Bounce {
+    let of = |q: Option<Quantity>| q.and_then(without_doubt);
+    let leg = |l: Leg| Leg {
+        vx_m_s: of(l.vx_m_s),
+        vz_m_s: of(l.vz_m_s),
+        angle_rad: of(l.angle_rad),
+    };
+    Bounce {
+        time_s: of(bounce.time_s),
+        x_m: of(bounce.x_m),
+        incident: leg(bounce.incident),
+        rebound: leg(bounce.rebound),
+        tangential_ratio: of(bounce.tangential_ratio),
+        azimuth_rad: of(bounce.azimuth_rad),
+        ..bounce.clone()
+    }
+}

@@ -1,0 +1,309 @@
+//! `track batch PATH... --out DIR`: many recordings, and the process of a single one of them.
+
+use super::measure::AccuracyArg;
+use super::{Status, answer, say};
+use crate::batch::plan::{self, Plan, Request};
+use crate::batch::process::{bind, machine_memory_bytes};
+use crate::batch::{self, Changes, Ending, Finished, LaunchSpin, Progress, Settings};
+use crate::calibration::Calibration;
+use crate::measure::measure;
+use crate::report::{series_table, write};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::fmt::Write as _;
+use std::io::IsTerminal as _;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What to measure, and how.
+#[derive(Debug, Args)]
+pub struct BatchArgs {
+    /// Recordings: files, folders of them, patterns ("day*/*.mp4").
+    #[arg(value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+    /// Folder for results/, series.csv, fit.json and report.html.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// The calibration of every recording to which the manifest gives none. Without it: <stem>.calib.json beside each.
+    #[arg(long)]
+    pub calib: Option<PathBuf>,
+    /// A table of recordings: video, and any of calib, group, spin_ratio, frame_rate_hz, ball_radius_m.
+    #[arg(long, value_name = "CSV")]
+    pub manifest: Option<PathBuf>,
+    /// Recordings at once; by default as many as there are cores.
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
+    /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
+    #[arg(long, value_name = "LEVEL", default_value = "standard")]
+    pub accuracy: AccuracyArg,
+    /// Stop a recording that is not done after so many seconds.
+    #[arg(long, value_name = "SECONDS", default_value = "1800", value_parser = seconds)]
+    pub timeout_s: Duration,
+    /// Most memory for a recording, MB; by default its share of the machine's.
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
+    pub memory_mb: Option<u64>,
+    /// Measure everything again, also what stands.
+    #[arg(long)]
+    pub again: bool,
+}
+
+/// A time for which somebody waits.
+fn seconds(text: &str) -> Result<Duration, String> {
+    match text.parse::<f64>() {
+        Ok(s) if s > 0.0 && s <= 1e7 => Ok(Duration::from_secs_f64(s)),
+        _ => Err("a number of seconds above 0".to_owned()),
+    }
+}
+
+/// What the process of a single recording is told.
+#[derive(Debug, Args)]
+pub struct RecordingArgs {
+    /// The recording.
+    pub video: PathBuf,
+    /// The process of the batch.
+    #[arg(long)]
+    pub parent: u32,
+    /// Where its files go.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// What they are called.
+    #[arg(long)]
+    pub name: String,
+    /// Its calibration.
+    #[arg(long)]
+    pub calib: PathBuf,
+    /// How centres are found.
+    #[arg(long)]
+    pub accuracy: AccuracyArg,
+    /// In place of the calibration's.
+    #[arg(long, value_parser = spin)]
+    pub spin_ratio: Option<LaunchSpin>,
+    /// In place of the calibration's.
+    #[arg(long)]
+    pub frame_rate_hz: Option<f64>,
+    /// In place of the calibration's.
+    #[arg(long)]
+    pub ball_radius_m: Option<f64>,
+    /// Most memory.
+    #[arg(long)]
+    pub memory_bytes: Option<u64>,
+}
+
+fn spin(text: &str) -> Result<LaunchSpin, String> {
+    if text == "unknown" {
+        return Ok(LaunchSpin::Unknown);
+    }
+    text.parse()
+        .map(LaunchSpin::Ratio)
+        .map_err(|_| "a number, or unknown".to_owned())
+}
+
+/// A machine shared by more than so many recordings gives each of them no less than this, bytes.
+const LEAST_MEMORY_BYTES: u64 = 1 << 30;
+
+/// Measures a single recording of a batch.
+///
+/// # Errors
+///
+/// Whatever keeps the recording from being read, or the results from being written.
+pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
+    bind(args.parent, args.memory_bytes)?;
+    let changes = Changes {
+        spin: args.spin_ratio.unwrap_or_default(),
+        frame_rate_hz: args.frame_rate_hz,
+        ball_radius_m: args.ball_radius_m,
+    };
+    let calibration = changes.applied(Calibration::read(&args.calib)?);
+    let name = args.calib.display().to_string();
+    let measurement = measure(
+        &args.video,
+        &calibration,
+        &name,
+        args.accuracy.into(),
+        &mut |_| {},
+    )?;
+    write::write_reports(&measurement, &args.out, &args.name, None)?;
+    Ok(match measurement.outcome {
+        crate::measure::Outcome::Measured => Status::Done,
+        crate::measure::Outcome::Rejected { .. } => Status::Rejected,
+    })
+}
+
+/// Measures all and reports.
+///
+/// # Errors
+///
+/// Whatever keeps the batch from being run, or its results from being written.
+pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
+    let plan = plan::make(&Request {
+        paths: args.paths.clone(),
+        manifest: args.manifest.clone(),
+        calib: args.calib.clone(),
+    })?;
+    let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let jobs = args.jobs.unwrap_or(cores);
+    let share = |whole: u64| (whole / jobs.get() as u64).max(LEAST_MEMORY_BYTES);
+    let settings = Settings {
+        accuracy: args.accuracy.into(),
+        jobs,
+        time_limit: args.timeout_s,
+        memory_bytes: args
+            .memory_mb
+            .map(|mb| mb << 20)
+            .or_else(|| machine_memory_bytes().map(share)),
+        again: args.again,
+    };
+    let mut watcher = Watcher::new(plan.recordings.len());
+    let finished = batch::run(&plan, &settings, &args.out, &mut |p| watcher.see(p))?;
+    watcher.bar.finish_and_clear();
+    super::fit::warn(&finished.fit);
+    for path in &finished.files {
+        say(&format!("wrote {}", path.display()));
+    }
+    let mut text = summary(&plan, &finished);
+    if finished.rows > 0 {
+        text.push('\n');
+        text.push_str(&series_table::fit_table(&finished.fit));
+    }
+    answer(&text)?;
+    let all_measured = finished.endings.iter().all(|e| *e == Ending::Measured);
+    Ok(match super::fit::status(&finished.fit) {
+        Status::Done if all_measured => Status::Done,
+        _ => Status::Rejected,
+    })
+}
+
+/// How many ended how, and what was not measured with its reason.
+fn summary(plan: &Plan, finished: &Finished) -> String {
+    let mut text = String::new();
+    let count = |word: &str| finished.endings.iter().filter(|e| e.word() == word).count();
+    let counts: Vec<String> = ["measured", "rejected", "failed"]
+        .into_iter()
+        .filter(|word| count(word) > 0)
+        .map(|word| format!("{} {word}", count(word)))
+        .collect();
+    let all = finished.endings.len();
+    let _ = writeln!(
+        text,
+        "{all} recording{}: {}; {} of them now",
+        if all == 1 { "" } else { "s" },
+        counts.join(", "),
+        finished.now
+    );
+    for (recording, ending) in plan.recordings.iter().zip(&finished.endings) {
+        if let Some(reason) = ending.reason() {
+            let _ = writeln!(text, "{} {}: {reason}", ending.word(), recording.name);
+        }
+    }
+    text
+}
+
+fn set_style(bar: &ProgressBar, template: &str) {
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+}
+
+/// Tells how the batch goes: a bar with the time left on a terminal, a line a recording elsewhere.
+struct Watcher {
+    bar: ProgressBar,
+    terminal: bool,
+    all: usize,
+    to_do: usize,
+    done: usize,
+}
+
+impl Watcher {
+    fn new(all: usize) -> Self {
+        let bar = ProgressBar::no_length();
+        set_style(&bar, "{msg} {wide_bar} {elapsed} gone");
+        bar.set_message("looking for results that stand");
+        Self {
+            bar,
+            terminal: std::io::stderr().is_terminal(),
+            all,
+            to_do: 0,
+            done: 0,
+        }
+    }
+
+    /// A line above the bar, or on its own.
+    fn line(&self, text: &str) {
+        self.bar.suspend(|| say(text));
+    }
+
+    fn see(&mut self, progress: &Progress<'_>) {
+        match progress {
+            Progress::Begin {
+                standing,
+                to_do_bytes,
+                others,
+            } => self.begin(*standing, to_do_bytes, others),
+            Progress::Ended {
+                recording,
+                ending,
+                bytes,
+            } => {
+                let counted = bytes.map(|bytes| {
+                    self.done += 1;
+                    self.count(bytes, ending);
+                    self.bar.set_message(format!("{}/{}", self.done, self.to_do));
+                    format!("[{}/{}] ", self.done, self.to_do)
+                });
+                let counted = counted.unwrap_or_default();
+                match ending.reason() {
+                    Some(reason) => {
+                        self.line(&format!(
+                            "{counted}{} {}: {reason}",
+                            ending.word(),
+                            recording.name
+                        ));
+                    }
+                    None if !self.terminal => self.line(&format!("{counted}measured {}", recording.name)),
+                    None => {}
+                }
+            }
+        }
+    }
+
+    /// Counts a recording that was measured now, or failed.
+    fn count(&self, bytes: u64, ending: &Ending) {
+        if matches!(ending, Ending::Failed { .. }) {
+            // What fails does so at once, mostly: it tells nothing of the time that the others take.
+            self.bar.dec_length(bytes.max(1));
+        } else {
+            self.bar.inc(bytes.max(1));
+            set_style(&self.bar, "{msg} {wide_bar} {elapsed} gone, about {eta} left");
+        }
+    }
+
+    fn begin(&mut self, standing: usize, to_do_bytes: &[u64], others: &[String]) {
+        self.to_do = to_do_bytes.len();
+        // Long recordings take longer: the time left goes by their bytes.
+        self.bar
+            .set_length(to_do_bytes.iter().map(|bytes| (*bytes).max(1)).sum());
+        self.bar.set_message(format!("0/{}", self.to_do));
+        self.bar.reset_eta();
+        self.bar.enable_steady_tick(Duration::from_secs(1));
+        if standing > 0 {
+            self.line(&format!(
+                "{standing} of {} results stand: recording, calibration and settings are those they were measured with",
+                self.all
+            ));
+        }
+        if !others.is_empty() {
+            const MOST: usize = 5;
+            let mut names: Vec<&str> = others.iter().map(String::as_str).take(MOST).collect();
+            if others.len() > MOST {
+                names.push("...");
+            }
+            self.line(&format!(
+                "warning: other_results: the folder has {} results of recordings that were not given this time ({}): they \
+                 are left as they are, and are not in the series. Give them too, or remove their files",
+                others.len(),
+                names.join(", ")
+            ));
+        }
+    }
+}
