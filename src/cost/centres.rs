@@ -133,7 +133,7 @@ impl Plan {
         Self {
             looks: vec![Look::Flat, Look::Coded],
             noises_grey: vec![2.0, 8.0],
-            radii_px: vec![4.0, 8.0, 16.0, 24.0],
+            radii_px: vec![4.0, 8.0, 16.0],
             repeats: 3,
         }
     }

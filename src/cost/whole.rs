@@ -168,7 +168,7 @@ impl Plan {
             frame_rates_hz: vec![30.0, 60.0, 120.0, 240.0, 480.0, 960.0],
             reductions: vec![1, 2, 4],
             exposures_s: vec![0.0001, 0.0005, 0.0025],
-            recordings: 5,
+            recordings: 4,
         }
     }
 
@@ -224,7 +224,7 @@ fn cost(camera: &Setting) -> f64 {
 pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut between = |low: f64, high: f64| low + (high - low) * (random.next_u64() as f64 / u64::MAX as f64);
-    let (drop_m, speed_m_s) = (between(0.10, 0.18), between(0.7, 1.2));
+    let (drop_m, speed_m_s) = (between(0.08, 0.14), between(0.7, 1.2));
     let (restitution, friction) = (between(0.70, 0.90), between(0.05, 0.15));
     let (u, v) = (between(119.0, 121.0), between(659.0, 661.0));
     let k = setting.reduction as f64;
@@ -237,7 +237,7 @@ pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
             "launch": {{"drop_height_m": {drop_m}, "speed_m_s": {speed_m_s}}},
             "camera": {{"image_size_px": [{width}, {height}], "frame_rate_hz": {}, "exposure_s": {},
                 "metres_per_pixel": {}, "origin_px": [{}, {}], "blur_px": {}, "noise_grey": {}}},
-            "stop": {{"bounces": 2, "tail_s": 0.05}}}}"#,
+            "stop": {{"bounces": 2, "tail_s": 0.03}}}}"#,
         setting.frame_rate_hz,
         setting.exposure_s,
         0.0008 * k,
