@@ -170,7 +170,7 @@ fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
     let megabytes = run.work(STORAGE.name).map_or(0.0, |s| s.median);
     format!(
         "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s. Measured on {recordings} recordings: \
-         {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.2} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \
+         {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.3} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \
          were measured; none is interpolated.",
         listed(wants),
         of("accuracy"),
