@@ -107,8 +107,12 @@ fn centres_with_auto_are_within_tolerance_of_centres_with_all() {
         .run(&any_scene(), |text| {
             let scene = Scene::from_json(&text).unwrap();
             // A picture of 0.2 mm/px is 26 cm wide: some balls never enter it, and say so.
-            let Ok(auto) = Recording::new(&with_effects(&scene, Switch::Auto)) else {
-                return Err(TestCaseError::reject("never seen"));
+            let auto = match Recording::new(&with_effects(&scene, Switch::Auto)) {
+                Ok(auto) => auto,
+                Err(error) => {
+                    prop_assert!(error.to_string().contains("never enters the picture"), "{error}");
+                    return Err(TestCaseError::reject("never seen"));
+                }
             };
             let all = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
             let apart = apart_px(&auto, &all);
@@ -452,6 +456,21 @@ fn the_decision_flips_with_the_tolerance() {
     assert!(used(0.99 * amount));
     // All that is left out must fit: the others are smaller or of the same size.
     assert!(!used(6.0 * amount));
+    // At 1 mm a table-tennis ball needs both, a steel ball neither; at 100 mm neither does.
+    for (ball, tolerance_px, expected) in [
+        (TABLE_TENNIS, 1.0, true),
+        (STEEL_20_MM, 1.0, false),
+        (TABLE_TENNIS, 100.0, false),
+    ] {
+        let recording = Recording::new(&drop_scene(ball, tolerance_px)).unwrap();
+        for name in ["drag", "buoyancy"] {
+            assert_eq!(
+                decision(&recording, name).used,
+                expected,
+                "{name} of {ball} at {tolerance_px} px"
+            );
+        }
+    }
 }
 
 #[test]

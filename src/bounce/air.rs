@@ -7,7 +7,7 @@
 //!
 //! The arcs are fitted without lift. Here each point is moved back by what lift did to it, the arcs follow by the same
 //! least squares, to first order, and lift is added to their motion again. A smooth ball's lift can differ from a tennis
-//! ball's by half (and turn round near the drag crisis, far above these speeds): that doubt is in [`doubt`].
+//! ball's by half (and turn round near the drag crisis, far above these speeds): that doubt is in [`Lift::doubt`].
 
 use crate::flight::Flight;
 use crate::flight::fit::{DRAG, Motion, pushed_by};

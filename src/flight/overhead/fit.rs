@@ -7,7 +7,7 @@
 //!   takes milliseconds, a steel ball a tenth of one.
 //! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it. A
 //!   ball of unknown mass may be as light as a table tennis ball, or as heavy as the flight says. Lift is a part of drag, of
-//!   which the impacts tell something: [`lift`].
+//!   which the impacts tell something (`lift`).
 //! * Close to the floor the ball's shadow pulls its centre by a small part of its radius, the same way at every impact.
 //! * No ball below the camera is out of its reach, nor faster than a fall from its height: a prior so wide that it
 //!   matters only where a far camera shows nothing of the fall.
