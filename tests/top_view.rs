@@ -82,22 +82,18 @@ fn e_e(restitution: f64, e_x: f64, e_y: f64) -> Value {
     json!({"model": "e_e", "restitution": restitution, "tangential_restitution_x": e_x, "tangential_restitution_y": e_y})
 }
 
-/// What the bend of the path tells of the heights, where it is told, against the truth.
-fn assert_heights(b: &Bounce, truth: &Value, what: &str) {
-    let of = |pointer: &str| truth.pointer(pointer).unwrap().as_f64().unwrap();
-    let push = (of("/rebound/vx_m_s") - of("/incident/vx_m_s"))
-        .hypot(of("/rebound/vy_m_s") - of("/incident/vy_m_s"));
-    let friction = push / (of("/rebound/vz_m_s") - of("/incident/vz_m_s"));
-    for (found, truth, limit, name) in [
-        (b.incident.vz_m_s, of("/incident/vz_m_s"), 0.1, "speed down"),
-        (b.rebound.vz_m_s, of("/rebound/vz_m_s"), 0.1, "speed up"),
-        (b.restitution, of("/restitution"), 0.05, "restitution"),
-        (b.friction, friction, 0.01, "friction"),
-    ] {
-        if let Some(found) = found {
-            assert_near(found, truth, limit, &format!("{what}: {name}"));
-        }
-    }
+/// That nothing is claimed which needs the height of the ball.
+fn assert_no_heights(b: &Bounce) {
+    assert_eq!(
+        (
+            b.restitution,
+            b.friction,
+            b.incident.vz_m_s,
+            b.rebound.vz_m_s,
+            b.incident.angle_rad
+        ),
+        (None, None, None, None, None)
+    );
 }
 
 /// The launch that most tests look at.
@@ -229,19 +225,19 @@ fn near_cameras(seeds: std::ops::Range<usize>) {
         let m = measured(&r.video, &r.calibration);
         let what = format!("scene {seed}, {:.2} m", scene["camera"]["distance_m"]);
         assert_first_bounce(&m, &r.truth, &what);
-        assert_heights(&m.bounces[0], &r.truth["bounces"][0], &what);
+        assert_no_heights(&m.bounces[0]);
         assert!(m.warnings.iter().all(|w| w.code != "distance_mismatch"));
     }
 }
 
 // Two, so that they run side by side.
 #[test]
-fn near_cameras_give_the_azimuth_and_the_restitution() {
+fn near_cameras_give_the_azimuth() {
     near_cameras(1..7);
 }
 
 #[test]
-fn near_cameras_give_the_azimuth_and_the_restitution_of_others() {
+fn near_cameras_give_the_azimuth_of_others() {
     near_cameras(7..13);
 }
 
@@ -256,7 +252,7 @@ fn the_sample_scene_is_measured() {
 }
 
 #[test]
-fn heights_are_told_by_the_path_and_spins_stay_unknown() {
+fn what_needs_the_height_stays_unknown() {
     let r = usual();
     let m = usual_measured();
     assert_first_bounce(m, &r.truth, "usual");
@@ -273,14 +269,16 @@ fn heights_are_told_by_the_path_and_spins_stay_unknown() {
     assert!(output.status.success());
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     let bounce = &result["bounces"][0];
-    for key in ["/tangential_restitution", "/spin_in_m_s", "/spin_out_m_s"] {
+    for key in [
+        "/tangential_restitution",
+        "/spin_in_m_s",
+        "/spin_out_m_s",
+        "/restitution",
+        "/friction",
+    ] {
         assert!(bounce.pointer(key).unwrap().is_null(), "{key}: {bounce}");
     }
-    assert!(m.bounces[0].restitution.is_some() && m.bounces[0].friction.is_some());
-    assert_heights(&m.bounces[0], &r.truth["bounces"][0], "usual");
-    let angle = bounce["incident"]["angle_deg"]["value"].as_f64().unwrap();
-    let truth = r.truth["bounces"][0]["incident"]["angle_deg"].as_f64().unwrap();
-    assert!((angle - truth).abs() < 0.6, "{angle} {truth}");
+    assert_no_heights(&m.bounces[0]);
     assert!(result["gravity_m_s2"].is_null() && result["models"].is_null());
     // Points are over the floor, not where the picture shows them against it.
     for (row, truth) in result["track"]["points"]
@@ -300,7 +298,7 @@ fn heights_are_told_by_the_path_and_spins_stay_unknown() {
 }
 
 #[test]
-fn a_camera_too_far_to_tell_heights_says_so() {
+fn a_camera_far_away_with_its_distance_is_as_good() {
     let r = render(
         &Top {
             distance_m: 40.0,
@@ -314,10 +312,7 @@ fn a_camera_too_far_to_tell_heights_says_so() {
     );
     let m = measured(&r.video, &r.calibration);
     assert_first_bounce(&m, &r.truth, "from 40 m");
-    let b = &m.bounces[0];
-    assert_eq!((b.restitution, b.friction, b.incident.vz_m_s), (None, None, None));
-    let why = m.warnings.iter().find(|w| w.code == "heights_not_told").unwrap();
-    assert!(why.message.contains("restitution"), "{}", why.message);
+    assert_no_heights(&m.bounces[0]);
 }
 
 #[test]

@@ -102,7 +102,7 @@ pub fn perspective(calibration: &Calibration) -> Option<Warning> {
     (calibration.view == View::Top && calibration.distance_m.is_none()).then(|| {
         warning(
             "perspective_uncorrected",
-            "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties; nor are there vertical speeds, restitution or friction. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
+            "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
         )
     })
 }
@@ -174,7 +174,6 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(j.gravity.and_then(|g| gravity(g, j)));
     out.extend(distance_against_fall(j));
-    out.extend(heights(j));
     out.extend(j.scene.bend().map(bent));
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
@@ -304,18 +303,6 @@ fn bent(part: f64) -> Warning {
             part.atan().to_degrees()
         ),
     )
-}
-
-/// Why a top view with its distance given tells no vertical speeds.
-fn heights(j: &Judged<'_>) -> Option<Warning> {
-    let known = j.calibration.view == View::Top && j.calibration.distance_m.is_some();
-    let untold = j.bounces.iter().any(|(_, b)| b.restitution.is_none());
-    (known && untold).then(|| {
-        warning(
-            "heights_not_told",
-            "from so far above, the ball's path hardly bends: it does not tell vertical speeds to a tenth, and so no restitution, friction or angles from the vertical. A camera nearer to the floor, or one to the side, does.".to_owned(),
-        )
-    })
 }
 
 /// A distance is off when it is by this part, which turns directions by less than the tracking does, and by so many

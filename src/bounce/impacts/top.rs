@@ -1,8 +1,8 @@
 //! Impacts seen from above.
 //!
 //! A camera far away sees straight paths over the floor. One that is near, at a known distance, sees them bent by the rise and
-//! fall of the ball, which tells the vertical speeds. Near and at a distance that is not known, it sees them bent, and what
-//! that does to directions is not known either.
+//! fall of the ball, which is taken out. Near and at a distance that is not known, it sees them bent, and what that does to
+//! directions is not known either. Whatever needs the vertical speed is not reported of a top view.
 
 use super::{Bounce, DIRECTION_SIGMAS, Leg, Scene};
 use crate::calibration::View;
@@ -10,9 +10,6 @@ use crate::flight::SpotUse;
 use crate::flight::fit::Forces;
 use crate::flight::segment::{Sample, own_fall};
 use crate::quantity::Quantity;
-
-/// Vertical speeds that a camera above tells to a tenth or better are told.
-const VERTICAL_SIGMAS: f64 = 10.0;
 
 /// A bend shows when it stands out by this many standard uncertainties,
 const BEND_SIGMAS: f64 = 5.0;
@@ -25,14 +22,10 @@ const LEAST_BEND_POINTS: usize = 8;
 
 impl Scene<'_> {
     /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
-    /// (towards +y, seen from above) positive. Where the camera is near, the bend of the path tells the vertical speeds;
-    /// friction is then by the whole change of the horizontal velocity, as spin may push sideways.
+    /// (towards +y, seen from above) positive.
     pub(super) fn top_bounce(&self, k: usize) -> Bounce {
         let out = self.evidence.outputs(|p| {
             let (t, a, b) = self.impact(p, k);
-            let (down, up) = self.vertical(p, k);
-            let restitution = -up / down;
-            let push = (b.vr - a.vr).hypot(b.vh - a.vh);
             // Mirrored back, so that a turn to the left stays one for a launch to the left.
             let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
             let speed = ax.hypot(a.vh);
@@ -45,47 +38,28 @@ impl Scene<'_> {
                 along,
                 along / speed,
                 across.atan2(along),
-                down,
-                speed.atan2(-down),
-                up,
-                along.atan2(up),
-                restitution,
-                push / (down.abs() * (1.0 + restitution)),
             ]
         });
         let moving = out.stands_out(2, DIRECTION_SIGMAS);
-        let told = [6, 8].iter().all(|&i| out.stands_out(i, VERTICAL_SIGMAS));
-        let vertical = |i| told.then(|| out.quantity(i)).flatten();
-        let flight = |along, vertical_at| Leg {
+        let flat = |along| Leg {
             vx_m_s: out.quantity(along),
-            vz_m_s: vertical(vertical_at),
-            angle_rad: vertical(vertical_at + 1),
+            vz_m_s: None,
+            angle_rad: None,
         };
         Bounce {
             time_s: out.quantity(0),
             x_m: out.quantity(1),
-            incident: flight(2, 6),
-            rebound: flight(3, 8),
-            restitution: vertical(10),
+            incident: flat(2),
+            rebound: flat(3),
+            restitution: None,
             tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
-            friction: vertical(11),
+            friction: None,
             tangential_restitution: None,
             spin_in_m_s: None,
             spin_out_m_s: None,
             azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
             correlations: Vec::new(),
         }
-    }
-
-    /// Vertical speeds before and after the impact between arcs k and k + 1 as a near camera above shows them, m/s; NaN
-    /// where it does not.
-    fn vertical(&self, p: &[f64], k: usize) -> (f64, f64) {
-        let t = self.impact_time(p, k);
-        let speed = |k: usize| {
-            let s = self.flight.fit.rise_over_gravity_s(p, k, t);
-            s.map_or(f64::NAN, |s| s * self.calibration.gravity_m_s2)
-        };
-        (speed(k), speed(k + 1))
     }
 
     /// The part of itself by which the velocity changes most over an arc, where straight lines were fitted to a path that

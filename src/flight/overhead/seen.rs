@@ -1,6 +1,6 @@
 //! What a fit of arcs says of a ball seen from above, beside its motion.
 
-use super::{Layout, Overhead, fit, flying, foot};
+use super::{Overhead, fit, flying, foot};
 use crate::flight::fit::{ArcFit, FitPoint, Forces};
 use crate::geometry::PlanePoint;
 
@@ -16,16 +16,6 @@ impl ArcFit {
             persistence: found.persistence,
             forces: Forces::Overhead(known),
         })
-    }
-
-    /// Upward speed over gravity on arc `k` at time `t`, s, as a camera above sees the ball near it; `None` for others.
-    #[must_use]
-    pub fn rise_over_gravity_s(&self, parameters: &[f64], k: usize, t: f64) -> Option<f64> {
-        let Forces::Overhead(known) = &self.forces else {
-            return None;
-        };
-        let fall_per_s2 = known.fall_per_s2 * parameters[Layout::new(self.arcs()).fall()].exp();
-        Some(flying(known, parameters, &self.times, k, t).rate / fall_per_s2)
     }
 
     /// What of the camera's height the ball is up on arc `k` at time `t`; 0 where the camera is not above.
