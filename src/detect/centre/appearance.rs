@@ -5,15 +5,16 @@
 //! are, from many dithered stars: Anderson and King 2000, PASP 112, 1360). A shift that all centres share is fitted
 //! with the appearance: it is what the outline alone decides, and so nothing of the light can hide in it.
 //!
-//! How many terms the light needs is decided by the pixels (Schwarz's criterion). The light's departures get the
+//! How many terms the light needs is decided by the pixels (Akaike's criterion). The light's departures get the
 //! scatter that the frames show beyond their own uncertainty.
 
-use super::ball::{self, BandPixel, Pose, RadialTable, TERM_LEVELS, norm};
+mod pool;
+
+use super::ball::{DIPOLE, TERM_LEVELS, norm};
 use super::known_ball::{self, Appearance, DEPARTURES, Effort, SIZE};
 use super::{Disc, Patch};
 use crate::quantity::median;
-use nalgebra::{DMatrix, DVector};
-use std::collections::{BTreeMap, BTreeSet};
+use pool::{Pool, gather};
 
 /// A frame to learn from.
 #[derive(Debug, Clone)]
@@ -92,23 +93,26 @@ fn learn_with(
     lesson: &Lesson,
     radius_held: bool,
 ) -> Option<Appearance> {
+    // Radius and blur of a small ball in noise have false valleys; with the outline's radius held, blur and light lead
+    // into the right one.
     let start = Shared {
         radius_px: median(&mut radii.to_vec())?,
-        radius_held,
+        radius_held: true,
         blur_px: USUAL_BLUR_PX,
         exposure_s: 0.0,
-        terms: vec![0.0; TERM_LEVELS[0]],
+        terms: vec![0.0; TERM_LEVELS[1]],
     };
     let spread_px = spread_px(radii, start.radius_px);
     let loose_size_px = spread_px.max(LOOSE_SIZE * start.radius_px);
     let mut frames: Vec<Studied> = examples.iter().map(Studied::new).collect();
     let mut shared = first_look(&frames, &start, longest_exposure_s, lesson)?;
+    shared.radius_held = radius_held;
     let mut scatter = [LOOSE_STRENGTH, LOOSE_TILT_GREY, LOOSE_TILT_GREY, loose_size_px];
     let mut best = None;
     for round in 0..lesson.rounds {
         let mut pool = Pool::settle(&frames, &mut shared, lesson)?;
-        if round + 1 == lesson.rounds || round == 1 {
-            pool = richer(&frames, &mut shared, lesson, pool)?;
+        if round > 0 {
+            pool = fitting_terms(&frames, &mut shared, lesson)?;
         }
         for f in &mut frames {
             f.disc.centre.u_px += pool.shift[0];
@@ -117,13 +121,7 @@ fn learn_with(
         let ball = shared.appearance(&pool, scatter, lesson);
         let spread = study(&mut frames, &ball, lesson);
         scatter = spread.scatter;
-        // The usual ball is the middle one; its picture is learned again with that.
-        if !radius_held {
-            shared.radius_px += spread.middle_size_px;
-            for f in &mut frames {
-                f.departures[SIZE] -= spread.middle_size_px;
-            }
-        }
+        shared.take_in(&mut frames, spread.middle);
         best = Some(Appearance { scatter, ..ball });
     }
     best
@@ -200,6 +198,27 @@ impl Shared {
             residual_grey: pool.scale,
         }
     }
+
+    /// Takes the `middle` departure of all frames into what they share: the usual ball is the middle one, and a light that
+    /// all frames have is the light's.
+    fn take_in(&mut self, frames: &mut [Studied<'_>], mut middle: [f64; DEPARTURES]) {
+        if self.radius_held {
+            middle[SIZE] = 0.0;
+        }
+        self.radius_px += middle[SIZE];
+        self.terms.resize(self.terms.len().max(DIPOLE.end), 0.0);
+        for t in &mut self.terms {
+            *t *= 1.0 + middle[0];
+        }
+        for (t, m) in self.terms[DIPOLE].iter_mut().zip(&middle[1..]) {
+            *t += m;
+        }
+        for f in frames {
+            for (d, m) in f.departures.iter_mut().zip(&middle) {
+                *d -= m;
+            }
+        }
+    }
 }
 
 /// Finds whether the shutter's smear shows, and the appearance to start with.
@@ -210,7 +229,7 @@ fn first_look(
     lesson: &Lesson,
 ) -> Option<Shared> {
     let mut still = start.clone();
-    let without = Pool::settle(frames, &mut still, lesson)?;
+    Pool::settle(frames, &mut still, lesson)?;
     let top = frames.iter().map(Studied::speed_px_s).fold(0.0, f64::max);
     let mut best: Option<(Pool, Shared)> = None;
     // Longer sweeps first fit what shorter ones start from too badly; each start finds its own valley.
@@ -231,48 +250,46 @@ fn first_look(
             best = Some((pool, shared));
         }
     }
-    if let Some((pool, shared)) = best {
-        let common = pool.scale.min(without.scale);
-        let gain = without.cost(common) - pool.cost(common);
-        let shows = shared.exposure_s > 0.0
-            && top * shared.exposure_s > LEAST_SWEEP_PX
-            && shared.exposure_s <= 1.1 * longest_exposure_s
-            && gain > EXPOSURE_GAIN;
-        if shows {
-            return Some(shared);
-        }
-    }
-    Some(still)
+    let moving = best.map(|(_, shared)| shared).filter(|s| {
+        let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s <= 1.1 * longest_exposure_s;
+        in_reach && gain(frames, &still, s, lesson).is_some_and(|g| g > EXPOSURE_GAIN)
+    });
+    Some(moving.unwrap_or(still))
 }
 
-/// More terms of the light, as long as each level pays.
-fn richer(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson, pool: Pool) -> Option<Pool> {
-    let mut best = pool;
-    for level in TERM_LEVELS {
-        if level <= shared.terms.len() {
-            continue;
-        }
-        let mut more = shared.clone();
-        more.terms.resize(level, 0.0);
-        let Some(pool) = Pool::settle(frames, &mut more, lesson) else {
-            break;
-        };
-        let gain = best.cost(best.scale) - pool.cost(best.scale);
-        let price = (level - shared.terms.len()) as f64 * (best.residuals.len() as f64).ln();
-        if gain < price {
-            break;
-        }
-        *shared = more;
-        best = pool;
-    }
-    Some(best)
+/// By how much, in noise variances, `new` fits better than `old`, on the same pixels.
+fn gain(frames: &[Studied<'_>], old: &Shared, new: &Shared, lesson: &Lesson) -> Option<f64> {
+    let bands = gather(frames, new, lesson);
+    let old = Pool::settle_on(&bands, &mut old.clone(), lesson)?;
+    let new = Pool::settle_on(&bands, &mut new.clone(), lesson)?;
+    let common = new.scale.min(old.scale);
+    Some(old.cost(common) - new.cost(common))
+}
+
+/// As many terms of the light as pay, all tried on the same pixels (Akaike's criterion: a term left out that is there
+/// pulls the centre, one too many only makes it a little less sure).
+fn fitting_terms(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Pool> {
+    let bands = gather(frames, shared, lesson);
+    let tried: Vec<(Pool, Shared)> = TERM_LEVELS
+        .iter()
+        .filter_map(|&level| {
+            let mut shared = shared.clone();
+            shared.terms.resize(level, 0.0);
+            Some((Pool::settle_on(&bands, &mut shared, lesson)?, shared))
+        })
+        .collect();
+    let common = tried.iter().map(|(p, _)| p.scale).fold(f64::INFINITY, f64::min);
+    let score = |(pool, shared): &(Pool, Shared)| pool.cost(common) + 2.0 * shared.terms.len() as f64;
+    let (pool, chosen) = tried.into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
+    *shared = chosen;
+    Some(pool)
 }
 
 /// What the frames' departures are like.
 struct Spread {
     scatter: [f64; DEPARTURES],
-    /// Median departure of the radius, px.
-    middle_size_px: f64,
+    /// The middle departures.
+    middle: [f64; DEPARTURES],
 }
 
 /// Fits each frame's centre and departures with the appearance known; the departures' spread over the frames.
@@ -293,9 +310,10 @@ fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spre
             found.push((fitted.departures, fitted.departure_variances));
         }
     }
-    let mut sizes: Vec<f64> = found.iter().map(|(d, _)| d[SIZE]).collect();
-    let middle_size_px = median(&mut sizes).unwrap_or(0.0);
-    let middle = [0.0, 0.0, 0.0, middle_size_px];
+    let middle = std::array::from_fn(|k| {
+        let mut of_all: Vec<f64> = found.iter().map(|(d, _)| d[k]).collect();
+        median(&mut of_all).unwrap_or(0.0)
+    });
     let scatter = std::array::from_fn(|k| {
         let mut squares: Vec<f64> = found.iter().map(|(d, _)| (d[k] - middle[k]).powi(2)).collect();
         let mut own: Vec<f64> = found.iter().map(|(_, v)| v[k]).collect();
@@ -309,322 +327,5 @@ fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spre
         let doubt = 2.0 * (2.0 / found.len().max(1) as f64).sqrt();
         (1.5 * (seen - own * (1.0 + doubt))).max(0.02 * own).sqrt()
     });
-    Spread {
-        scatter,
-        middle_size_px,
-    }
-}
-
-/// One fit of what all frames share.
-struct Pool {
-    /// Shift that all centres share, px.
-    shift: [f64; 2],
-    residuals: Vec<f64>,
-    /// Robust standard deviation of the residuals, grey levels.
-    scale: f64,
-    radius_std_px: Option<f64>,
-}
-
-/// Places in the vector of unknowns.
-const RADIUS: usize = 2;
-const BLUR: usize = 3;
-const EXPOSURE: usize = 4;
-const TERMS: usize = 5;
-
-/// Gauss-Newton steps at most.
-const STEPS: usize = 12;
-
-/// Converged when radius, blur and shift move by less, px.
-const CONVERGED_PX: f64 = 5e-4;
-
-const TUKEY: f64 = 4.685;
-
-impl Pool {
-    /// Fits `shared` (and a common shift) to the frames.
-    fn settle(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Self> {
-        let begin = shared.radius_px;
-        let mut bands: Vec<(&Studied<'_>, Vec<BandPixel>)> = Vec::new();
-        let mut shift = [0.0; 2];
-        let mut scale = f64::INFINITY;
-        let mut last = None;
-        for step in 0..STEPS {
-            if step == 0 || step == 3 {
-                bands = gather(frames, shared, lesson);
-            }
-            if bands.len() < LEAST_EXAMPLES {
-                return None;
-            }
-            let first = step == 0 && shared.terms.iter().all(|&t| t == 0.0);
-            let mut equations = Equations::build(&bands, shared, shift, lesson, scale);
-            if first {
-                // Without a brightness the edge has no sign: the first step finds the light alone.
-                equations.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
-            } else if shared.exposure_s == 0.0 {
-                equations.hold(&[EXPOSURE]);
-            }
-            if shared.radius_held {
-                equations.hold(&[RADIUS]);
-            }
-            let change = equations.solve()?;
-            scale = equations.scale;
-            let clip = |x: f64, most: f64| x.clamp(-most, most);
-            shift[0] += clip(change[0], 1.0);
-            shift[1] += clip(change[1], 1.0);
-            shared.radius_px += clip(change[RADIUS], 0.2 * shared.radius_px);
-            shared.blur_px = (shared.blur_px + clip(change[BLUR], 0.5 * shared.blur_px))
-                .clamp(ball::BLUR_RANGE_PX.0, ball::BLUR_RANGE_PX.1);
-            shared.exposure_s += clip(change[EXPOSURE], 0.5 * shared.exposure_s);
-            for (t, c) in shared.terms.iter_mut().zip(change.iter().skip(TERMS)) {
-                *t += c;
-            }
-            let plausible = shared.radius_px > 0.4 * begin
-                && shared.radius_px < 2.0 * begin
-                && norm(shift[0], shift[1]) < 0.7 * begin;
-            if !plausible {
-                return None;
-            }
-            let moved = [0, 1, RADIUS, BLUR]
-                .iter()
-                .map(|&i| change[i].abs())
-                .fold(0.0, f64::max);
-            last = Some(equations);
-            if !first && step > 1 && moved < CONVERGED_PX {
-                break;
-            }
-        }
-        let equations = last?;
-        Some(Self {
-            shift,
-            radius_std_px: if shared.radius_held {
-                Some(OUTLINE_STD_PX)
-            } else {
-                equations.std(RADIUS)
-            },
-            residuals: equations.residuals,
-            scale,
-        })
-    }
-
-    /// The biweight's cost at `scale`: squared residuals in variances, levelling off for outliers.
-    fn cost(&self, scale: f64) -> f64 {
-        let cut = TUKEY * scale;
-        let cost = |r: f64| {
-            let x = 1.0 - (r / cut).powi(2).min(1.0);
-            TUKEY * TUKEY / 3.0 * (1.0 - x * x * x)
-        };
-        self.residuals.iter().map(|&r| cost(r)).sum()
-    }
-}
-
-fn gather<'a, 'b>(
-    frames: &'b [Studied<'a>],
-    shared: &Shared,
-    lesson: &Lesson,
-) -> Vec<(&'b Studied<'a>, Vec<BandPixel>)> {
-    frames
-        .iter()
-        .filter(|f| f.good)
-        .map(|f| {
-            let disc = f.disc_with(shared);
-            let radius_px = shared.radius_px * f.example.magnification;
-            let mut reach = lesson.effort.reach(radius_px, shared.blur_px, 1);
-            reach.most_pixels = lesson.most_pixels;
-            let pixels = ball::band(&f.example.patch, &disc, shared.blur_px, reach, 1);
-            (f, pixels)
-        })
-        .filter(|(_, pixels)| pixels.len() > 20)
-        .collect()
-}
-
-/// The ball's picture at one magnification, and what it is with a slightly larger radius or blur.
-struct Tables {
-    magnification: f64,
-    profiles: RadialTable,
-    table: RadialTable,
-    wider: RadialTable,
-    softer: RadialTable,
-}
-
-/// Sizes of a class differ by no more than this part, which [`Pose::larger_px`] bridges.
-const SIZE_CLASS: f64 = 0.02;
-
-/// The class of a magnification; that of 1 is exact.
-fn size_class(magnification: f64) -> i32 {
-    (magnification.ln() / SIZE_CLASS).round() as i32
-}
-
-/// The tables of every class of sizes that the frames have. Slopes by radius and blur are the model's own, by differences.
-fn tables(
-    bands: &[(&Studied<'_>, Vec<BandPixel>)],
-    shared: &Shared,
-    step_px: f64,
-    lesson: &Lesson,
-) -> BTreeMap<i32, Tables> {
-    let classes: BTreeSet<i32> = bands
-        .iter()
-        .map(|(f, _)| size_class(f.example.magnification))
-        .collect();
-    let of_class = |class: i32| {
-        let magnification = (SIZE_CLASS * f64::from(class)).exp();
-        let profiles =
-            |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
-        let usual = profiles(shared.radius_px, shared.blur_px);
-        Tables {
-            magnification,
-            table: usual.of_ball(&shared.terms),
-            wider: profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms),
-            softer: profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms),
-            profiles: usual,
-        }
-    };
-    classes.into_iter().map(|c| (c, of_class(c))).collect()
-}
-
-/// The normal equations of one step.
-struct Equations {
-    normal: DMatrix<f64>,
-    right: DVector<f64>,
-    residuals: Vec<f64>,
-    scale: f64,
-    /// Each frame's pull, for the uncertainty: residuals of a frame are not independent.
-    pulls: Vec<DVector<f64>>,
-}
-
-impl Equations {
-    fn build(
-        bands: &[(&Studied<'_>, Vec<BandPixel>)],
-        shared: &Shared,
-        shift: [f64; 2],
-        lesson: &Lesson,
-        last_scale: f64,
-    ) -> Self {
-        let terms = shared.terms.len();
-        let n = TERMS + terms;
-        let step_px = 1e-3 * shared.radius_px.min(1.0);
-        let tables = tables(bands, shared, step_px, lesson);
-        let mut normal = DMatrix::zeros(n, n);
-        let mut right = DVector::zeros(n);
-        let mut residuals = Vec::new();
-        let mut pulls = Vec::with_capacity(bands.len());
-        let mut row = vec![0.0; n];
-        let cut = TUKEY * last_scale;
-        for (f, pixels) in bands {
-            let mut disc = f.disc_with(shared);
-            disc.centre.u_px += shift[0];
-            disc.centre.v_px += shift[1];
-            let Some(Tables {
-                magnification,
-                profiles,
-                table,
-                wider,
-                softer,
-            }) = tables.get(&size_class(f.example.magnification))
-            else {
-                continue;
-            };
-            let pose = Pose {
-                radius_px: shared.radius_px * magnification,
-                larger_px: f.departures[SIZE] + shared.radius_px * (f.example.magnification - magnification),
-                swept_px: disc.swept_px,
-                points: ball::path_points(disc.swept_px, shared.blur_px),
-            };
-            let strength = f.example.gain + f.departures[0];
-            let mut pull = DVector::zeros(n);
-            for p in pixels {
-                let at = ball::offset(disc.centre, p);
-                let see = |t: &RadialTable| ball::light(t, &pose, at);
-                let l = see(table);
-                let tilt = f.departures[1] * l.dipole[0] + f.departures[2] * l.dipole[1];
-                let residual = p.grey - (p.background * (1.0 - l.cover) + strength * l.ball + tilt);
-                residuals.push(residual);
-                let x = residual / cut;
-                let weight = if !cut.is_finite() {
-                    1.0
-                } else if x.abs() < 1.0 {
-                    (1.0 - x * x).powi(2)
-                } else {
-                    continue;
-                };
-                row[0] = p.background * l.cover_slope[0] - strength * l.ball_slope[0];
-                row[1] = p.background * l.cover_slope[1] - strength * l.ball_slope[1];
-                let slope = |other: &RadialTable| {
-                    let o = see(other);
-                    (strength * (o.ball - l.ball) - p.background * (o.cover - l.cover)) / step_px
-                };
-                row[RADIUS] = slope(wider);
-                row[BLUR] = slope(softer);
-                row[EXPOSURE] = if shared.exposure_s > 0.0 {
-                    (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
-                } else {
-                    0.0
-                };
-                ball::term_shares(profiles, &pose, at, &mut row[TERMS..]);
-                for share in &mut row[TERMS..] {
-                    *share *= strength;
-                }
-                for i in 0..n {
-                    let wi = weight * row[i];
-                    let pull_i = wi * residual;
-                    right[i] += pull_i;
-                    pull[i] += pull_i;
-                    for j in 0..=i {
-                        normal[(i, j)] += wi * row[j];
-                    }
-                }
-            }
-            pulls.push(pull);
-        }
-        for i in 0..n {
-            for j in 0..i {
-                normal[(j, i)] = normal[(i, j)];
-            }
-        }
-        let mut magnitudes: Vec<f32> = residuals.iter().map(|r: &f64| r.abs() as f32).collect();
-        let scale = 1.4826 * f64::from(super::super::background::median_in_place(&mut magnitudes));
-        Self {
-            normal,
-            right,
-            residuals,
-            scale: scale.max(0.29),
-            pulls,
-        }
-    }
-
-    /// Keeps these unknowns as they are.
-    fn hold(&mut self, unknowns: &[usize]) {
-        for &i in unknowns {
-            self.normal.row_mut(i).fill(0.0);
-            self.normal.column_mut(i).fill(0.0);
-            self.normal[(i, i)] = 1.0;
-            self.right[i] = 0.0;
-        }
-    }
-
-    /// Columns scaled to one, with a whisper of damping: terms that a small ball cannot tell apart must not run away.
-    fn inverse(&self) -> Option<DMatrix<f64>> {
-        let n = self.normal.nrows();
-        let scale: Vec<f64> = (0..n).map(|i| self.normal[(i, i)].max(1e-30).sqrt()).collect();
-        let scaled = DMatrix::from_fn(n, n, |i, j| {
-            self.normal[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-7 } else { 0.0 }
-        });
-        let inverse = scaled.cholesky()?.inverse();
-        Some(DMatrix::from_fn(n, n, |i, j| {
-            inverse[(i, j)] / (scale[i] * scale[j])
-        }))
-    }
-
-    fn solve(&self) -> Option<DVector<f64>> {
-        let change = self.inverse()? * &self.right;
-        change.iter().all(|x| x.is_finite()).then_some(change)
-    }
-
-    /// Standard uncertainty of an unknown, the residuals of a frame taken as one.
-    fn std(&self, unknown: usize) -> Option<f64> {
-        let inverse = self.inverse()?;
-        let row = inverse.row(unknown);
-        let n = self.pulls.len() as f64;
-        let variance: f64 =
-            self.pulls.iter().map(|p| (row * p)[(0, 0)].powi(2)).sum::<f64>() * n / (n - 1.0).max(1.0);
-        (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
-    }
+    Spread { scatter, middle }
 }

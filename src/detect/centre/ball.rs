@@ -32,12 +32,15 @@ const HARMONICS: usize = 5;
 const MOST_TERMS: usize = 8;
 
 /// Numbers of terms to choose from; see the module's head.
-pub const TERM_LEVELS: [usize; 2] = [4, MOST_TERMS];
+pub const TERM_LEVELS: [usize; 3] = [1, 4, MOST_TERMS];
 
 /// Radial profile of each term, by its place in f.
 const PROFILE: [usize; MOST_TERMS] = [0, 1, 2, 2, 3, 3, 4, 4];
 /// Angular factor of each term, by its place in h.
 const HARMONIC: [usize; MOST_TERMS] = [0, 0, 1, 2, 1, 2, 3, 4];
+
+/// The terms of light that grows evenly across the ball.
+pub const DIPOLE: std::ops::Range<usize> = 2..4;
 
 /// Range of blurs that a fit may take, px (a pixel's square alone is 0.29).
 pub const BLUR_RANGE_PX: (f64, f64) = (0.25, 6.0);
@@ -288,7 +291,7 @@ pub struct Reach {
     pub inside_px: f64,
     /// Outwards, px.
     pub outside_px: f64,
-    /// A larger band is thinned evenly.
+    /// A larger band is thinned.
     pub most_pixels: usize,
 }
 
@@ -297,6 +300,11 @@ pub struct Reach {
 pub fn sector_count(radius_px: f64) -> usize {
     ((std::f64::consts::TAU * radius_px / 3.0) as usize).clamp(8, 48)
 }
+
+/// The slope of an edge, from its middle, in blurs: beyond it lies 0.5 % of what the pixels tell of the place.
+const SLOPE_BLURS: f64 = 2.0;
+/// Its part of a thinned band's pixels, at most.
+const SLOPE_PART: f64 = 0.6;
 
 /// The pixels of the band around `disc`, whose outline is counted in so many `sectors`.
 #[must_use]
@@ -325,16 +333,26 @@ pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors:
         most * (beyond + 0.5 * along(disc.swept_px[0])),
         w,
     );
+    let round_px = std::f64::consts::TAU * disc.radius_px + 2.0 * length;
     let wide = reach.inside_px + reach.outside_px;
-    let share = reach.most_pixels as f64 / ((std::f64::consts::TAU * disc.radius_px + 2.0 * length) * wide);
+    // Pixels on the slope of the edge tell the place, the others only the light: they are thinned first.
+    let slope_px = SLOPE_BLURS * blur_px;
+    let (on_slope, off_slope) = (2.0 * slope_px * round_px, (wide - 2.0 * slope_px) * round_px);
+    let budget = reach.most_pixels as f64;
+    let slope_share = (budget * SLOPE_PART / on_slope).max(budget / (on_slope + off_slope));
+    let share = (budget - (slope_share * on_slope).min(on_slope)) / off_slope;
     let (inner, outer) = (
         (disc.radius_px - reach.inside_px).max(0.0).powi(2),
         beyond * beyond,
     );
+    let (slope_from, slope_to) = (
+        (disc.radius_px - slope_px).max(0.0).powi(2),
+        (disc.radius_px + slope_px).powi(2),
+    );
     let edge2 = (disc.radius_px - 2.0 * blur_px).max(0.0).powi(2);
-    let mut pixels = Vec::with_capacity(((rows.len() * columns.len()) as f64 * share.min(1.0)) as usize + 16);
+    let mut pixels = Vec::with_capacity((rows.len() * columns.len()).min(reach.most_pixels) + 16);
     // An even share of a large band: a golden-ratio sequence over the pixels' order.
-    let mut turn = 0.0;
+    let mut turns = [0.0, 0.0];
     for row in rows {
         for column in columns.clone() {
             let (u, v) = (u0 + column as f64, v0 + row as f64);
@@ -344,11 +362,13 @@ pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors:
             if r2 < inner || r2 > outer {
                 continue;
             }
-            turn += 0.618_033_988_749_894_9;
-            if turn > 1.0 {
-                turn -= 1.0;
+            let sloping = r2 > slope_from && r2 < slope_to;
+            let turn = &mut turns[usize::from(sloping)];
+            *turn += 0.618_033_988_749_894_9;
+            if *turn > 1.0 {
+                *turn -= 1.0;
             }
-            if turn > share {
+            if *turn > (if sloping { slope_share } else { share }) {
                 continue;
             }
             let i = row * w + column;

@@ -1,4 +1,4 @@
-//! `--accuracy standard`: the likelihood fit with the ball's appearance learned from 24 frames, on at most 1600 pixels of
+//! `--accuracy standard`: the likelihood fit with the ball's appearance learned from 40 frames, on at most 1600 pixels of
 //! the edge.
 //!
 //! Error: within 1.3 times the Cramér-Rao bound up to R 40 px; bias of a shaded ball below 0.01 px. Cost: about 0.1 ms a

@@ -1,0 +1,432 @@
+//! One fit of what all frames share: radius, blur, exposure, light, and a shift of all centres, by damped Gauss-Newton steps
+//! (Levenberg and Marquardt: radius, blur and the light's fall towards the rim can hardly be told apart in a small ball, and
+//! undamped steps ran away).
+
+use super::{LEAST_EXAMPLES, Lesson, OUTLINE_STD_PX, Shared, Studied};
+use crate::detect::background::median_in_place;
+use crate::detect::centre::ball::{self, BandPixel, Pose, RadialTable, norm};
+use crate::detect::centre::known_ball::SIZE;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What was fitted.
+pub struct Pool {
+    /// Shift that all centres share, px.
+    pub shift: [f64; 2],
+    /// Of all pixels, grey levels.
+    pub residuals: Vec<f64>,
+    /// Robust standard deviation of the residuals, grey levels.
+    pub scale: f64,
+    /// Standard uncertainty of the radius.
+    pub radius_std_px: Option<f64>,
+}
+
+/// Places in the vector of unknowns.
+const RADIUS: usize = 2;
+const BLUR: usize = 3;
+const EXPOSURE: usize = 4;
+const TERMS: usize = 5;
+
+/// Steps at most, those that led nowhere among them.
+const STEPS: usize = 24;
+
+/// The pixels are chosen anew after this step, which is near the place.
+const NEAR: usize = 3;
+
+/// Converged when radius, blur and shift move by less, px.
+const CONVERGED_PX: f64 = 5e-4;
+
+/// Damping of the scaled normal equations: the least (terms that a small ball cannot tell apart must not run away), that of the
+/// start, and where the search has nowhere to go.
+const LEAST_DAMPING: f64 = 1e-7;
+const DAMPING: f64 = 1e-4;
+const STUCK: f64 = 1e3;
+
+/// Rounding to whole grey levels, standard deviation.
+const LEAST_SCALE_GREY: f64 = 0.29;
+
+const TUKEY: f64 = 4.685;
+
+/// A frame and its pixels around the outline.
+pub type Banded<'a> = (&'a Studied<'a>, Vec<BandPixel>);
+
+/// Where a fit stands.
+#[derive(Debug, Clone)]
+struct Stand {
+    shared: Shared,
+    shift: [f64; 2],
+}
+
+impl Stand {
+    /// Moved by a step; `None` where that is no ball any more.
+    fn moved(&self, change: &DVector<f64>, begin_radius_px: f64) -> Option<Self> {
+        let mut to = self.clone();
+        let clip = |x: f64, most: f64| x.clamp(-most, most);
+        for (s, c) in to.shift.iter_mut().zip(change.iter()) {
+            *s += clip(*c, 1.0);
+        }
+        let s = &mut to.shared;
+        s.radius_px += clip(change[RADIUS], 0.2 * s.radius_px);
+        s.blur_px = (s.blur_px + clip(change[BLUR], 0.5 * s.blur_px))
+            .clamp(ball::BLUR_RANGE_PX.0, ball::BLUR_RANGE_PX.1);
+        s.exposure_s += clip(change[EXPOSURE], 0.5 * s.exposure_s);
+        for (t, c) in s.terms.iter_mut().zip(change.iter().skip(TERMS)) {
+            *t += c;
+        }
+        let plausible = s.radius_px > 0.4 * begin_radius_px
+            && s.radius_px < 2.0 * begin_radius_px
+            && norm(to.shift[0], to.shift[1]) < 0.7 * begin_radius_px;
+        plausible.then_some(to)
+    }
+}
+
+impl Pool {
+    /// Fits `shared` (and a common shift) to the frames.
+    pub fn settle(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Self> {
+        let rough = gather(frames, shared, lesson);
+        let mut stand = Stand {
+            shared: shared.clone(),
+            shift: [0.0; 2],
+        };
+        descend(&rough, &mut stand, lesson, NEAR)?;
+        // Pixels are chosen around the frames' own centres; the common shift is small beside the band.
+        let near = gather(frames, &stand.shared, lesson);
+        let (equations, scale) = descend(&near, &mut stand, lesson, STEPS)?;
+        Some(Self::of(equations, scale, stand, shared))
+    }
+
+    /// The same on these pixels.
+    pub fn settle_on(bands: &[Banded<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Self> {
+        let mut stand = Stand {
+            shared: shared.clone(),
+            shift: [0.0; 2],
+        };
+        let (equations, scale) = descend(bands, &mut stand, lesson, STEPS)?;
+        Some(Self::of(equations, scale, stand, shared))
+    }
+
+    fn of(equations: Equations, scale: f64, stand: Stand, shared: &mut Shared) -> Self {
+        *shared = stand.shared;
+        Self {
+            shift: stand.shift,
+            radius_std_px: if shared.radius_held {
+                Some(OUTLINE_STD_PX)
+            } else {
+                equations.std(RADIUS)
+            },
+            residuals: equations.residuals,
+            scale,
+        }
+    }
+
+    /// The biweight's cost at `scale`: squared residuals in variances, levelling off for outliers.
+    #[must_use]
+    pub fn cost(&self, scale: f64) -> f64 {
+        cost(&self.residuals, scale)
+    }
+}
+
+fn root_mean_square(residuals: &[f64]) -> f64 {
+    let sum: f64 = residuals.iter().map(|r| r * r).sum();
+    (sum / residuals.len().max(1) as f64).sqrt().max(LEAST_SCALE_GREY)
+}
+
+fn cost(residuals: &[f64], scale: f64) -> f64 {
+    let cut = TUKEY * scale;
+    let cost = |r: f64| {
+        let x = 1.0 - (r / cut).powi(2).min(1.0);
+        TUKEY * TUKEY / 3.0 * (1.0 - x * x * x)
+    };
+    residuals.iter().map(|&r| cost(r)).sum()
+}
+
+/// Up to `steps` steps downhill from `stand`; the equations there, and the scale of their residuals. `None` where that
+/// leads away from any ball.
+fn descend(
+    bands: &[Banded<'_>],
+    stand: &mut Stand,
+    lesson: &Lesson,
+    steps: usize,
+) -> Option<(Equations, f64)> {
+    if bands.len() < LEAST_EXAMPLES {
+        return None;
+    }
+    let begin_radius_px = stand.shared.radius_px;
+    let mut now = Equations::build(bands, stand, lesson, f64::INFINITY);
+    if stand.shared.terms.iter().all(|&t| t == 0.0) {
+        // Without a brightness the edge has no sign: the first step finds the light alone.
+        now.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
+        *stand = stand.moved(&now.solve(LEAST_DAMPING)?, begin_radius_px)?;
+        now = Equations::build(bands, stand, lesson, f64::INFINITY);
+    }
+    // The first step is led by what the median of the residuals would call outliers.
+    now = Equations::build(bands, stand, lesson, root_mean_square(&now.residuals));
+    let mut damping = DAMPING;
+    for _ in 0..steps {
+        now.hold_what_is_held(&stand.shared);
+        let change = now.solve(damping)?;
+        let before = cost(&now.residuals, now.weighed_at);
+        let better = stand.moved(&change, begin_radius_px).and_then(|to| {
+            let next = Equations::build(bands, &to, lesson, now.scale);
+            (cost(&next.residuals, now.weighed_at) <= before).then_some((to, next))
+        });
+        let px = [0, 1, RADIUS, BLUR].map(|i| change[i].abs());
+        match better {
+            Some((to, next)) => {
+                (*stand, now) = (to, next);
+                damping = (0.1 * damping).max(LEAST_DAMPING);
+            }
+            None => damping = (10.0 * damping).max(DAMPING),
+        }
+        if px.into_iter().fold(0.0, f64::max) < CONVERGED_PX || damping > STUCK {
+            break;
+        }
+    }
+    now.hold_what_is_held(&stand.shared);
+    let scale = now.scale;
+    Some((now, scale))
+}
+
+/// The pixels of every good frame's band.
+pub fn gather<'a, 'b>(frames: &'b [Studied<'a>], shared: &Shared, lesson: &Lesson) -> Vec<Banded<'b>>
+where
+    'a: 'b,
+{
+    frames
+        .iter()
+        .filter(|f| f.good)
+        .map(|f| {
+            let disc = f.disc_with(shared);
+            let radius_px = shared.radius_px * f.example.magnification;
+            let mut reach = lesson.effort.reach(radius_px, shared.blur_px, 1);
+            reach.most_pixels = lesson.most_pixels;
+            let pixels = ball::band(&f.example.patch, &disc, shared.blur_px, reach, 1);
+            (f, pixels)
+        })
+        .filter(|(_, pixels)| pixels.len() > 20)
+        .collect()
+}
+
+/// The ball's picture at one magnification, and what it is with a slightly larger radius or blur.
+struct Tables {
+    magnification: f64,
+    profiles: RadialTable,
+    table: RadialTable,
+    wider: RadialTable,
+    softer: RadialTable,
+}
+
+/// Sizes of a class differ by no more than this part, which [`Pose::larger_px`] bridges.
+const SIZE_CLASS: f64 = 0.02;
+
+/// The class of a magnification; that of 1 is exact.
+fn size_class(magnification: f64) -> i32 {
+    (magnification.ln() / SIZE_CLASS).round() as i32
+}
+
+/// The tables of every class of sizes that the frames have. Slopes by radius and blur are the model's own, by differences.
+fn tables(bands: &[Banded<'_>], shared: &Shared, step_px: f64, lesson: &Lesson) -> BTreeMap<i32, Tables> {
+    let classes: BTreeSet<i32> = bands
+        .iter()
+        .map(|(f, _)| size_class(f.example.magnification))
+        .collect();
+    let of_class = |class: i32| {
+        let magnification = (SIZE_CLASS * f64::from(class)).exp();
+        let profiles =
+            |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
+        let usual = profiles(shared.radius_px, shared.blur_px);
+        Tables {
+            magnification,
+            table: usual.of_ball(&shared.terms),
+            wider: profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms),
+            softer: profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms),
+            profiles: usual,
+        }
+    };
+    classes.into_iter().map(|c| (c, of_class(c))).collect()
+}
+
+/// The normal equations of one step.
+struct Equations {
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+    residuals: Vec<f64>,
+    /// The scale that the weights were made for.
+    weighed_at: f64,
+    /// The residuals' own.
+    scale: f64,
+    /// Each frame's pull, for the uncertainty: residuals of a frame are not independent.
+    pulls: Vec<DVector<f64>>,
+}
+
+/// One frame's share in them.
+struct Part {
+    /// Its lower triangle.
+    normal: DMatrix<f64>,
+    pull: DVector<f64>,
+    residuals: Vec<f64>,
+}
+
+impl Part {
+    fn build(
+        frame: &Studied<'_>,
+        pixels: &[BandPixel],
+        stand: &Stand,
+        tables: &Tables,
+        step_px: f64,
+        scale: f64,
+    ) -> Self {
+        let shared = &stand.shared;
+        let mut disc = frame.disc_with(shared);
+        disc.centre.u_px += stand.shift[0];
+        disc.centre.v_px += stand.shift[1];
+        let magnification = frame.example.magnification;
+        let pose = Pose {
+            radius_px: shared.radius_px * tables.magnification,
+            larger_px: frame.departures[SIZE] + shared.radius_px * (magnification - tables.magnification),
+            swept_px: disc.swept_px,
+            points: ball::path_points(disc.swept_px, shared.blur_px),
+        };
+        let strength = frame.example.gain + frame.departures[0];
+        let n = TERMS + shared.terms.len();
+        let mut part = Self {
+            normal: DMatrix::zeros(n, n),
+            pull: DVector::zeros(n),
+            residuals: Vec::with_capacity(pixels.len()),
+        };
+        let cut = TUKEY * scale;
+        let mut row = vec![0.0; n];
+        for p in pixels {
+            let at = ball::offset(disc.centre, p);
+            let see = |t: &RadialTable| ball::light(t, &pose, at);
+            let l = see(&tables.table);
+            let tilt = frame.departures[1] * l.dipole[0] + frame.departures[2] * l.dipole[1];
+            let residual = p.grey - (p.background * (1.0 - l.cover) + strength * l.ball + tilt);
+            part.residuals.push(residual);
+            let x = residual / cut;
+            if x.abs() >= 1.0 {
+                continue;
+            }
+            let weight = (1.0 - x * x).powi(2);
+            row[0] = p.background * l.cover_slope[0] - strength * l.ball_slope[0];
+            row[1] = p.background * l.cover_slope[1] - strength * l.ball_slope[1];
+            let slope = |other: &RadialTable| {
+                let o = see(other);
+                (strength * (o.ball - l.ball) - p.background * (o.cover - l.cover)) / step_px
+            };
+            row[RADIUS] = slope(&tables.wider);
+            row[BLUR] = slope(&tables.softer);
+            row[EXPOSURE] = if shared.exposure_s > 0.0 {
+                (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
+            } else {
+                0.0
+            };
+            ball::term_shares(&tables.profiles, &pose, at, &mut row[TERMS..]);
+            for share in &mut row[TERMS..] {
+                *share *= strength;
+            }
+            part.add(&row, weight, residual);
+        }
+        part
+    }
+
+    fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
+        for (i, x) in row.iter().enumerate() {
+            let wi = weight * x;
+            self.pull[i] += wi * residual;
+            for (j, y) in row.iter().enumerate().take(i + 1) {
+                self.normal[(i, j)] += wi * y;
+            }
+        }
+    }
+}
+
+impl Equations {
+    /// The equations where the fit stands, weighed for residuals of this scale.
+    fn build(bands: &[Banded<'_>], stand: &Stand, lesson: &Lesson, scale: f64) -> Self {
+        let n = TERMS + stand.shared.terms.len();
+        let step_px = 1e-3 * stand.shared.radius_px.min(1.0);
+        let tables = tables(bands, &stand.shared, step_px, lesson);
+        // In the frames' order, whichever core is first: sums are then the same in every run.
+        let parts: Vec<Part> = bands
+            .par_iter()
+            .filter_map(|(frame, pixels)| {
+                let tables = tables.get(&size_class(frame.example.magnification))?;
+                Some(Part::build(frame, pixels, stand, tables, step_px, scale))
+            })
+            .collect();
+        let mut normal = DMatrix::zeros(n, n);
+        let mut right = DVector::zeros(n);
+        let mut residuals = Vec::with_capacity(parts.iter().map(|p| p.residuals.len()).sum());
+        let mut pulls = Vec::with_capacity(parts.len());
+        for part in parts {
+            normal += part.normal;
+            right += &part.pull;
+            residuals.extend(part.residuals);
+            pulls.push(part.pull);
+        }
+        for i in 0..n {
+            for j in 0..i {
+                normal[(j, i)] = normal[(i, j)];
+            }
+        }
+        let mut magnitudes: Vec<f32> = residuals.iter().map(|r: &f64| r.abs() as f32).collect();
+        let own_scale = 1.4826 * f64::from(median_in_place(&mut magnitudes));
+        Self {
+            normal,
+            right,
+            residuals,
+            weighed_at: scale,
+            scale: own_scale.max(LEAST_SCALE_GREY),
+            pulls,
+        }
+    }
+
+    fn hold_what_is_held(&mut self, shared: &Shared) {
+        if shared.exposure_s == 0.0 {
+            self.hold(&[EXPOSURE]);
+        }
+        if shared.radius_held {
+            self.hold(&[RADIUS]);
+        }
+    }
+
+    /// Keeps these unknowns as they are.
+    fn hold(&mut self, unknowns: &[usize]) {
+        for &i in unknowns {
+            self.normal.row_mut(i).fill(0.0);
+            self.normal.column_mut(i).fill(0.0);
+            self.normal[(i, i)] = 1.0;
+            self.right[i] = 0.0;
+        }
+    }
+
+    /// Columns scaled to one, damped.
+    fn inverse(&self, damping: f64) -> Option<DMatrix<f64>> {
+        let n = self.normal.nrows();
+        let scale: Vec<f64> = (0..n).map(|i| self.normal[(i, i)].max(1e-30).sqrt()).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            self.normal[(i, j)] / (scale[i] * scale[j]) + if i == j { damping } else { 0.0 }
+        });
+        let inverse = scaled.cholesky()?.inverse();
+        Some(DMatrix::from_fn(n, n, |i, j| {
+            inverse[(i, j)] / (scale[i] * scale[j])
+        }))
+    }
+
+    fn solve(&self, damping: f64) -> Option<DVector<f64>> {
+        let change = self.inverse(damping)? * &self.right;
+        change.iter().all(|x| x.is_finite()).then_some(change)
+    }
+
+    /// Standard uncertainty of an unknown, the residuals of a frame taken as one.
+    fn std(&self, unknown: usize) -> Option<f64> {
+        let inverse = self.inverse(LEAST_DAMPING)?;
+        let row = inverse.row(unknown);
+        let n = self.pulls.len() as f64;
+        let variance: f64 =
+            self.pulls.iter().map(|p| (row * p)[(0, 0)].powi(2)).sum::<f64>() * n / (n - 1.0).max(1.0);
+        (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
+    }
+}
