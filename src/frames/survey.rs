@@ -5,6 +5,7 @@ use super::folder::Listing;
 use super::pixels::{PixelReader, Pixels};
 use super::video::{PictureStream, checked_size, count, ffmpeg, no_frames, open_input, orientation};
 use super::{Coded, Frame, Luma};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -66,23 +67,48 @@ fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameEr
     if chosen.len() < at_most.div_ceil(2) {
         return Ok(None);
     }
+    // Key frames stand alone, but a decoder takes them one after the other: one for each core.
+    drop(input);
+    let share = chosen.len().div_ceil(rayon::current_num_threads()).max(1);
+    let parts: Vec<Vec<(i64, Luma)>> = chosen
+        .par_chunks(share)
+        .map(|stamps| these_key_frames(path, stamps))
+        .collect::<Result<_, _>>()?;
+    let size = |l: &Luma| (l.width, l.height);
+    let first = parts
+        .iter()
+        .flatten()
+        .next()
+        .map(|(stamp, luma)| (*stamp, size(luma)));
+    let frames: Vec<Frame> = parts
+        .into_iter()
+        .flatten()
+        .filter(|(_, luma)| first.is_some_and(|(_, s)| s == size(luma)))
+        .enumerate()
+        .map(|(index, (stamp, luma))| Frame {
+            index,
+            #[allow(clippy::cast_precision_loss, reason = "approximate")]
+            time_s: stamp.saturating_sub(first.map_or(0, |f| f.0)) as f64 * tick_s,
+            luma,
+            coded: Coded::Whole,
+        })
+        .collect();
+    Ok((frames.len() >= at_most.div_ceil(2)).then_some(frames))
+}
+
+/// The key frames with these stamps, of one size; a damaged one is one frame less, nothing worse.
+fn these_key_frames(path: &Path, stamps: &[i64]) -> Result<Vec<(i64, Luma)>, FrameError> {
+    let (input, _) = open_input(path)?;
     let mut collector = Collector::open(path, input, false)?;
-    let mut frames = Vec::with_capacity(chosen.len());
-    for stamp in chosen {
-        // A damaged key frame is one frame less, nothing worse.
+    let mut found = Vec::with_capacity(stamps.len());
+    for &stamp in stamps {
         if collector.stream.key_frame(stamp)
             && let Some(luma) = collector.luma()?
         {
-            let index = frames.len();
-            frames.push(Frame {
-                index,
-                time_s: collector.time(stamp),
-                luma,
-                coded: Coded::Whole,
-            });
+            found.push((stamp, luma));
         }
     }
-    Ok((frames.len() >= at_most.div_ceil(2)).then_some(frames))
+    Ok(found)
 }
 
 /// For each of `at_most` instants, evenly spread over 0 to `last`, the nearest stamp; none of them twice.
