@@ -7,7 +7,7 @@
 //!
 //! The arcs are fitted without lift. Here each point is moved back by what lift did to it, the arcs follow by the same
 //! least squares, to first order, and lift is added to their motion again. A smooth ball's lift can differ from a tennis
-//! ball's by half (and turn round near the drag crisis, far above these speeds): that doubt is in [`Lift::doubt`].
+//! ball's by a third (and turn round near the drag crisis, far above these speeds): that doubt is in [`Lift::doubt`].
 
 use crate::flight::Flight;
 use crate::flight::fit::{DRAG, Motion, pushed_by};
@@ -30,8 +30,9 @@ pub fn sphere_drag(radius_m: f64, speed_m_s: f64) -> f64 {
 /// Drag coefficient at usual speeds, where only its order counts.
 const USUAL_DRAG: f64 = 0.42;
 
-/// Relative standard uncertainty of the lift of a ball whose spin is known.
-const KNOWN_SPIN_DOUBT: f64 = 0.5;
+/// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
+/// and 1.4 times a tennis ball's.
+const KNOWN_SPIN_DOUBT: f64 = 0.35;
 
 /// Lift over drag that a ball may have which is said not to spin.
 const LEAST_DOUBT: f64 = 0.03;

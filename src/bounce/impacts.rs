@@ -20,6 +20,8 @@ pub struct Scene<'a> {
     /// +1 when the launch goes to the right in the picture, −1 to the left.
     pub x_sign: f64,
     lift: Lift,
+    /// Speed of the first impact, for which the time of contact stands, m/s.
+    contact_speed_m_s: Option<f64>,
     /// Metres a plane unit.
     pub metres_per_unit: Quantity,
     /// Where x = 0 lies: `right` of the plane, plane units.
@@ -42,12 +44,18 @@ const DRAG_OUT: usize = 8;
 const PLACES: usize = 9;
 
 /// The fitted drag goes as the square of the speed; a sphere's coefficient changes by about this part over the speeds
-/// of an arc (Clift and Gauvin 1970, Reynolds numbers of 300 to 30 000).
-const DRAG_LAW_STD: f64 = 0.15;
+/// of an arc (0.39 to 0.45 between Reynolds numbers of 1500 and 50 000: Brown and Lawler 2003).
+const DRAG_LAW_STD: f64 = 0.07;
 
-/// A centre's error that all frames share (the light's side, the edge's shape): it does not average out. The edge-band
-/// fit's on a shaded ball with a highlight is up to this, px.
-const COMMON_STD_PX: f64 = 0.03;
+/// How well the picture tells places.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picture {
+    /// The length of a pixel near the ball, plane units.
+    pub units_per_px: f64,
+    /// Standard deviation of a centre's error that all frames share (the light's side, the edge's shape), px: it does not
+    /// average out.
+    pub common_std_px: f64,
+}
 
 /// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
 const PLACES_STD_PX: f64 = 0.02;
@@ -57,8 +65,8 @@ const TOUCH_S: f64 = 3.5e-5;
 /// Standard deviation of that from ball to ball, s.
 const TOUCH_STD_S: f64 = 3e-5;
 
-/// Effective modulus of a hard ball on a hard floor, Pa: steel on glass or stone.
-const HARD_MODULUS_PA: f64 = 5e10;
+/// Effective modulus of a hard ball on a hard floor, Pa: between steel on stone (45 GPa) and steel on steel (115 GPa).
+const HARD_MODULUS_PA: f64 = 7e10;
 /// Relative doubt of the contact time from that: a factor of 3 in the modulus is one of 1.55 in time. What a soft ball
 /// takes more is not contained.
 const CONTACT_DOUBT: f64 = 0.5;
@@ -103,16 +111,19 @@ fn gains(bounce: &Bounce) -> bool {
 const SLIP_SIGMAS: f64 = 3.0;
 
 impl<'a> Scene<'a> {
-    /// The scene of `flight`. `unit_std_px` is the length of a pixel in plane units near the ball (for the origin's
-    /// uncertainty), `first_right` where the ball was first seen.
+    /// The scene of `flight`; `first_right` is where the ball was first seen.
     #[must_use]
     pub fn new(
         flight: &'a Flight,
         calibration: &'a Calibration,
         metres_per_unit: Quantity,
-        units_per_px: f64,
+        picture: Picture,
         first_right: f64,
     ) -> Self {
+        let Picture {
+            units_per_px,
+            common_std_px,
+        } = picture;
         let fit = &flight.fit;
         let n = fit.parameters.len();
         let mut values = DVector::zeros(n + EXTRAS);
@@ -124,7 +135,7 @@ impl<'a> Scene<'a> {
             Scale::Gravity => calibration.gravity_std_m_s2.map(|s| s / calibration.gravity_m_s2),
             _ => metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value),
         };
-        let common = COMMON_STD_PX * units_per_px;
+        let common = common_std_px * units_per_px;
         let origin = calibration.origin_std_px.unwrap_or(0.0) * units_per_px;
         for (i, std) in [
             (SCALE, relative.unwrap_or(0.0)),
@@ -154,6 +165,7 @@ impl<'a> Scene<'a> {
             evidence: Evidence { values, covariance },
             x_sign,
             lift: Lift::default(),
+            contact_speed_m_s: None,
             metres_per_unit,
             zero_right,
         };
@@ -164,10 +176,10 @@ impl<'a> Scene<'a> {
     fn in_contact(mut self) -> Self {
         let p = self.evidence.values.as_slice();
         let impacts = (0..self.arcs().saturating_sub(1)).filter(|&k| self.flight.impacts[k].is_some());
-        let speed_m_s = impacts
+        self.contact_speed_m_s = impacts
             .map(|k| self.impact(p, k).1.vh.abs())
-            .find(|v| v.is_finite());
-        let (touch_s, std_s) = touch_s(&self.calibration.ball, speed_m_s.unwrap_or(0.0));
+            .find(|&v| v.is_finite() && v > 0.0);
+        let (touch_s, std_s) = touch_s(&self.calibration.ball, self.contact_speed_m_s.unwrap_or(0.0));
         let i = self.evidence.values.len() - EXTRAS + CONTACT;
         self.evidence.values[i] = touch_s;
         self.evidence.covariance[(i, i)] = std_s * std_s;
@@ -254,7 +266,7 @@ impl<'a> Scene<'a> {
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
-        let touch_s = p[p.len() - EXTRAS + CONTACT];
+        let touch_s = p[p.len() - EXTRAS + CONTACT] * self.slower_contact(self.world(p, k, t).vh.abs());
         let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - touch_s));
         // What comes back more slowly takes longer to let go, up to twice as long.
         let slower = (-before.vh / self.world(p, k + 1, t).vh).clamp(1.0, 2.0);
@@ -267,6 +279,16 @@ impl<'a> Scene<'a> {
             self.world(p, k + 1, t + release_s),
         );
         (t - touch_s, before, after)
+    }
+
+    /// How many times longer than the first a contact at this speed takes: as v^(-1/5), by Hertz.
+    fn slower_contact(&self, speed_m_s: f64) -> f64 {
+        let times = (self.contact_speed_m_s.unwrap_or(speed_m_s) / speed_m_s).powf(0.2);
+        if times.is_finite() {
+            times.clamp(0.5, 2.0)
+        } else {
+            1.0
+        }
     }
 
     /// The motion with what lift beyond its law may have changed in the speed along x, and drag beyond its law in both: a

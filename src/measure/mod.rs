@@ -14,7 +14,7 @@ mod world;
 
 pub use result::*;
 
-use crate::bounce::impacts::{ImpactKind, Scene};
+use crate::bounce::impacts::{ImpactKind, Picture, Scene};
 use crate::bounce::reading;
 use crate::calibration::{Calibration, CalibrationError, Optics, Rectification, ScaleEvidence};
 use crate::detect::centre::{Accuracy, Centre};
@@ -431,7 +431,10 @@ impl<'a> Work<'a> {
             flight,
             self.calibration,
             metres_per_unit,
-            self.units_per_px(),
+            Picture {
+                units_per_px: self.units_per_px(),
+                common_std_px: refine::common_std_px(self.shared.as_ref()),
+            },
             first_right,
         );
         let bounces = scene.bounces();

@@ -33,6 +33,22 @@ impl Shared {
     }
 }
 
+/// Standard deviation of the error that all centres share, px.
+#[must_use]
+pub fn common_std_px(shared: Option<&Shared>) -> f64 {
+    shared
+        .and_then(|s| s.appearance.as_ref())
+        .map_or(OUTLINE_COMMON_STD_PX, |a| {
+            a.shift_std_px.hypot(LEARNED_COMMON_STD_PX)
+        })
+}
+
+/// What the model of the ball leaves out (a highlight's shape, the optics' real blur) shifts all centres by this, px.
+const LEARNED_COMMON_STD_PX: f64 = 0.01;
+
+/// A shaded ball's outline is off towards the light by about this, px.
+const OUTLINE_COMMON_STD_PX: f64 = 0.1;
+
 /// What is learned of the ball, and how hard each centre is looked for.
 fn method(accuracy: Accuracy) -> Option<(&'static Lesson, &'static Effort)> {
     match accuracy {

@@ -187,6 +187,7 @@ impl Shared {
         Appearance {
             radius_px: self.radius_px,
             radius_std_px: pool.radius_std_px,
+            shift_std_px: pool.shift_std_px,
             blur_px: self.blur_px,
             exposure_s: self.exposure_s,
             table: lesson

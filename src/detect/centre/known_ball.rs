@@ -21,6 +21,8 @@ pub struct Appearance {
     pub radius_px: f64,
     /// Standard uncertainty of the radius, px.
     pub radius_std_px: Option<f64>,
+    /// Standard uncertainty of a shift that all centres found with it share, root mean square of the two coordinates, px.
+    pub shift_std_px: f64,
     /// Standard deviation of the edge's blur (optics and pixel together), px.
     pub blur_px: f64,
     /// How long the shutter is open, s; 0 where its smear cannot be seen.

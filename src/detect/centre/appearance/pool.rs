@@ -14,6 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Pool {
     /// Shift that all centres share, px.
     pub shift: [f64; 2],
+    /// Its standard uncertainty, root mean square of the two coordinates, px.
+    pub shift_std_px: f64,
     /// Of all pixels, grey levels.
     pub residuals: Vec<f64>,
     /// Robust standard deviation of the residuals, grey levels.
@@ -42,6 +44,9 @@ const CONVERGED_PX: f64 = 5e-4;
 const LEAST_DAMPING: f64 = 1e-7;
 const DAMPING: f64 = 1e-4;
 const STUCK: f64 = 1e3;
+
+/// Of a shift whose uncertainty the equations do not tell, px.
+const UNKNOWN_SHIFT_STD_PX: f64 = 0.1;
 
 /// Rounding to whole grey levels, standard deviation.
 const LEAST_SCALE_GREY: f64 = 0.29;
@@ -110,6 +115,10 @@ impl Pool {
         *shared = stand.shared;
         Self {
             shift: stand.shift,
+            shift_std_px: equations
+                .std(0)
+                .zip(equations.std(1))
+                .map_or(UNKNOWN_SHIFT_STD_PX, |(u, v)| (0.5 * (u * u + v * v)).sqrt()),
             radius_std_px: if shared.radius_held {
                 Some(OUTLINE_STD_PX)
             } else {
