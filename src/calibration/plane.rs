@@ -138,18 +138,48 @@ impl Rectification {
     /// d(right, up)/d(u, v) at `p`, plane units per pixel of the picture; `None` where [`Self::plane_from_pixel`] is.
     #[must_use]
     pub fn jacobian(&self, p: PixelPoint) -> Option<Matrix2<f64>> {
-        let (ideal, lens) = match &self.lens {
-            Some(lens) => lens.undistort_with_jacobian(p)?,
-            None => (p, Matrix2::identity()),
-        };
-        let map = match &self.map {
-            Map::Rotation { up: [a, b], .. } => Matrix2::new(-b, *a, *a, *b),
-            Map::Homography { plane_from_pixel, .. } => {
-                jacobian_of(plane_from_pixel, ideal.u_px, ideal.v_px)?
-            }
-        };
-        let jacobian = map * lens;
+        let (ideal, lens) = self.undistort_with_jacobian(p)?;
+        let jacobian = self.jacobian_from_ideal(ideal)? * lens;
         jacobian.iter().all(|d| d.is_finite()).then_some(jacobian)
+    }
+
+    /// The same for a point of the undistorted picture, per pixel of that.
+    pub(super) fn jacobian_from_ideal(&self, p: PixelPoint) -> Option<Matrix2<f64>> {
+        match &self.map {
+            Map::Rotation { up: [a, b], .. } => Some(Matrix2::new(-b, *a, *a, *b)),
+            Map::Homography { plane_from_pixel, .. } => jacobian_of(plane_from_pixel, p.u_px, p.v_px),
+        }
+    }
+
+    /// How far from the camera along its axis the point of the plane is that the undistorted picture shows at `p`, in
+    /// some unit; `None` where that is not seen.
+    pub(super) fn depth(&self, p: PixelPoint) -> Option<f64> {
+        match &self.map {
+            Map::Rotation { .. } => Some(1.0),
+            Map::Homography { plane_from_pixel, .. } => {
+                // The third component of H⁻¹ (x, up, 1) is one over that of H (u, v, 1).
+                let w = (plane_from_pixel * Vector3::new(p.u_px, p.v_px, 1.0))[2];
+                (w > 0.0 && w.is_finite()).then(|| 1.0 / w)
+            }
+        }
+    }
+
+    /// Whether the picture is undistorted first.
+    pub(super) const fn has_lens(&self) -> bool {
+        self.lens.is_some()
+    }
+
+    /// The lens's principal point.
+    pub(super) fn principal_point(&self) -> Option<PixelPoint> {
+        self.lens.as_ref().map(Lens::principal_point)
+    }
+
+    /// The undistorted point and d(undistorted)/d(seen).
+    pub(super) fn undistort_with_jacobian(&self, p: PixelPoint) -> Option<(PixelPoint, Matrix2<f64>)> {
+        match &self.lens {
+            Some(lens) => lens.undistort_with_jacobian(p),
+            None => Some((p, Matrix2::identity())),
+        }
     }
 
     pub(super) fn undistort(&self, p: PixelPoint) -> Option<PixelPoint> {
