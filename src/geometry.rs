@@ -101,7 +101,7 @@ mod tests {
         let (c, a) = nearest_ellipse(|d| Some(centre + axes * d)).unwrap();
         assert!((c - centre).norm() < 1e-12 && (a - axes).norm() < 1e-12);
         assert_eq!(nearest_ellipse(|d| (d.x > 0.0).then_some(d)), None);
-        assert_eq!(nearest_ellipse(|_| Some(centre)), None);
+        assert_eq!(nearest_ellipse(|_| Some(Vector2::zeros())), None);
     }
 
     /// The middle of the area within a circle seen through x → x (1 + k x²): that of the nearest ellipse.

@@ -1,7 +1,9 @@
 //! Rendering against closed forms and against itself on finer grids, in grey levels before noise and rounding.
 
 use super::*;
+use crate::calibration::Calibration;
 use crate::simulate::Recording;
+use crate::simulate::truth::CentreTruth;
 use std::f64::consts::PI;
 
 fn recording(more: &str) -> Recording {
@@ -231,7 +233,7 @@ fn middle_of_outline(recording: &Recording, centre: &CentreTruth, depth_m: f64) 
         })
         .collect();
     let origin = rim[0];
-    let (mut area, mut moment) = (0.0, Vector2::zeros());
+    let (mut area, mut moment) = (0.0, Vector2::<f64>::zeros());
     for pair in rim.windows(2) {
         let (a, b) = (pair[0] - origin, pair[1] - origin);
         let triangle = 0.5 * (a.x * b.y - a.y * b.x);
