@@ -54,13 +54,17 @@ pub fn check(path: &Path, recording: Option<&SourceInfo>) -> Result<Vec<Finding>
     if let Some(calibration) = &calibration {
         // A value that was refused stands at its default here: whatever follows from that is no finding.
         findings.refused = problems.into_iter().map(|p| p.key).collect();
-        by_itself(calibration, recording, &mut findings);
-        if let Some(recording) = recording {
-            against(calibration, recording, &mut findings);
-        }
+        findings.judge(calibration, recording);
     }
-    findings.all.sort_by_key(|f| f.weight);
-    Ok(findings.all)
+    Ok(findings.sorted())
+}
+
+/// Everything found in a calibration that was just made, problems first; against a recording where one is given.
+#[must_use]
+pub fn findings(calibration: &Calibration, recording: Option<&SourceInfo>) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    findings.judge(calibration, recording);
+    findings.sorted()
 }
 
 #[derive(Default)]
@@ -70,6 +74,18 @@ struct Findings {
 }
 
 impl Findings {
+    fn judge(&mut self, calibration: &Calibration, recording: Option<&SourceInfo>) {
+        by_itself(calibration, recording, self);
+        if let Some(recording) = recording {
+            against(calibration, recording, self);
+        }
+    }
+
+    fn sorted(mut self) -> Vec<Finding> {
+        self.all.sort_by_key(|f| f.weight);
+        self.all
+    }
+
     fn refused(&mut self, problem: &Problem) {
         self.all.push(Finding {
             weight: Weight::Problem,
@@ -164,13 +180,13 @@ fn scale(c: &Calibration, size: Option<(usize, usize)>, out: &mut Findings) {
     if let Some(size) = size
         && let Some(q) = metres_per_pixel(c, size)
     {
-        let width_m = q * size.0 as f64;
-        if !(1e-3..200.0).contains(&width_m) {
+        let longer = size.0.max(size.1);
+        let longer_m = q * longer as f64;
+        if !(1e-3..200.0).contains(&longer_m) {
             out.problem(
                 "scale",
                 format!(
-                    "the picture would be {width_m:.3e} m wide ({} px of {q:.3e} m): check the unit, lengths are metres",
-                    size.0
+                    "the picture's longer side would be {longer_m:.3} m ({longer} px of {q:.3e} m): check the unit, lengths are metres"
                 ),
             );
         }
