@@ -87,7 +87,9 @@ pub(super) fn run(args: &RulerArgs) -> anyhow::Result<Status> {
     let still = super::still(&args.video, args.frame)?;
     let ruled = calibrate(&request, &still.raw)?;
     // A picture taken in the recording's mode has no times to judge.
-    let recording = super::facts(&args.video).ok().filter(|_| !frames::is_picture(&args.video));
+    let recording = super::facts(&args.video)
+        .ok()
+        .filter(|_| !frames::is_picture(&args.video));
     super::warn_of_problems(&ruled.calibration, recording.as_ref());
     let table = table(&ruled);
     if let Some(out) = &args.out {
