@@ -22,7 +22,7 @@ use track::calibration::{Calibration, Scale};
 use track::detect::centre::Accuracy;
 use track::frames::{Coding, Luma, VideoWriter};
 use track::geometry::{PixelPoint, PlanePoint};
-use track::measure::{Outcome, measure};
+use track::measure::{Outcome, PointUse, measure};
 use track::quantity::Quantity;
 use track::simulate::{Recording, Scene};
 
@@ -206,8 +206,10 @@ fn board_in_plane(right_m: f64, down_m: f64) -> Pose {
     }
 }
 
-/// A launch seen squarely by an ideal lens, or obliquely through a barrel lens.
+/// A launch seen squarely by an ideal lens, or obliquely through a barrel lens; no two alike, as a codec's errors repeat
+/// with the path's whole pixels.
 fn scene(seed: u64, oblique: bool) -> Value {
+    let part = |golden: f64| (golden * (seed + 1) as f64).fract();
     let contacts = [
         json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07}),
         json!({"model": "mu_e", "restitution": 0.88, "friction": 0.2}),
@@ -226,7 +228,7 @@ fn scene(seed: u64, oblique: bool) -> Value {
         "schema": "track.scene/1", "seed": seed,
         "ball": {"radius_m": 0.012, "mass_kg": 0.0567, "inertia_factor": 0.4},
         "contact": contacts[seed as usize % 3],
-        "launch": {"drop_height_m": 0.14 + 0.03 * (seed % 4) as f64, "speed_m_s": 0.8 + 0.1 * (seed % 3) as f64},
+        "launch": {"drop_height_m": 0.14 + 0.1 * part(0.618_034), "speed_m_s": 0.75 + 0.3 * part(0.754_878)},
         "camera": camera,
         "look": {"background_grey": 60, "ball_grey": 200, "shading": 0.5},
         "stop": {"bounces": 2, "tail_s": 0.06}
@@ -324,12 +326,32 @@ fn make_oblique_calibration(dir: &Path) -> (Calibration, Value) {
     (Calibration::read(&calib).unwrap(), document)
 }
 
-/// What is asked is the last line of the printed figures: errors of an oblique recording within twice those of a straight
-/// one. Of that, the calibration's part is asserted: results with it are those with the exact calibration. The rest is the
-/// outline of the ball, which lens and tilt make an ellipse by some percent.
+/// Root mean squares of the errors of many recordings: straight, oblique with the exact calibration and with that of a
+/// board, and what these two are apart.
+fn rms_errors(seeds: u64, board: &Calibration) -> [[f64; 4]; 4] {
+    let of_seed = |seed: u64| {
+        let (straight, oblique) = (rendered(&scene(seed, false)), rendered(&scene(seed, true)));
+        let exact = errors(&oblique, &oblique.own);
+        let found = errors(&oblique, board);
+        let apart = std::array::from_fn(|i| found[i] - exact[i]);
+        [errors(&straight, &straight.own), exact, found, apart]
+    };
+    let seeds: Vec<u64> = (0..seeds).collect();
+    let each: Vec<[[f64; 4]; 4]> = std::thread::scope(|scope| {
+        let part = |part: &[u64]| part.iter().map(|&seed| of_seed(seed)).collect::<Vec<_>>();
+        let halves: Vec<_> = seeds
+            .chunks(seeds.len().div_ceil(2))
+            .map(|half| scope.spawn(move || part(half)))
+            .collect();
+        halves.into_iter().flat_map(|h| h.join().unwrap()).collect()
+    });
+    let mean_square =
+        |k: usize, i: usize| each.iter().map(|e| e[k][i].powi(2)).sum::<f64>() / each.len() as f64;
+    std::array::from_fn(|k| std::array::from_fn(|i| mean_square(k, i).sqrt()))
+}
+
 #[test]
-fn an_oblique_recording_through_a_barrel_lens_needs_no_better_calibration_than_a_boards() {
-    const SEEDS: u64 = 3;
+fn an_oblique_recording_through_a_barrel_lens_is_nearly_as_good_as_a_straight_one() {
     let (calibration, document) = oblique_calibration();
     let tilt = document["plane"]["tilt_deg"].as_f64().unwrap();
     let distance = document["plane"]["distance_m"].as_f64().unwrap();
@@ -340,33 +362,61 @@ fn an_oblique_recording_through_a_barrel_lens_needs_no_better_calibration_than_a
         "{distance}"
     );
     assert!(lean.abs() < 1.0, "{lean}");
-    let mut rms = [[0.0_f64; 4]; 3];
-    for seed in 0..SEEDS {
-        let (straight, oblique) = (rendered(&scene(seed, false)), rendered(&scene(seed, true)));
-        let exact = errors(&oblique, &oblique.own);
-        let found = errors(&oblique, calibration);
-        let apart: Vec<f64> = (0..4).map(|i| found[i] - exact[i]).collect();
-        for (sums, errors) in rms.iter_mut().zip([
-            errors(&straight, &straight.own),
-            found,
-            [apart[0], apart[1], apart[2], apart[3]],
-        ]) {
-            sums.iter_mut()
-                .zip(errors)
-                .for_each(|(sum, e)| *sum += e * e / SEEDS as f64);
-        }
-    }
-    // The figures that hold for straight recordings (tests/truth.rs), and what a tenth of them is.
-    let figures = [0.003, 0.01, 0.2, 0.2];
+    let [straight, exact, board, apart] = rms_errors(6, calibration);
     for (i, name) in ["e", "mu", "incident angle", "rebound angle"].iter().enumerate() {
-        let [straight, oblique, apart] = [0, 1, 2].map(|k: usize| rms[k][i].sqrt());
         println!(
-            "{name}: rms error {straight:.5} straight, {oblique:.5} oblique ({:.1} times; asked: 2); by the board in place of the \
-             exact calibration: {apart:.6}",
-            oblique / straight
+            "{name}: rms error {:.6} straight, {:.6} oblique ({:.2} times), {:.6} by a board's calibration ({:.2} times; \
+             {:.6} from the exact one's)",
+            straight[i],
+            exact[i],
+            exact[i] / straight[i],
+            board[i],
+            board[i] / straight[i],
+            apart[i]
         );
-        assert!(oblique < figures[i], "{name}: {oblique}");
-        assert!(apart < 0.1 * oblique.max(straight), "{name}: {apart}");
+        assert!(exact[i] < 2.0 * straight[i], "{name}");
+        assert!(board[i] < 2.0 * straight[i], "{name}");
+    }
+}
+
+/// Root mean square distance of the centres used from the truth, px.
+fn centre_error_px(r: &Rendered, accuracy: Accuracy) -> f64 {
+    let m = measure(&r.video, &r.own, "calib", accuracy, &mut |_| {}).unwrap();
+    let used = m
+        .track
+        .points
+        .iter()
+        .filter(|p| matches!(p.use_, PointUse::Used(_)));
+    let squares: Vec<f64> = used
+        .map(|p| {
+            let truth = &r.truth["centres"][p.frame];
+            let at = PixelPoint::new(truth["u_px"].as_f64().unwrap(), truth["v_px"].as_f64().unwrap());
+            p.pixel.distance_px(at).powi(2)
+        })
+        .collect();
+    assert!(squares.len() > 80, "{}", squares.len());
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// Where no noise hides it: a ball of 30 px drawn out by up to 1.5 px has its centre where a round one has it.
+#[test]
+fn a_drawn_out_ball_has_its_centre_where_a_round_one_has_it_at_every_accuracy() {
+    let clear = |oblique: bool| {
+        let mut scene = scene(0, oblique);
+        scene["camera"]["noise_grey"] = json!(0.3);
+        scene["camera"]["codec"] = json!("lossless");
+        scene["ball"]["radius_m"] = json!(0.024);
+        scene["camera"]["origin_px"] = json!([120, 690]);
+        rendered(&scene)
+    };
+    let (straight, oblique) = (clear(false), clear(true));
+    for accuracy in [Accuracy::Fast, Accuracy::Standard, Accuracy::Fine] {
+        let [round, drawn_out] = [&straight, &oblique].map(|r| centre_error_px(r, accuracy));
+        println!("{accuracy:?}: centres off by {round:.4} px straight, {drawn_out:.4} px oblique");
+        assert!(
+            drawn_out < 1.2 * round + 0.002,
+            "{accuracy:?}: {round} {drawn_out}"
+        );
     }
 }
 

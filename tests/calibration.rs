@@ -8,7 +8,7 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use track::calibration::{Calibration, CalibrationError, Problem, Scale, ScaleEvidence, View};
+use track::calibration::{Calibration, CalibrationError, Problem, Scale, ScaleEvidence, Silhouettes, View};
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
 
@@ -828,8 +828,12 @@ fn use_all(text: &str) -> Result<(), TestCaseError> {
         let p = PixelPoint::new(p.0, p.1);
         if let Some(q) = r.plane_from_pixel(p) {
             prop_assert!(q.right.is_finite() && q.up.is_finite());
-            let centre = viewpoint.and_then(|v| v.optics.centre_of_outline(&r, q, 20.0));
+            let optics = viewpoint.map(|v| v.optics);
+            let silhouettes = Silhouettes::new(&r, optics, PixelPoint::new(639.5, 359.5));
+            let centre = silhouettes.centre_of_outline(p, 20.0);
             prop_assert!(centre.is_none_or(|c| c.right.is_finite() && c.up.is_finite()));
+            let drawn = silhouettes.at(p);
+            prop_assert!(drawn.is_none_or(|s| s.size > 0.0 && s.size.is_finite() && s.longer().is_finite()));
             if let Some(back) = r.pixel_from_plane(q) {
                 prop_assert!(back.u_px.is_finite() && back.v_px.is_finite());
             }

@@ -6,7 +6,8 @@
 //! uncertainty of that scale, [`Calibration::up_std_rad`] and [`Calibration::origin_std_px`].
 //!
 //! How far the camera stands ([`Calibration::distance_m`]) makes it a pinhole at a place, a [`Viewpoint`]: then what is
-//! nearer than the plane can be put right. For the outline of a ball off the optical axis the lens is enough ([`Optics`]).
+//! nearer than the plane can be put right. For the outline of a ball off the optical axis the lens is enough ([`Optics`],
+//! [`Silhouettes`]).
 //!
 //! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `up_std_deg`,
 //! `origin_std_px`, `distance_m`, `distance_std_m`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens`
@@ -26,6 +27,7 @@ mod lens;
 mod plane;
 pub mod ruler;
 mod scale;
+mod silhouette;
 mod viewpoint;
 
 pub use deviation::Deviation;
@@ -33,6 +35,7 @@ pub use error::{CalibrationError, Problem};
 pub use lens::Lens;
 pub use plane::{PlaneUnit, Rectification};
 pub use scale::{Homography, ROUNDED_PIXEL_STD_PX, Scale, ScaleEvidence};
+pub use silhouette::{Silhouette, Silhouettes};
 pub use viewpoint::{Optics, Viewpoint};
 
 use crate::geometry::PixelPoint;

@@ -3,7 +3,7 @@
 
 use super::{Work, refine};
 use crate::bounce::air::{AIR_DENSITY_KG_M3, sphere_drag};
-use crate::calibration::{Optics, ScaleEvidence, View, Viewpoint};
+use crate::calibration::{Optics, ScaleEvidence, Silhouettes, View, Viewpoint};
 use crate::detect::centre::Centre;
 use crate::flight::fit::Forces;
 use crate::flight::linking::Spot;
@@ -48,13 +48,22 @@ impl Work<'_> {
         self.calibration.optics(metres_per_unit.map(|q| q.value), size)
     }
 
+    /// How the pictures draw the ball, as far as its camera is known.
+    pub(super) fn silhouettes(&self) -> Silhouettes<'_> {
+        let info = &self.seen.info;
+        let middle = |size: usize| 0.5 * (size as f64 - 1.0);
+        let middle = PixelPoint::new(middle(info.width_px), middle(info.height_px));
+        Silhouettes::new(&self.map, self.optics, middle)
+    }
+
     /// The spot of a centre: the ball's centre, which is not that of its outline where the camera is near.
     pub(super) fn spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
         let s = &self.seen.sightings[id];
         let spot = refine::spot(&self.map, s, centre, id, self.base.times_s[s.frame])?;
+        let disc = &centre.disc;
         let place = self
-            .optics
-            .and_then(|o| o.centre_of_outline(&self.map, spot.place, centre.disc.radius_px))
+            .silhouettes()
+            .centre_of_outline(s.registration.reference_from_frame(disc.centre), disc.radius_px)
             .unwrap_or(spot.place);
         Some(Spot { place, ..spot })
     }

@@ -230,6 +230,11 @@ impl<'a> Work<'a> {
             .map_or(1.0, |j| j.determinant().abs().sqrt())
     }
 
+    /// Length of a pixel of the usual ball's radius, plane units.
+    fn ball_units_per_px(&self) -> f64 {
+        self.silhouettes().units_per_px().unwrap_or(1.0)
+    }
+
     /// Spots of everything round, by the first centres, repeats left out.
     fn first_spots(&self) -> Vec<Spot> {
         self.seen
@@ -273,7 +278,7 @@ impl<'a> Work<'a> {
         refine::Scenery {
             seen: &self.seen,
             map: &self.map,
-            optics: self.optics,
+            silhouettes: self.silhouettes(),
         }
     }
 
@@ -387,7 +392,14 @@ impl<'a> Work<'a> {
     /// The ball's radius: common to all frames, or (a ball of a few pixels) the outlines' median.
     fn radius_px(&self) -> Option<Quantity> {
         let outlines = || {
-            let mut radii: Vec<f64> = self.found.iter().map(|f| f.centre.disc.radius_px).collect();
+            let silhouettes = self.silhouettes();
+            let usual = |f: &Found| {
+                let disc = &f.centre.disc;
+                let registration = &self.seen.sightings[f.sighting].registration;
+                let drawn = silhouettes.at(registration.reference_from_frame(disc.centre));
+                disc.radius_px / drawn.map_or(1.0, |drawn| drawn.size)
+            };
+            let mut radii: Vec<f64> = self.found.iter().map(usual).collect();
             Quantity::undetermined(median(&mut radii)?)
         };
         self.shared.as_ref().map(|s| s.radius_px).or_else(outlines)
@@ -399,15 +411,7 @@ impl<'a> Work<'a> {
         flight: &Flight,
         radius_px: Option<Quantity>,
     ) -> Result<Quantity, CalibrationError> {
-        let units = self
-            .found
-            .get(self.found.len() / 2)
-            .and_then(|f| {
-                let s = &self.seen.sightings[f.sighting];
-                self.map
-                    .jacobian(s.registration.reference_from_frame(f.centre.disc.centre))
-            })
-            .map_or(1.0, |j| j.determinant().abs().sqrt());
+        let units = self.ball_units_per_px();
         let g = flight.fit.gravity();
         self.calibration.metres_per_unit(&ScaleEvidence {
             ball_radius_units: radius_px.map(|r| r.scaled(units)),
@@ -452,7 +456,7 @@ impl<'a> Work<'a> {
             bounces: &bounces,
             gravity,
             radius_m,
-            radius_units: self.radius_px().map(|r| r.value * self.units_per_px()),
+            radius_units: self.radius_px().map(|r| r.value * self.ball_units_per_px()),
             walls,
             impossible: scene.impossible(&bounces),
             x0_missing: distances.x0_m.is_none(),
@@ -517,7 +521,7 @@ impl<'a> Work<'a> {
         self.calibration
             .ball
             .radius_m
-            .or_else(|| Some(self.radius_px()?.value * self.units_per_px() * metres_per_unit.value))
+            .or_else(|| Some(self.radius_px()?.value * self.ball_units_per_px() * metres_per_unit.value))
     }
 
     fn video_facts(&self) -> VideoFacts {

@@ -3,7 +3,7 @@
 //! hand, another thing) are looked at again there.
 
 use super::observe::Observation;
-use crate::calibration::{Optics, Rectification};
+use crate::calibration::{Rectification, Silhouette, Silhouettes};
 use crate::detect::centre::appearance::{self, Example, Lesson};
 use crate::detect::centre::drawn_out::DrawnOut;
 use crate::detect::centre::known_ball::{self, Appearance, Effort};
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// What all frames share.
 #[derive(Debug, Clone)]
 pub struct Shared {
-    /// The ball's radius in the calibrated plane, px.
+    /// The usual ball's radius, px: where the optical axis meets the calibrated plane ([`Silhouettes`]).
     pub radius_px: Quantity,
     /// The radius that first outlines have, px: of a ball of few pixels it is larger.
     pub outline_px: f64,
@@ -83,20 +83,28 @@ pub struct Scenery<'a> {
     pub seen: &'a Observation,
     /// From the reference picture to the calibrated plane.
     pub map: &'a Rectification,
-    /// The camera's angles, where they are known.
-    pub optics: Option<Optics>,
+    /// How the picture draws a ball.
+    pub silhouettes: Silhouettes<'a>,
 }
 
 impl Scenery<'_> {
-    /// The pixels around a sighting, and how perspective draws a ball like `disc` out there.
+    /// The outline of a ball at a place of a sighting's frame.
+    fn silhouette(&self, s: &Sighting, p: PixelPoint) -> Option<Silhouette> {
+        self.silhouettes.at(s.registration.reference_from_frame(p))
+    }
+
+    /// How many times larger than usual a ball of the calibrated plane is there.
+    fn size(&self, s: &Sighting, p: PixelPoint) -> f64 {
+        self.silhouette(s, p).map_or(1.0, |drawn| drawn.size)
+    }
+
+    /// The pixels around a sighting, and how the picture draws out a ball like `disc` there.
     fn patch<'a>(&self, s: &'a Sighting, disc: &Disc) -> Patch<'a> {
-        let at = s.registration.reference_from_frame(disc.centre);
-        let stretch = self
-            .optics
-            .map(|o| o.outline_stretch(at))
-            .filter(|m| (m.determinant() - 1.0) * disc.radius_px > ROUND_ENOUGH_PX);
+        let drawn = self
+            .silhouette(s, disc.centre)
+            .filter(|drawn| drawn.longer() * disc.radius_px > ROUND_ENOUGH_PX);
         Patch {
-            drawn_out: stretch.and_then(|m| DrawnOut::new(disc.centre, m)),
+            drawn_out: drawn.and_then(|drawn| DrawnOut::new(disc.centre, drawn.stretch)),
             ..self.seen.detector.patch(&s.blob.crop, &s.registration)
         }
     }
@@ -153,13 +161,13 @@ pub fn shared(scenery: &Scenery<'_>, found: &[Found], flight: &Flight, accuracy:
                     disc: centre.disc,
                     velocity_px_s: round.swept_px,
                     gain: s.registration.gain,
-                    magnification: magnification(flight, *t),
+                    magnification: magnification(flight, *t) * scenery.size(s, centre.disc.centre),
                 })
             })
             .collect();
         appearance::learn(&examples, flight.interval_s, lesson)
     });
-    let outlines = common_radius(seen, flight)?;
+    let outlines = common_radius(scenery, flight)?;
     let radius_px = match &appearance {
         Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
         None => outlines,
@@ -172,14 +180,16 @@ pub fn shared(scenery: &Scenery<'_>, found: &[Found], flight: &Flight, accuracy:
 }
 
 /// Median radius of the outlines with the standard error that their own scatter shows.
-fn common_radius(seen: &Observation, flight: &Flight) -> Option<Quantity> {
+fn common_radius(scenery: &Scenery<'_>, flight: &Flight) -> Option<Quantity> {
     let mut radii: Vec<f64> = flight
         .points
         .iter()
         .filter(|p| matches!(p.use_, SpotUse::Used(_)))
         .filter_map(|p| {
-            let centre = seen.sightings[p.spot.id].centre?;
-            Some(centre.disc.radius_px / magnification(flight, p.spot.time_s))
+            let sighting = &scenery.seen.sightings[p.spot.id];
+            let disc = sighting.centre?.disc;
+            let size = scenery.size(sighting, disc.centre);
+            Some(disc.radius_px / (size * magnification(flight, p.spot.time_s)))
         })
         .collect();
     let n = radii.len() as f64;
@@ -296,12 +306,15 @@ pub fn of_that_size(
             !skip[s.frame] && t > from - AROUND_S && t < to + AROUND_S && !without(t)
         })
         .filter_map(|(sighting, s)| {
-            let first = s
-                .centre
-                .filter(|c| (c.disc.radius_px / shared.outline_px - 1.0).abs() < 0.3);
+            let alike = |c: &Centre| {
+                let size = scenery.size(s, c.disc.centre);
+                (c.disc.radius_px / (size * shared.outline_px) - 1.0).abs() < 0.3
+            };
+            let first = s.centre.filter(alike);
+            let centre = first.map_or(s.blob.centroid, |c| c.disc.centre);
             let start = Disc {
-                centre: first.map_or(s.blob.centroid, |c| c.disc.centre),
-                radius_px: shared.radius_px.value,
+                centre,
+                radius_px: shared.radius_px.value * scenery.size(s, centre),
                 swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
             };
             outlined(scenery, sighting, &start, shared, accuracy)
@@ -331,7 +344,7 @@ fn guided(
     let map = scenery.map;
     let s = &scenery.seen.sightings[sighting];
     let there = s.registration.frame_from_reference(predicted(flight, map, t)?);
-    let radius_px = shared.radius_px.value * magnification(flight, t);
+    let radius_px = shared.radius_px.value * magnification(flight, t) * scenery.size(s, there);
     if !s.blob.crop.contains(there, -0.3 * radius_px) {
         return None;
     }
@@ -366,17 +379,15 @@ fn fitted(
 ) -> Option<Found> {
     let s = &scenery.seen.sightings[sighting];
     let patch = scenery.patch(s, start);
+    let round = patch.drawn_out.map_or(*start, |d| d.round_disc(start));
     let centre = match (&shared.appearance, method(accuracy)) {
         (Some(ball), Some((_, effort))) => {
             let ball = ball.magnified(start.radius_px / shared.radius_px.value, effort);
-            let (gain, drawn_out) = (s.registration.gain, patch.drawn_out);
-            let round = drawn_out.map_or(*start, |d| d.round_disc(start));
-            let centre = known_ball::fit(&patch, &ball, &round, gain, effort)?.centre;
-            drawn_out.map_or(centre, |d| d.frame_centre(&centre))
+            known_ball::fit(&patch, &ball, &round, s.registration.gain, effort)?.centre
         }
-        // A circle in the middle of an ellipse has the same centre.
-        _ => fast::centre(&patch, start, s.blob.contrast_grey)?,
+        _ => fast::centre(&patch, &round, s.blob.contrast_grey)?,
     };
+    let centre = patch.drawn_out.map_or(centre, |d| d.frame_centre(&centre));
     Some(Found { sighting, centre })
 }
 

@@ -117,7 +117,13 @@ impl BoardError {
     pub(super) fn not_determined(relative_std: Option<f64>, views: usize) -> Self {
         let found = relative_std.map_or_else(
             || "the fit has no solution".to_owned(),
-            |s| format!("the focal length is uncertain by {:.0} %", 100.0 * s),
+            |s| {
+                if s < 1.0 {
+                    format!("the focal length is uncertain by {:.0} %", 100.0 * s)
+                } else {
+                    "the focal length may be anything".to_owned()
+                }
+            },
         );
         Self::NotDetermined { views, found }
     }

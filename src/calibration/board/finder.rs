@@ -5,7 +5,7 @@ use super::corner::{self, Corner};
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use opencv::calib3d::{self, CALIB_CB_EXHAUSTIVE, CALIB_CB_LARGER, CALIB_CB_NORMALIZE_IMAGE};
-use opencv::core::{Mat, MatTraitConst as _, Point2f, Size, Vector};
+use opencv::core::{Mat, MatTraitConst as _, MatTraitConstManual as _, Point2f, Size, Vector};
 use opencv::imgproc;
 
 /// Pictures are searched at no more than this width or height, px; corners are then refined in the whole picture.
@@ -43,7 +43,7 @@ pub fn find(picture: &Luma, corners: Corners) -> opencv::Result<Found> {
 
 /// The inner corners (more along a row than rows) of whatever board the picture shows, for a message.
 pub fn any_board(picture: &Luma) -> opencv::Result<Option<Corners>> {
-    let (small, _) = searched(picture)?;
+    let (small, factor) = searched(picture)?;
     for least in [(4, 4), (3, 3)] {
         let (mut points, mut meta) = (Mat::default(), Mat::default());
         let flags = CALIB_CB_LARGER | CALIB_CB_EXHAUSTIVE | CALIB_CB_NORMALIZE_IMAGE;
@@ -56,7 +56,16 @@ pub fn any_board(picture: &Luma) -> opencv::Result<Option<Corners>> {
         )? {
             let side = |n: i32| usize::try_from(n).unwrap_or(0);
             let (a, b) = (side(meta.cols()), side(meta.rows()));
-            return Ok(Some((a.max(b), a.min(b))));
+            let places: Vec<PixelPoint> = points
+                .data_typed::<Point2f>()?
+                .iter()
+                .map(|p| enlarged(*p, factor))
+                .collect();
+            // Carpets and curtains have something like small boards in them, but not their sharp corners.
+            let whole = a > 0 && places.len() == a * b;
+            if whole && corner::refine(picture, a, &places).iter().all(Option::is_some) {
+                return Ok(Some((a.max(b), a.min(b))));
+            }
         }
     }
     Ok(None)

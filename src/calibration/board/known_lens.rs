@@ -1,8 +1,8 @@
 //! The plane of motion from one picture of the board, where the lens is known already.
 
-use super::lens_fit::{self, Seen};
+use super::lens_fit;
 use super::plane_fit::SeenBoard;
-use super::projection::{Camera, Pose};
+use super::projection::{Camera, Pose, Seen};
 use super::{BoardError, Marks, Pattern, Plane, Use, View};
 use crate::calibration::{Calibration, Lens, Scale};
 use crate::frames::Luma;

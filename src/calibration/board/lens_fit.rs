@@ -22,23 +22,13 @@
 //! not is drawn towards zero, and its uncertainty says so.
 
 use super::BoardError;
-use super::projection::{Camera, POSE, Pose, project};
+use super::normal::{JointCovariance, Normal, SMALLEST_PX2, State};
+use super::projection::{Camera, POSE, Pose, Seen, project};
 use crate::calibration::Lens;
 use crate::geometry::PixelPoint;
-use nalgebra::{DMatrix, DVector, Rotation3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, Rotation3, SMatrix, SVector, Vector3};
 use opencv::calib3d;
 use opencv::core::{Mat, MatTraitConst as _, Point2f, Point3f, Size, TermCriteria, Vector};
-
-/// A corner as seen.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
-    /// Where on the board, m.
-    pub board_m: Vector2<f64>,
-    /// Where in the picture.
-    pub at: PixelPoint,
-    /// Standard uncertainty of each coordinate from the picture's noise, px.
-    pub std_px: f64,
-}
 
 /// The terms of a lens that are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,9 +117,6 @@ pub struct LensFit {
     common_px2: f64,
 }
 
-/// Covariance of camera and one pose, 15 by 15.
-pub type JointCovariance = SMatrix<f64, 15, 15>;
-
 impl LensFit {
     /// The lens.
     pub fn lens(&self) -> Option<Lens> {
@@ -147,7 +134,7 @@ impl LensFit {
             .map(
                 |seen| match project(&self.camera, &self.poses[index], &seen.board_m) {
                     Some(p) => {
-                        let px = (p.at - pixel(seen)).norm();
+                        let px = (p.at - seen.pixel()).norm();
                         (
                             px,
                             px / (2.0 * (self.common_px2 + seen.std_px * seen.std_px)).sqrt(),
@@ -164,10 +151,6 @@ impl LensFit {
 pub fn lens(camera: &Camera) -> Option<Lens> {
     let distortion = [camera[4], camera[5], camera[6], camera[7], camera[8]];
     Lens::new(super::projection::camera_matrix(camera), distortion).ok()
-}
-
-fn pixel(seen: &Seen) -> Vector2<f64> {
-    Vector2::new(seen.at.u_px, seen.at.v_px)
 }
 
 /// A step that moves no corner by more than this, px, is the last.
@@ -193,9 +176,6 @@ pub fn fit(size: (usize, usize), views: &[Vec<Seen>]) -> Result<LensFit, BoardEr
         .collect();
     average(candidates, views, common_px2).ok_or_else(undetermined)
 }
-
-/// Corners are known to no better than this, whatever a fit to exact data says, px².
-const SMALLEST_PX2: f64 = 1e-10;
 
 /// Mean square of a coordinate's residual that the pictures' noise does not explain (the board's own unevenness, the
 /// lens's), at least a tenth of the whole `mean_square`, px².
@@ -281,12 +261,6 @@ fn start(size: (usize, usize), views: &[Vec<Seen>]) -> Result<(Camera, Vec<Pose>
     Ok((camera, poses))
 }
 
-#[derive(Debug, Clone)]
-struct State {
-    camera: Camera,
-    poses: Vec<Pose>,
-}
-
 /// Pose of a board seen by a known camera, from `start` on, and the covariance of camera and pose.
 pub fn pose(
     camera: &Camera,
@@ -329,148 +303,6 @@ pub fn pose(
         joint,
         (2.0 * normal.chi2 / normal.coordinates as f64).sqrt(),
     ))
-}
-
-/// A view's part of the normal equations.
-#[derive(Debug, Clone, Copy)]
-struct Part {
-    cross: SMatrix<f64, 9, POSE>,
-    own: SMatrix<f64, POSE, POSE>,
-}
-
-impl Part {
-    /// Covariance of camera and pose, where the camera's is known; `scale` is the mean squared residual.
-    fn joint(&self, camera: &SMatrix<f64, 9, 9>, scale: f64) -> Option<JointCovariance> {
-        let inverse = self.own.cholesky()?.inverse();
-        let lever = inverse * self.cross.transpose();
-        let mixed = -camera * lever.transpose();
-        let mut joint = JointCovariance::zeros();
-        joint.fixed_view_mut::<9, 9>(0, 0).copy_from(camera);
-        joint.fixed_view_mut::<9, POSE>(0, 9).copy_from(&mixed);
-        joint
-            .fixed_view_mut::<POSE, 9>(9, 0)
-            .copy_from(&mixed.transpose());
-        joint
-            .fixed_view_mut::<POSE, POSE>(9, 9)
-            .copy_from(&(inverse * scale + lever * camera * lever.transpose()));
-        Some(joint)
-    }
-}
-
-/// The normal equations, weighted.
-struct Normal {
-    camera: SMatrix<f64, 9, 9>,
-    camera_right: SVector<f64, 9>,
-    parts: Vec<(Part, SVector<f64, POSE>)>,
-    chi2: f64,
-    coordinates: usize,
-}
-
-impl Normal {
-    /// `None` where a corner comes to lie behind the camera.
-    fn at(state: &State, views: &[Vec<Seen>], weights: &[Vec<f64>]) -> Option<Self> {
-        let mut normal = Self {
-            camera: SMatrix::zeros(),
-            camera_right: SVector::zeros(),
-            parts: Vec::with_capacity(views.len()),
-            chi2: 0.0,
-            coordinates: 0,
-        };
-        for ((view, weights), pose) in views.iter().zip(weights).zip(&state.poses) {
-            let mut part = Part {
-                cross: SMatrix::zeros(),
-                own: SMatrix::zeros(),
-            };
-            let mut right = SVector::zeros();
-            for (seen, &w) in view.iter().zip(weights) {
-                let p = project(&state.camera, pose, &seen.board_m)?;
-                let rest = pixel(seen) - p.at;
-                normal.chi2 += w * rest.norm_squared();
-                normal.coordinates += 2;
-                let (by_camera, by_pose) = (p.by_camera.transpose() * w, p.by_pose.transpose() * w);
-                normal.camera += by_camera * p.by_camera;
-                normal.camera_right += by_camera * rest;
-                part.cross += by_camera * p.by_pose;
-                part.own += by_pose * p.by_pose;
-                right += by_pose * rest;
-            }
-            normal.parts.push((part, right));
-        }
-        normal.chi2.is_finite().then_some(normal)
-    }
-
-    /// The step of Levenberg and Marquardt in the parameters of `basis`: of the camera and of each pose.
-    fn step(&self, basis: &DMatrix<f64>, damping: f64) -> Option<(Camera, Vec<SVector<f64, POSE>>)> {
-        let (mut matrix, mut right) = (self.camera, self.camera_right);
-        for i in 0..9 {
-            matrix[(i, i)] *= 1.0 + damping;
-        }
-        let mut levers = Vec::with_capacity(self.parts.len());
-        for (part, part_right) in &self.parts {
-            let mut own = part.own;
-            for i in 0..POSE {
-                own[(i, i)] *= 1.0 + damping;
-            }
-            let own = own.cholesky()?;
-            let lever = own.solve(&part.cross.transpose());
-            let alone = own.solve(part_right);
-            matrix -= part.cross * lever;
-            right -= part.cross * alone;
-            levers.push((lever, alone));
-        }
-        let reduced = basis.transpose() * matrix * basis;
-        let solution = solve_scaled(reduced, &(basis.transpose() * right))?;
-        let camera = Camera::from_iterator((basis * solution).iter().copied());
-        let poses = levers
-            .iter()
-            .map(|(lever, alone)| alone - lever * camera)
-            .collect();
-        Some((camera, poses))
-    }
-
-    /// Inverse of the camera's part of the whole matrix, in the terms of `basis`.
-    fn camera_inverse(&self, basis: &DMatrix<f64>) -> Option<SMatrix<f64, 9, 9>> {
-        let mut matrix = self.camera;
-        for (part, _) in &self.parts {
-            matrix -= part.cross * part.own.cholesky()?.solve(&part.cross.transpose());
-        }
-        let reduced = basis.transpose() * matrix * basis;
-        let inverse = inverse_scaled(reduced)?;
-        let whole = basis * inverse * basis.transpose();
-        Some(SMatrix::from_fn(|i, j| whole[(i, j)]))
-    }
-
-    /// Akaike's criterion, corrected for few data.
-    fn aicc(&self, parameters: usize) -> f64 {
-        let (n, k) = (self.coordinates as f64, parameters as f64 + 1.0);
-        let mean_square = (self.chi2 / n).max(SMALLEST_PX2);
-        n * mean_square.ln() + 2.0 * k + 2.0 * k * (k + 1.0) / (n - k - 1.0).max(1.0)
-    }
-}
-
-/// Focal lengths in px and k3 differ by orders of magnitude: columns of one size first.
-fn scaled(matrix: &DMatrix<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
-    let scale = matrix.diagonal().map(|d| 1.0 / d.sqrt());
-    let fine = scale.iter().all(|s| s.is_finite() && *s > 0.0);
-    fine.then(|| {
-        let diagonal = DMatrix::from_diagonal(&scale);
-        (&diagonal * matrix * &diagonal, scale)
-    })
-}
-
-fn solve_scaled(matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
-    let (unit, scale) = scaled(&matrix)?;
-    let solution = unit.cholesky()?.solve(&right.component_mul(&scale));
-    Some(solution.component_mul(&scale))
-}
-
-fn inverse_scaled(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let (unit, scale) = scaled(&matrix)?;
-    // Below this rounding decides: not determined.
-    let smallest = unit.symmetric_eigenvalues().min();
-    let diagonal = DMatrix::from_diagonal(&scale);
-    (smallest > 1e-13).then_some(())?;
-    Some(&diagonal * unit.cholesky()?.inverse() * &diagonal)
 }
 
 /// The optimum from `state` on, and the normal equations there.
@@ -649,166 +481,4 @@ pub fn deviations(fit: &LensFit) -> [Option<f64>; 9] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
-
-    const SIZE: (usize, usize) = (1280, 720);
-    const NOISE_PX: f64 = 0.05;
-
-    struct Random(ChaCha8Rng);
-
-    impl Random {
-        fn between(&mut self, low: f64, high: f64) -> f64 {
-            low + (high - low) * (f64::from(self.0.next_u32()) + 0.5) / 4_294_967_296.0
-        }
-
-        fn normal(&mut self) -> f64 {
-            let (a, b) = (self.between(0.0, 1.0), self.between(0.0, 1.0));
-            (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
-        }
-    }
-
-    fn random(seed: u64) -> Random {
-        Random(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    /// Views of a board of 9 by 6 corners all over the picture, their corners off by noise.
-    fn views(camera: &Camera, count: usize, turn: f64, noise_px: f64, random: &mut Random) -> Vec<Vec<Seen>> {
-        let mut views = Vec::new();
-        while views.len() < count {
-            let z = random.between(0.3, 0.5);
-            let (x, y) = (
-                random.between(-0.8, 0.8) * 0.71 * z,
-                random.between(-0.8, 0.8) * 0.4 * z,
-            );
-            let rotation = Rotation3::from_euler_angles(
-                random.between(-turn, turn),
-                random.between(-turn, turn),
-                random.between(-0.4, 0.4),
-            );
-            let pose = Pose {
-                rotation,
-                shift_m: Vector3::new(x, y, z) - rotation * Vector3::new(0.1, 0.0625, 0.0),
-            };
-            let view: Vec<Seen> = (0..54)
-                .filter_map(|i| {
-                    let board_m = Vector2::new(f64::from(i % 9), f64::from(i / 9)) * 0.025;
-                    let at = project(camera, &pose, &board_m)?.at;
-                    let mut off = || noise_px * random.normal();
-                    Some(Seen {
-                        board_m,
-                        at: PixelPoint::new(at.x + off(), at.y + off()),
-                        std_px: 0.2 * NOISE_PX,
-                    })
-                })
-                .collect();
-            let inside = |s: &Seen| (10.0..1270.0).contains(&s.at.u_px) && (10.0..710.0).contains(&s.at.v_px);
-            if view.len() == 54 && view.iter().all(inside) {
-                views.push(view);
-            }
-        }
-        views
-    }
-
-    fn barrel() -> Camera {
-        Camera::from([900.0, 901.0, 645.0, 352.0, -0.28, 0.09, 0.0006, -0.0004, 0.0])
-    }
-
-    #[test]
-    fn exact_corners_give_the_lens_back() {
-        for camera in [
-            barrel(),
-            Camera::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0]),
-        ] {
-            let fit = fit(SIZE, &views(&camera, 8, 0.6, 0.0, &mut random(1))).unwrap();
-            let off = fit.camera - camera;
-            assert!(off.rows(0, 4).amax() < 0.01, "{off}");
-            assert!(off.rows(4, 5).amax() < 1e-4, "{off}");
-            assert!(fit.rms_px < 1e-4, "{} {:?}", fit.rms_px, fit.terms);
-        }
-    }
-
-    /// The figure behind "uncertainties cover": pulls over many calibrations with noisy corners.
-    #[test]
-    fn uncertainties_of_lens_and_pose_cover() {
-        let (mut inside, mut all, mut squares) = (0.0, 0.0, 0.0);
-        let (mut displaced, mut places) = (0.0, 0.0);
-        let mut posed = 0.0;
-        let runs = 60;
-        for seed in 0..runs {
-            let mut r = random(100 + seed);
-            let truth = Camera::from([
-                r.between(1000.0, 1500.0),
-                r.between(1000.0, 1500.0),
-                r.between(600.0, 680.0),
-                r.between(330.0, 390.0),
-                r.between(-0.25, 0.1),
-                r.between(0.0, 0.08),
-                r.between(-1e-3, 1e-3),
-                r.between(-1e-3, 1e-3),
-                0.0,
-            ]);
-            let fit = fit(SIZE, &views(&truth, 10, 0.6, NOISE_PX, &mut r)).unwrap();
-            // k3 is 0 in truth and drawn to 0: it would flatter.
-            for i in 0..8 {
-                let pull = (fit.camera[i] - truth[i]) / fit.covariance[(i, i)].sqrt();
-                inside += f64::from(u8::from(pull.abs() < 1.96));
-                squares += pull * pull;
-                all += 1.0;
-            }
-            let (true_lens, lens) = (lens(&truth).unwrap(), fit.lens().unwrap());
-            for k in 0..24 {
-                let p = PixelPoint::new(f64::from(k % 6) * 255.8, f64::from(k / 6) * 239.6);
-                let by_camera = super::super::coverage::undistortion_by_camera(&fit.camera, p).unwrap();
-                let covariance = by_camera * fit.covariance * by_camera.transpose();
-                let (a, b) = (true_lens.undistort(p).unwrap(), lens.undistort(p).unwrap());
-                let off = Vector2::new(b.u_px - a.u_px, b.v_px - a.v_px);
-                let distance2 = (off.transpose() * covariance.try_inverse().unwrap() * off)[0];
-                // 95 % of a normal distribution in two dimensions are within 5.99.
-                displaced += f64::from(u8::from(distance2 < 5.99));
-                places += 1.0;
-            }
-            posed += f64::from(u8::from(
-                fit.joint_covariance(0).unwrap().symmetric_eigenvalues().min() > -1e-12,
-            ));
-        }
-        let (share, width, region) = (inside / all, (squares / all).sqrt(), displaced / places);
-        println!("{share:.3} of parameters, pulls of width {width:.3}, {region:.3} of places");
-        assert!((0.92..0.985).contains(&share), "{share}");
-        assert!((0.85..1.12).contains(&width), "{width}");
-        assert!((0.90..0.995).contains(&region), "{region}");
-        assert_eq!(posed, f64::from(runs as u32));
-    }
-
-    #[test]
-    fn views_that_are_all_square_do_not_fix_a_focal_length() {
-        let views = views(&barrel(), 8, 0.0, NOISE_PX, &mut random(3));
-        match fit(SIZE, &views) {
-            Ok(fit) => assert!(fit.covariance[(0, 0)].sqrt() > 0.02 * fit.camera[0]),
-            Err(error) => assert!(matches!(error, BoardError::NotDetermined { .. }), "{error}"),
-        }
-    }
-
-    #[test]
-    fn bad_corners_count_less() {
-        let mut views = views(&barrel(), 10, 0.6, NOISE_PX, &mut random(4));
-        let mut r = random(5);
-        // Two views blurred: their corners say so.
-        for seen in views[..2].iter_mut().flatten() {
-            seen.at.u_px += 0.5 * r.normal();
-            seen.at.v_px += 0.5 * r.normal();
-            seen.std_px = 0.5;
-        }
-        let weighted = fit(SIZE, &views).unwrap();
-        let blind: Vec<Vec<Seen>> = views
-            .iter()
-            .map(|v| v.iter().map(|s| Seen { std_px: 0.01, ..*s }).collect())
-            .collect();
-        let unweighted = fit(SIZE, &blind).unwrap();
-        assert!(weighted.covariance[(0, 0)] < 0.4 * unweighted.covariance[(0, 0)]);
-        let pull = (weighted.camera[0] - 900.0) / weighted.covariance[(0, 0)].sqrt();
-        assert!(pull.abs() < 3.5, "{pull}");
-    }
-}
+mod tests;

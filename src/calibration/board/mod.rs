@@ -1,8 +1,9 @@
 //! A lens, and the plane of motion, from pictures of a chessboard.
 //!
-//! `finder` (where the board is) → `corner` (each corner, to a hundredth of a pixel) → `lens_fit` (camera, poses,
-//! covariance) → `coverage` (how sure the lens is where in the picture) → `plane_fit` (the plane of motion, its "up" and
-//! origin; `known_lens` where the lens is given) → `deviate` (the calibration's [`Deviation`](super::Deviation)s).
+//! `finder` (where the board is) → `corner` (each corner, to a hundredth of a pixel) → `settle` (which views and corners
+//! serve) with `lens_fit` (camera, poses, covariance; `normal` has the equations) → `coverage` (how sure the lens is where in
+//! the picture) → `plane_fit` (the plane of motion, its "up" and origin; `known_lens` where the lens is given) → `deviate`
+//! (the calibration's [`Deviation`](super::Deviation)s).
 //!
 //! [`Views`] takes the pictures one by one; those that cannot serve are set aside with their reason.
 
@@ -13,8 +14,10 @@ mod error;
 mod finder;
 mod known_lens;
 mod lens_fit;
+mod normal;
 mod plane_fit;
 mod projection;
+mod settle;
 
 pub use coverage::{CELLS as COVERAGE_CELLS, Coverage};
 pub use error::BoardError;
@@ -28,9 +31,9 @@ use super::{Calibration, Lens, Scale};
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use finder::Found;
-use lens_fit::Seen;
 use nalgebra::Vector2;
 use plane_fit::SeenBoard;
+use projection::Seen;
 
 /// A chessboard.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,20 +166,10 @@ impl View {
 const ALIKE_PART: f64 = 0.01;
 /// Part of the corners that may be missing.
 const MISSING_PART: f64 = 0.25;
-/// Fewer views than this do not fix a lens.
-const LEAST_VIEWS: usize = 3;
-/// A view that misses by this many times the middle one's is no view of the same flat board.
-const OUTLYING: f64 = 3.0;
-/// A corner that misses by this many times all corners' is a speck of dust or a reflection: 5 standard deviations of a
-/// coordinate, over √2.
-const STRAY: f64 = 3.5;
 /// A focal length less certain than this part of itself is not determined.
 const VAGUE_PART: f64 = 0.02;
 /// Pictures without a board that are kept for the message.
 const KEPT: usize = 3;
-/// Rounds of setting aside.
-const ROUNDS: usize = 4;
-
 /// Pictures of one board by one camera.
 #[derive(Debug)]
 pub struct Views {
@@ -320,7 +313,7 @@ impl Views {
             Some(size) if !used.is_empty() => size,
             _ => return Err(self.no_board()?),
         };
-        let fit = loop_until_settled(self, &mut used, size)?;
+        let fit = settle::settled(self, &mut used, size)?;
         let relative = fit.covariance[(0, 0)].sqrt() / fit.camera[0];
         let determined = relative < VAGUE_PART;
         if !determined {
@@ -345,29 +338,6 @@ impl Views {
             plane: self.plane.and_then(|p| used.iter().position(|&i| i == p)),
             fit,
         })
-    }
-
-    /// One fit of the views `used`.
-    fn fit_of(&self, used: &[usize], size: (usize, usize)) -> Result<LensFit, BoardError> {
-        if used.len() < LEAST_VIEWS {
-            let aside = self.views.len() - used.len();
-            return Err(BoardError::TooFewViews {
-                usable: match used.len() {
-                    1 => "one usable picture".to_owned(),
-                    n => format!("{n} usable pictures"),
-                },
-                aside: match self.views.iter().find_map(|v| match &v.use_ {
-                    Use::Aside(reason) => Some((&v.name, reason)),
-                    _ => None,
-                }) {
-                    Some((name, reason)) => format!("{aside} set aside, such as {name}, which {reason}"),
-                    None => "none set aside".to_owned(),
-                },
-                least: LEAST_VIEWS,
-            });
-        }
-        let seen: Vec<Vec<Seen>> = used.iter().map(|&i| self.views[i].seen.clone()).collect();
-        lens_fit::fit(size, &seen)
     }
 
     /// The error of pictures that all lack the board.
@@ -461,65 +431,6 @@ impl BoardLens {
             joint,
         };
         Plane::new(name, &seen, &views.pattern, marks).map(Some)
-    }
-}
-
-/// Fits, sets aside what does not belong, and fits again.
-fn loop_until_settled(
-    views: &mut Views,
-    used: &mut Vec<usize>,
-    size: (usize, usize),
-) -> Result<LensFit, BoardError> {
-    for _ in 0..ROUNDS {
-        let fit = views.fit_of(used, size)?;
-        let settled = !drop_strays(views, used, &fit) & !drop_views(views, used, &fit);
-        if settled {
-            return Ok(fit);
-        }
-    }
-    views.fit_of(used, size)
-}
-
-/// Drops corners that miss by far more than the others; whether there were any.
-fn drop_strays(views: &mut Views, used: &[usize], fit: &LensFit) -> bool {
-    let mut any = false;
-    for (k, &i) in used.iter().enumerate() {
-        // Of a view that misses as a whole no corner is to blame.
-        let limit = STRAY * fit.view_excess[k].max(1.0);
-        let residuals = fit.residuals(k, &views.views[i].seen);
-        let mut at = residuals.iter();
-        let before = views.views[i].seen.len();
-        views.views[i]
-            .seen
-            .retain(|_| at.next().is_some_and(|(_, r)| *r <= limit));
-        any |= views.views[i].seen.len() < before;
-    }
-    any
-}
-
-/// Sets aside the worst view where it misses by far more than the middle one; whether there was one.
-fn drop_views(views: &mut Views, used: &mut Vec<usize>, fit: &LensFit) -> bool {
-    let middle_of = |values: &[f64]| {
-        let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
-    let middle = middle_of(&fit.view_excess);
-    let worst = (0..used.len())
-        .filter(|&k| views.plane != Some(used[k]))
-        .max_by(|&a, &b| fit.view_excess[a].total_cmp(&fit.view_excess[b]));
-    match worst.filter(|&k| fit.view_excess[k] > OUTLYING * middle && used.len() > LEAST_VIEWS) {
-        Some(k) => {
-            let reason = format!(
-                "its corners miss by {:.2} px, those of the others by {:.2}: blurred by motion, or the board bent",
-                fit.view_rms_px[k],
-                middle_of(&fit.view_rms_px)
-            );
-            views.views[used[k]].use_ = Use::Aside(reason);
-            used.remove(k);
-            true
-        }
-        None => false,
     }
 }
 

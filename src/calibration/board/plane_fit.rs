@@ -6,7 +6,8 @@
 //! fitted freely would have eight: beyond the board's rim that tells.
 
 use super::deviate;
-use super::lens_fit::{JointCovariance, lens};
+use super::lens_fit::lens;
+use super::normal::JointCovariance;
 use super::projection::{Camera, POSE, Pose};
 use super::{BoardError, Pattern};
 use crate::calibration::{Calibration, Deviation, Homography, Lens, Scale};
@@ -202,8 +203,15 @@ impl Setting {
             Ok(Vector2::new(q.x / q.z, q.y / q.z))
         };
         let Axes { right, up } = self.axes;
-        let floor = self.marks.floor.map(|p| place("--floor", p)).transpose()?;
-        let edge = self.marks.edge.map(|p| place("--edge", p)).transpose()?;
+        let Marks { floor, edge, .. } = self.marks;
+        // Both in one is how --origin says it.
+        let (of_floor, of_edge) = if floor == edge {
+            ("--origin", "--origin")
+        } else {
+            ("--floor", "--edge")
+        };
+        let floor = floor.map(|p| place(of_floor, p)).transpose()?;
+        let edge = edge.map(|p| place(of_edge, p)).transpose()?;
         let low = floor.unwrap_or(self.corner_m);
         let left = edge.unwrap_or(low);
         let world_from_board = Matrix3::new(

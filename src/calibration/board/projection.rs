@@ -3,6 +3,7 @@
 //! The lens is that of [`crate::calibration::Lens`]; a point (X, Y) of the board is at R · (X, Y, 0) + t in the camera's
 //! axes (x right, y down, z forward). A pose is varied by a small turn δ of the camera's axes, R ← exp([δ]×) R.
 
+use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 /// Parameters of a camera, in this order: fx, fy, cx, cy (px), k1, k2, p1, p2, k3.
@@ -137,6 +138,24 @@ pub fn project(camera: &Camera, pose: &Pose, board_m: &Vector2<f64>) -> Option<P
         by_camera,
         by_pose,
     })
+}
+
+/// A corner as seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seen {
+    /// Where on the board, m.
+    pub board_m: Vector2<f64>,
+    /// Where in the picture.
+    pub at: PixelPoint,
+    /// Standard uncertainty of each coordinate from the picture's noise, px.
+    pub std_px: f64,
+}
+
+impl Seen {
+    /// Its place in the picture, px.
+    pub(super) fn pixel(&self) -> Vector2<f64> {
+        Vector2::new(self.at.u_px, self.at.v_px)
+    }
 }
 
 #[cfg(test)]

@@ -37,13 +37,13 @@ pub(super) struct BoardArgs {
     #[arg(long, value_name = "IMAGE")]
     plane: Option<PathBuf>,
     /// A point of that picture at the height of the floor.
-    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "plane")]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, requires = "plane")]
     floor: Option<PixelPoint>,
     /// A point of that picture at the x of the launch edge.
-    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "floor")]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, requires = "floor")]
     edge: Option<PixelPoint>,
     /// Both in one: the point of that picture at x = 0 at the floor.
-    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "plane", conflicts_with_all = ["floor", "edge"])]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, requires = "plane", conflicts_with_all = ["floor", "edge"])]
     origin: Option<PixelPoint>,
     /// How well those marks were read, each coordinate, px.
     #[arg(long, value_name = "S", value_parser = positive, default_value = "1")]
@@ -93,6 +93,7 @@ pub(super) fn run(args: &BoardArgs) -> anyhow::Result<Status> {
             say(&format!("warning: {warning}"));
         }
     }
+    super::warn_of_problems(&made.calibration, None);
     if let Some(out) = &args.out {
         let marks = made
             .picture
@@ -149,12 +150,26 @@ fn with_pictures(args: &BoardArgs, pattern: Pattern) -> anyhow::Result<Made> {
     })
 }
 
-/// What became of each picture, where the lens failed: it is what the user can mend.
+/// Pictures named for one reason, at most.
+const NAMED: usize = 3;
+
+/// What became of the pictures, where the lens failed: it is what the user can mend.
 fn tell_views(views: &[View]) {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for view in views {
-        if let Use::Aside(reason) = &view.use_ {
-            say(&format!("{}: set aside: {reason}", view.name));
+        let Use::Aside(reason) = &view.use_ else { continue };
+        match reasons.iter_mut().find(|(r, _)| r == reason) {
+            Some((_, names)) => names.push(&view.name),
+            None => reasons.push((reason, vec![&view.name])),
         }
+    }
+    for (reason, names) in reasons {
+        let more = match names.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        let shown = &names[..names.len().min(NAMED)];
+        say(&format!("{}{more}: set aside: {reason}", shown.join(", ")));
     }
 }
 

@@ -6,6 +6,7 @@ mod ruler;
 mod show;
 
 use super::{Status, answer, say};
+use crate::calibration::check::{Weight, findings as check_findings};
 use crate::calibration::{Calibration, Scale, View};
 use crate::frames::{self, Luma, SourceInfo};
 use crate::geometry::PixelPoint;
@@ -206,6 +207,15 @@ fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) ->
         say(&format!("wrote {}", path.display()));
     }
     Ok(())
+}
+
+/// Says what is wrong with a calibration that was just made, as `calibrate check` would.
+fn warn_of_problems(calibration: &Calibration, recording: Option<&SourceInfo>) {
+    for finding in check_findings(calibration, recording) {
+        if finding.weight == Weight::Problem {
+            say(&format!("warning: {}: {}", finding.key, finding.message));
+        }
+    }
 }
 
 /// The answer where no file is wanted: the calibration itself.

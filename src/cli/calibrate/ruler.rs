@@ -3,7 +3,7 @@
 use super::{Known, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
 use crate::calibration::ruler::{Held, Length, Mark, Request, Role, Ruled, calibrate};
 use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence};
-use crate::frames::Luma;
+use crate::frames::{self, Luma};
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::report::marks::{Ink, Shape, marks_png};
 use crate::report::table::format_quantity;
@@ -18,10 +18,10 @@ pub(super) struct RulerArgs {
     /// The recording (or a picture taken in the same mode).
     video: PathBuf,
     /// One end of a known length in the plane of motion, px: column, row.
-    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "to", requires = "length_m")]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, requires = "to", requires = "length_m")]
     from: Option<PixelPoint>,
     /// The other end.
-    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "from")]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, requires = "from")]
     to: Option<PixelPoint>,
     /// The length between them, m.
     #[arg(long, value_name = "L", value_parser = positive, requires = "from")]
@@ -36,13 +36,13 @@ pub(super) struct RulerArgs {
     #[arg(long, value_enum, requires = "from")]
     held: Option<HeldArg>,
     /// A point at the height of the floor.
-    #[arg(long, value_name = "U,V", value_parser = pixel)]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true)]
     floor: Option<PixelPoint>,
     /// A point at the x of the launch edge.
-    #[arg(long, value_name = "U,V", value_parser = pixel)]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true)]
     edge: Option<PixelPoint>,
     /// Both in one: the point at x = 0 at the floor.
-    #[arg(long, value_name = "U,V", value_parser = pixel, conflicts_with_all = ["floor", "edge"])]
+    #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, conflicts_with_all = ["floor", "edge"])]
     origin: Option<PixelPoint>,
     /// Move from, to, floor and edge to the nearest edge in the picture, up to PX (10) pixels.
     #[arg(long, value_name = "PX", value_parser = positive, num_args = 0..=1, require_equals = true, default_missing_value = "10")]
@@ -86,6 +86,11 @@ pub(super) fn run(args: &RulerArgs) -> anyhow::Result<Status> {
     let _folders = args.out.as_deref().map(check_folder).transpose()?;
     let still = super::still(&args.video, args.frame)?;
     let ruled = calibrate(&request, &still.raw)?;
+    // A picture taken in the recording's mode has no times to judge.
+    let recording = super::facts(&args.video)
+        .ok()
+        .filter(|_| !frames::is_picture(&args.video));
+    super::warn_of_problems(&ruled.calibration, recording.as_ref());
     let table = table(&ruled);
     if let Some(out) = &args.out {
         let shapes = shapes(&ruled, still.luma.width, still.luma.height)?;

@@ -32,12 +32,16 @@ pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
         .unwrap_or_else(|| beside(&args.calib, "show.html"));
     let _folders = check_folder(&out)?;
     let calib = content(&args.calib)?;
-    let range = super::facts(&args.video)?.luma_range;
+    let facts = super::facts(&args.video)?;
     let shown: Vec<PageFrame> = frames::open_sparse(&args.video, FRAMES)?
         .iter()
         .map(|frame| PageFrame {
-            name: format!("at {:.2} s", frame.time_s),
-            luma: range.stretched(&frame.luma),
+            name: if facts.has_time_base {
+                format!("at {:.2} s", frame.time_s)
+            } else {
+                format!("picture {}", frame.index)
+            },
+            luma: facts.luma_range.stretched(&frame.luma),
         })
         .collect();
     let size = shown.first().map(|f| (f.luma.width, f.luma.height));

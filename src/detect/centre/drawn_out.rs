@@ -1,5 +1,5 @@
-//! A ball off the optical axis has an outline drawn out by perspective: an ellipse. Seen in a picture that is drawn together
-//! again about some point, it is a circle and can be fitted as one.
+//! A ball off the optical axis has an outline drawn out by perspective and by the lens: an ellipse. Seen in a picture that is
+//! drawn together again about some point, it is a circle and can be fitted as one.
 //!
 //! With S the stretch and c the point that stays, what the round picture has at w the frame has at c + S (w − c). Only the
 //! places of pixels are changed, none is computed anew, so that their noise stays what it is. (The blur is then an ellipse

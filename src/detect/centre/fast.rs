@@ -20,7 +20,8 @@ const TUKEY: f64 = 4.685;
 /// Edge points scatter by this at least, px: pixels are that coarse.
 const LEAST_SCATTER_PX: f64 = 0.03;
 
-/// The centre near `start`, whose radius is the ball's; `None` where too little of the outline is seen.
+/// The centre near `start`, whose radius is the ball's; both are of the round picture where the patch has one. `None` where
+/// too little of the outline is seen.
 #[must_use]
 pub fn centre(patch: &Patch<'_>, start: &Disc, contrast_grey: f64) -> Option<Centre> {
     let radius_px = start.radius_px;

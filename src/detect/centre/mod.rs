@@ -6,7 +6,7 @@
 //! | [`ball`] | what a ball looks like: the model that the likelihood fits share |
 //! | [`appearance`] | what this recording's ball looks like, learned from many frames |
 //! | [`known_ball`] | the likelihood fit of a centre once that is known |
-//! | [`drawn_out`] | the ellipse that perspective makes of a ball, as a circle |
+//! | [`drawn_out`] | the ellipse that perspective and lens make of a ball, as a circle |
 //! | [`fast`], [`standard`], [`fine`] | the methods behind `--accuracy`, each with its cost and error |
 
 pub mod appearance;
@@ -43,8 +43,8 @@ pub struct Patch<'a> {
     pub background: Vec<f32>,
     /// Standard deviation of a pixel's noise, grey levels.
     pub noise_grey: f64,
-    /// How perspective draws the ball out here; `None` where it is as round as can be seen. The likelihood fits then have
-    /// their discs and centres in the round picture.
+    /// How perspective and lens draw the ball out here; `None` where it is as round as can be seen. The centre methods then
+    /// have their discs and centres in the round picture.
     pub drawn_out: Option<DrawnOut>,
 }
 

@@ -103,8 +103,8 @@ fn sample(change: &[f32], w: usize, h: usize, u: f64, v: f64) -> Option<f64> {
     )
 }
 
-/// On each ray from `from` (a point of the frame) the edge nearest to `radius_px`, within `gate_px` of it; points of the
-/// frame. `change` by [`smoothed_change`].
+/// On each ray from `from` the edge nearest to `radius_px`, within `gate_px` of it. Points are of the frame, or of the round
+/// picture where the patch has one. `change` by [`smoothed_change`].
 #[must_use]
 pub fn edges_near(
     patch: &Patch<'_>,
@@ -114,13 +114,22 @@ pub fn edges_near(
     gate_px: f64,
 ) -> Vec<PixelPoint> {
     let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
-    let start = (from.u_px - u0, from.v_px - v0);
+    let seen = patch.drawn_out.map_or(from, |d| d.frame(from));
+    let start = (seen.u_px - u0, seen.v_px - v0);
     let mut nearest: [Option<(f64, PixelPoint)>; RAYS] = [None; RAYS];
     for e in edges_along_rays(patch, change, start) {
-        let r = ((e.u - start.0).powi(2) + (e.v - start.1).powi(2)).sqrt();
+        let edge = PixelPoint::new(e.u + u0, e.v + v0);
+        let (edge, r) = match patch.drawn_out {
+            Some(drawn_out) => {
+                let (u, v) = drawn_out.round(edge.u_px, edge.v_px);
+                let edge = PixelPoint::new(u, v);
+                (edge, edge.distance_px(from))
+            }
+            None => (edge, ((e.u - start.0).powi(2) + (e.v - start.1).powi(2)).sqrt()),
+        };
         let off = (r - radius_px).abs();
         if off < gate_px && nearest[e.ray].is_none_or(|(best, _)| off < best) {
-            nearest[e.ray] = Some((off, PixelPoint::new(e.u + u0, e.v + v0)));
+            nearest[e.ray] = Some((off, edge));
         }
     }
     nearest.into_iter().flatten().map(|(_, p)| p).collect()

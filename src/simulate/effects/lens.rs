@@ -4,13 +4,15 @@
 //! x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)        y' likewise with p1 and p2 exchanged
 //! ```
 //!
-//! The outline is warped to first order, by the Jacobian at its centre.
+//! The outline is the ellipse nearest to the warped one: over a ball the magnification changes a little, and the middle of
+//! the outline lies elsewhere than the image of its middle (by 0.02 px for a ball of 15 px in the corner of a barrel
+//! lens). What is left out, bulges of a third of the circumference each, pulls no centre.
 
 use super::{Action, Effect, Estimate, Ideal, Warp};
-use crate::geometry::PixelPoint;
+use crate::geometry::{PixelPoint, nearest_ellipse};
 use crate::simulate::camera::{Ellipse, Outline};
 use crate::simulate::scene::{Lens, Scene};
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 /// Lens distortion.
 pub(super) struct LensDistortion;
@@ -52,24 +54,16 @@ impl Lens {
             cy + fy * (y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y),
         )
     }
-
-    /// Its derivative, by central differences over two pixels: distortion is smooth on that scale.
-    fn jacobian(&self, at: Vector2<f64>) -> Matrix2<f64> {
-        let column = |step: Vector2<f64>| (self.distort(at + step) - self.distort(at - step)) * 0.5;
-        Matrix2::from_columns(&[column(Vector2::x()), column(Vector2::y())])
-    }
 }
 
 impl Warp for Lens {
     fn warp(&self, _ball_m: &Vector3<f64>, outline: &Outline) -> Outline {
         let centre = self.distort(Vector2::new(outline.centre.u_px, outline.centre.v_px));
         let ellipse = outline.ellipse;
+        let rim = |d: Vector2<f64>| Some(self.distort(ellipse.centre + ellipse.axes * d));
         Outline {
             centre: PixelPoint::new(centre.x, centre.y),
-            ellipse: Ellipse {
-                centre: self.distort(ellipse.centre),
-                axes: self.jacobian(ellipse.centre) * ellipse.axes,
-            },
+            ellipse: nearest_ellipse(rim).map_or(ellipse, |(centre, axes)| Ellipse { centre, axes }),
         }
     }
 }

@@ -1,0 +1,161 @@
+use super::*;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
+
+const SIZE: (usize, usize) = (1280, 720);
+const NOISE_PX: f64 = 0.05;
+
+struct Random(ChaCha8Rng);
+
+impl Random {
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (f64::from(self.0.next_u32()) + 0.5) / 4_294_967_296.0
+    }
+
+    fn normal(&mut self) -> f64 {
+        let (a, b) = (self.between(0.0, 1.0), self.between(0.0, 1.0));
+        (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+}
+
+fn random(seed: u64) -> Random {
+    Random(ChaCha8Rng::seed_from_u64(seed))
+}
+
+/// Views of a board of 9 by 6 corners all over the picture, their corners off by noise.
+fn views(camera: &Camera, count: usize, turn: f64, noise_px: f64, random: &mut Random) -> Vec<Vec<Seen>> {
+    let mut views = Vec::new();
+    while views.len() < count {
+        let z = random.between(0.3, 0.5);
+        let (x, y) = (
+            random.between(-0.8, 0.8) * 0.71 * z,
+            random.between(-0.8, 0.8) * 0.4 * z,
+        );
+        let rotation = Rotation3::from_euler_angles(
+            random.between(-turn, turn),
+            random.between(-turn, turn),
+            random.between(-0.4, 0.4),
+        );
+        let pose = Pose {
+            rotation,
+            shift_m: Vector3::new(x, y, z) - rotation * Vector3::new(0.1, 0.0625, 0.0),
+        };
+        let view: Vec<Seen> = (0..54)
+            .filter_map(|i| {
+                let board_m = Vector2::new(f64::from(i % 9), f64::from(i / 9)) * 0.025;
+                let at = project(camera, &pose, &board_m)?.at;
+                let mut off = || noise_px * random.normal();
+                Some(Seen {
+                    board_m,
+                    at: PixelPoint::new(at.x + off(), at.y + off()),
+                    std_px: 0.2 * NOISE_PX,
+                })
+            })
+            .collect();
+        let inside = |s: &Seen| (10.0..1270.0).contains(&s.at.u_px) && (10.0..710.0).contains(&s.at.v_px);
+        if view.len() == 54 && view.iter().all(inside) {
+            views.push(view);
+        }
+    }
+    views
+}
+
+fn barrel() -> Camera {
+    Camera::from([900.0, 901.0, 645.0, 352.0, -0.28, 0.09, 0.0006, -0.0004, 0.0])
+}
+
+#[test]
+fn exact_corners_give_the_lens_back() {
+    for camera in [
+        barrel(),
+        Camera::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0]),
+    ] {
+        let fit = fit(SIZE, &views(&camera, 8, 0.6, 0.0, &mut random(1))).unwrap();
+        let off = fit.camera - camera;
+        assert!(off.rows(0, 4).amax() < 0.01, "{off}");
+        assert!(off.rows(4, 5).amax() < 1e-4, "{off}");
+        assert!(fit.rms_px < 1e-4, "{} {:?}", fit.rms_px, fit.terms);
+    }
+}
+
+/// The figure behind "uncertainties cover": pulls over many calibrations with noisy corners.
+#[test]
+fn uncertainties_of_lens_and_pose_cover() {
+    let (mut inside, mut all, mut squares) = (0.0, 0.0, 0.0);
+    let (mut displaced, mut places) = (0.0, 0.0);
+    let mut posed = 0.0;
+    let runs = 60;
+    for seed in 0..runs {
+        let mut r = random(100 + seed);
+        let truth = Camera::from([
+            r.between(1000.0, 1500.0),
+            r.between(1000.0, 1500.0),
+            r.between(600.0, 680.0),
+            r.between(330.0, 390.0),
+            r.between(-0.25, 0.1),
+            r.between(0.0, 0.08),
+            r.between(-1e-3, 1e-3),
+            r.between(-1e-3, 1e-3),
+            0.0,
+        ]);
+        let fit = fit(SIZE, &views(&truth, 10, 0.6, NOISE_PX, &mut r)).unwrap();
+        // k3 is 0 in truth and drawn to 0: it would flatter.
+        for i in 0..8 {
+            let pull = (fit.camera[i] - truth[i]) / fit.covariance[(i, i)].sqrt();
+            inside += f64::from(u8::from(pull.abs() < 1.96));
+            squares += pull * pull;
+            all += 1.0;
+        }
+        let (true_lens, lens) = (lens(&truth).unwrap(), fit.lens().unwrap());
+        for k in 0..24 {
+            let p = PixelPoint::new(f64::from(k % 6) * 255.8, f64::from(k / 6) * 239.6);
+            let by_camera = super::super::coverage::undistortion_by_camera(&fit.camera, p).unwrap();
+            let covariance = by_camera * fit.covariance * by_camera.transpose();
+            let (a, b) = (true_lens.undistort(p).unwrap(), lens.undistort(p).unwrap());
+            let off = Vector2::new(b.u_px - a.u_px, b.v_px - a.v_px);
+            let distance2 = (off.transpose() * covariance.try_inverse().unwrap() * off)[0];
+            // 95 % of a normal distribution in two dimensions are within 5.99.
+            displaced += f64::from(u8::from(distance2 < 5.99));
+            places += 1.0;
+        }
+        posed += f64::from(u8::from(
+            fit.joint_covariance(0).unwrap().symmetric_eigenvalues().min() > -1e-12,
+        ));
+    }
+    let (share, width, region) = (inside / all, (squares / all).sqrt(), displaced / places);
+    println!("{share:.3} of parameters, pulls of width {width:.3}, {region:.3} of places");
+    assert!((0.92..0.985).contains(&share), "{share}");
+    assert!((0.85..1.12).contains(&width), "{width}");
+    assert!((0.90..0.995).contains(&region), "{region}");
+    assert_eq!(posed, f64::from(runs as u32));
+}
+
+#[test]
+fn views_that_are_all_square_do_not_fix_a_focal_length() {
+    let views = views(&barrel(), 8, 0.0, NOISE_PX, &mut random(3));
+    match fit(SIZE, &views) {
+        Ok(fit) => assert!(fit.covariance[(0, 0)].sqrt() > 0.02 * fit.camera[0]),
+        Err(error) => assert!(matches!(error, BoardError::NotDetermined { .. }), "{error}"),
+    }
+}
+
+#[test]
+fn bad_corners_count_less() {
+    let mut views = views(&barrel(), 10, 0.6, NOISE_PX, &mut random(4));
+    let mut r = random(5);
+    // Two views blurred: their corners say so.
+    for seen in views[..2].iter_mut().flatten() {
+        seen.at.u_px += 0.5 * r.normal();
+        seen.at.v_px += 0.5 * r.normal();
+        seen.std_px = 0.5;
+    }
+    let weighted = fit(SIZE, &views).unwrap();
+    let blind: Vec<Vec<Seen>> = views
+        .iter()
+        .map(|v| v.iter().map(|s| Seen { std_px: 0.01, ..*s }).collect())
+        .collect();
+    let unweighted = fit(SIZE, &blind).unwrap();
+    assert!(weighted.covariance[(0, 0)] < 0.4 * unweighted.covariance[(0, 0)]);
+    let pull = (weighted.camera[0] - 900.0) / weighted.covariance[(0, 0)].sqrt();
+    assert!(pull.abs() < 3.5, "{pull}");
+}

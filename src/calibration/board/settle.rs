@@ -1,0 +1,97 @@
+//! Which views and corners serve: fit, set aside what does not belong, fit again.
+
+use super::lens_fit::{self, LensFit};
+use super::projection::Seen;
+use super::{BoardError, Use, Views};
+
+/// Fewer views than this do not fix a lens.
+const LEAST_VIEWS: usize = 3;
+/// A view that misses by this many times the middle one's is no view of the same flat board.
+const OUTLYING: f64 = 3.0;
+/// A corner that misses by this many times all corners' is a speck of dust or a reflection: 5 standard deviations of a
+/// coordinate, over √2.
+const STRAY: f64 = 3.5;
+/// Rounds of setting aside.
+const ROUNDS: usize = 4;
+
+/// Fits, sets aside what does not belong, and fits again.
+pub(super) fn settled(
+    views: &mut Views,
+    used: &mut Vec<usize>,
+    size: (usize, usize),
+) -> Result<LensFit, BoardError> {
+    for _ in 0..ROUNDS {
+        let fit = fit_of(views, used, size)?;
+        let settled = !drop_strays(views, used, &fit) & !drop_views(views, used, &fit);
+        if settled {
+            return Ok(fit);
+        }
+    }
+    fit_of(views, used, size)
+}
+
+/// Drops corners that miss by far more than the others; whether there were any.
+fn drop_strays(views: &mut Views, used: &[usize], fit: &LensFit) -> bool {
+    let mut any = false;
+    for (k, &i) in used.iter().enumerate() {
+        // Of a view that misses as a whole no corner is to blame.
+        let limit = STRAY * fit.view_excess[k].max(1.0);
+        let residuals = fit.residuals(k, &views.views[i].seen);
+        let mut at = residuals.iter();
+        let before = views.views[i].seen.len();
+        views.views[i]
+            .seen
+            .retain(|_| at.next().is_some_and(|(_, r)| *r <= limit));
+        any |= views.views[i].seen.len() < before;
+    }
+    any
+}
+
+/// Sets aside the worst view where it misses by far more than the middle one; whether there was one.
+fn drop_views(views: &mut Views, used: &mut Vec<usize>, fit: &LensFit) -> bool {
+    let middle_of = |values: &[f64]| {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
+    let middle = middle_of(&fit.view_excess);
+    let worst = (0..used.len())
+        .filter(|&k| views.plane != Some(used[k]))
+        .max_by(|&a, &b| fit.view_excess[a].total_cmp(&fit.view_excess[b]));
+    match worst.filter(|&k| fit.view_excess[k] > OUTLYING * middle && used.len() > LEAST_VIEWS) {
+        Some(k) => {
+            let reason = format!(
+                "its corners miss by {:.2} px, those of the others by {:.2}: blurred by motion, or the board bent",
+                fit.view_rms_px[k],
+                middle_of(&fit.view_rms_px)
+            );
+            views.views[used[k]].use_ = Use::Aside(reason);
+            used.remove(k);
+            true
+        }
+        None => false,
+    }
+}
+
+/// One fit of the views `used`.
+fn fit_of(views: &Views, used: &[usize], size: (usize, usize)) -> Result<LensFit, BoardError> {
+    if used.len() < LEAST_VIEWS {
+        let aside = views.views.len() - used.len();
+        return Err(BoardError::TooFewViews {
+            usable: match used.len() {
+                1 => "one usable picture".to_owned(),
+                n => format!("{n} usable pictures"),
+            },
+            aside: match views.views.iter().find_map(|v| match &v.use_ {
+                Use::Aside(reason) => Some((&v.name, reason)),
+                _ => None,
+            }) {
+                Some((name, reason)) => format!("{aside} set aside, such as {name}, which {reason}"),
+                None => "none set aside".to_owned(),
+            },
+            least: LEAST_VIEWS,
+        });
+    }
+    let seen: Vec<Vec<Seen>> = used.iter().map(|&i| views.views[i].seen.clone()).collect();
+    lens_fit::fit(size, &seen)
+}
