@@ -395,7 +395,9 @@ pub fn run(
     let (whole, whole_settings) = whole::run(&plan.whole, &mut watch)?;
     let simulator = simulator::run(&plan.simulator, &mut watch)?;
     let fits = fits::run(&plan.fits, &mut watch)?;
-    let recommendation = want::recommend(&whole, wants);
+    let recommendation = want::recommend(&whole, wants, |i| {
+        whole::refusal(&whole_settings[i], wants, &mut watch)
+    })?;
     let mut sections = vec![centres, whole];
     sections.extend(simulator);
     sections.push(fits);

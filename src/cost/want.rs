@@ -2,7 +2,7 @@
 //! run is not one that was run.
 
 use super::whole::{LIGHT, QUANTITIES, SECONDS, STORAGE};
-use super::{Measure, Section};
+use super::{Measure, Run, Section};
 use std::str::FromStr;
 
 /// A quantity and how large its error may be.
@@ -102,14 +102,26 @@ pub struct Recommendation {
     pub wants: Vec<Want>,
     /// Index into the runs of the section `whole`; `None` where no run reaches all that is wanted.
     pub chosen: Option<usize>,
+    /// Cheaper runs that reached it on the recordings they were chosen by but not on new ones, and why not.
+    pub set_aside: Vec<(usize, String)>,
     /// All of it in words.
     pub words: String,
 }
 
+/// Candidates that new recordings may refuse before none is recommended.
+const MOST_REFUSED: usize = 12;
+
 /// The run with the least median time among those where no recording failed and the 95 % bound of every wanted error
-/// is within what is wanted.
-#[must_use]
-pub fn recommend(whole: &Section, wants: &[Want]) -> Recommendation {
+/// is within what is wanted, and that `holds` on new recordings: the cheapest of a hundred settings is a lucky one, so that its
+/// own recordings say too much good of it. `holds` gives the reason why a run does not.
+///
+/// # Errors
+/// Those of `holds`.
+pub fn recommend<E>(
+    whole: &Section,
+    wants: &[Want],
+    mut holds: impl FnMut(usize) -> Result<Option<String>, E>,
+) -> Result<Recommendation, E> {
     let seconds = |i: usize| {
         whole.runs[i]
             .work(SECONDS.name)
@@ -123,18 +135,49 @@ pub fn recommend(whole: &Section, wants: &[Want]) -> Recommendation {
                     .is_some_and(|e| e.bound_95 <= w.at_most)
             })
     };
-    let chosen = (0..whole.runs.len())
-        .filter(reaches)
-        .min_by(|a, b| seconds(*a).total_cmp(&seconds(*b)));
+    let mut candidates: Vec<usize> = (0..whole.runs.len()).filter(reaches).collect();
+    candidates.sort_by(|a, b| seconds(*a).total_cmp(&seconds(*b)));
+    let (mut chosen, mut set_aside) = (None, Vec::new());
+    for i in candidates.into_iter().take(MOST_REFUSED) {
+        match holds(i)? {
+            None => {
+                chosen = Some(i);
+                break;
+            }
+            Some(why) => set_aside.push((i, why)),
+        }
+    }
     let words = match chosen {
-        Some(i) => reached(whole, wants, i),
-        None => missed(whole, wants),
+        Some(i) => reached(whole, wants, i) + &refused(whole, &set_aside),
+        None => missed(whole, wants) + &refused(whole, &set_aside),
     };
-    Recommendation {
+    Ok(Recommendation {
         wants: wants.to_vec(),
         chosen,
+        set_aside,
         words,
-    }
+    })
+}
+
+/// What was said of the settings that new recordings refused.
+fn refused(whole: &Section, set_aside: &[(usize, String)]) -> String {
+    let Some((i, why)) = set_aside.first() else {
+        return String::new();
+    };
+    format!(
+        " Set aside, because new recordings did not bear them out: {} (the cheapest: {}; {why}).",
+        set_aside.len(),
+        settings(&whole.runs[*i]),
+    )
+}
+
+fn settings(run: &Run) -> String {
+    let each: Vec<String> = run
+        .settings
+        .iter()
+        .map(|(name, value)| format!("{name} {value}"))
+        .collect();
+    each.join(", ")
 }
 
 fn listed(wants: &[Want]) -> String {
@@ -171,7 +214,7 @@ fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
     format!(
         "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s. Measured on {recordings} recordings: \
          {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.3} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \
-         were measured; none is interpolated.",
+         were measured which also held on new recordings, every one of them; none is interpolated.",
         listed(wants),
         of("accuracy"),
         of("frame_rate_hz"),
@@ -196,15 +239,10 @@ fn missed(whole: &Section, wants: &[Want]) -> String {
             .filter_map(|run| Some((run.error(want.quantity.name)?.bound_95, run)))
             .min_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((bound, run)) = best {
-            let settings: Vec<String> = run
-                .settings
-                .iter()
-                .map(|(name, value)| format!("{name} {value}"))
-                .collect();
             words.push_str(&format!(
                 " The best for {} holds 95 % of the errors within {bound:.2e}: {}.",
                 want.quantity.name,
-                settings.join(", ")
+                settings(run)
             ));
         }
     }
@@ -214,8 +252,8 @@ fn missed(whole: &Section, wants: &[Want]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Section;
     use super::super::stats::{Errors, Spread};
-    use super::super::{Run, Section};
     use super::*;
 
     fn run(seconds: f64, errors: &[f64], failed: bool) -> Run {
@@ -251,11 +289,12 @@ mod tests {
             run(0.4, &good, false),
         ];
         let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
-        let found = recommend(&section(runs), &wants);
+        let all_hold = |_| Ok::<_, std::convert::Infallible>(None);
+        let found = recommend(&section(runs), &wants, all_hold).unwrap();
         assert_eq!(found.chosen, Some(3));
         assert!(found.words.contains("--accuracy fast"), "{}", found.words);
         let strict: Vec<Want> = vec!["restitution=1e-6".parse().unwrap()];
-        let found = recommend(&section(vec![run(0.4, &good, false)]), &strict);
+        let found = recommend(&section(vec![run(0.4, &good, false)]), &strict, all_hold).unwrap();
         assert_eq!(found.chosen, None);
         assert!(found.words.contains("none of the 1 settings") && found.words.contains("The best"));
     }
@@ -267,8 +306,31 @@ mod tests {
         let few = recommend(
             &section(vec![run(0.1, &[0.0015, -0.0012, 0.0014], false)]),
             &wants,
-        );
+            |_| Ok::<_, std::convert::Infallible>(None),
+        )
+        .unwrap();
         assert_eq!(few.chosen, None);
+    }
+
+    #[test]
+    fn what_new_recordings_refuse_is_set_aside() {
+        let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
+        let runs = vec![
+            run(0.6, &[1e-4; 20], false),
+            run(0.1, &[1e-4; 20], false),
+            run(0.4, &[1e-4; 20], false),
+        ];
+        let lucky = |i: usize| {
+            Ok::<_, std::convert::Infallible>((i == 1).then(|| "restitution off by 6.4e-3".to_owned()))
+        };
+        let found = recommend(&section(runs.clone()), &wants, lucky).unwrap();
+        assert_eq!(found.chosen, Some(2));
+        assert_eq!(found.set_aside.len(), 1);
+        assert!(found.words.contains("off by 6.4e-3"), "{}", found.words);
+        let none = recommend(&section(runs), &wants, |_| {
+            Ok::<_, std::convert::Infallible>(Some("no".to_owned()))
+        });
+        assert_eq!(none.unwrap().chosen, None);
     }
 
     #[test]

@@ -560,6 +560,36 @@ pub struct Check {
     pub first_miss: Option<String>,
 }
 
+/// Candidates for a recommendation are tried on recordings that begin here.
+const TRIAL_SEEDS: u64 = 500_000;
+
+/// And on so many: what holds on all of them fails on more than one in twenty only with a luck of one in five.
+const TRIALS: u64 = 30;
+
+/// Why `setting` does not reach all of `wants` on every one of some new recordings; `None` if it does.
+///
+/// # Errors
+/// See [`CostError`].
+pub fn refusal(
+    setting: &Setting,
+    wants: &[Want],
+    watch: &mut Watch<'_>,
+) -> Result<Option<String>, CostError> {
+    /// Rendered at a time: the first miss ends it.
+    const AT_ONCE: u64 = 6;
+    watch.start("trying the recommendation");
+    watch.total = cost(setting) * TRIALS as f64 * 3.0;
+    watch.done = 0.0;
+    for first in (0..TRIALS).step_by(AT_ONCE as usize) {
+        let seeds = (first..first + AT_ONCE).map(|i| TRIAL_SEEDS + i);
+        let trials = measure_all(setting, &[setting.accuracy], seeds, watch)?;
+        if let Some(why) = trials.iter().flatten().find_map(|trial| miss(trial, wants)) {
+            return Ok(Some(why));
+        }
+    }
+    Ok(None)
+}
+
 /// Measures `recordings` new ones at `setting` and counts how many reach all of `wants`.
 ///
 /// # Errors

@@ -279,6 +279,7 @@ mod tests {
             }],
             whole_settings: vec![Setting::DEFAULT; 2],
             recommendation: Recommendation {
+                set_aside: Vec::new(),
                 wants: usual(),
                 chosen: None,
                 words: "none & nothing".to_owned(),
