@@ -593,6 +593,14 @@ fn pictures_that_give_no_lens_are_told_what_to_do() {
         &[&[path("empty.png").as_str()][..], &pattern].concat(),
         &["no board of 9x6 inner corners", "the picture", "10 by 7 squares"],
     );
+    // Many of them: what they have in common is said once.
+    let many: Vec<String> = (0..5).map(|i| path(&format!("empty_{i}.png"))).collect();
+    many.iter().for_each(|name| write_png(&empty, Path::new(name)));
+    let many: Vec<&str> = many.iter().map(String::as_str).collect();
+    refused(
+        &[&many[..], &pattern].concat(),
+        &["empty_2.png and 2 more: set aside: no board found"],
+    );
     // The number of squares in place of corners, and another wrong one.
     write_png(&small([10.0, 5.0, 3.0], 0.0, 1), Path::new(&path("board.png")));
     for wrong in ["10x7", "8x5"] {
@@ -719,6 +727,11 @@ fn a_plane_without_its_board_is_told() {
         &small([0.0, 0.0, 2.0], 0.0, 1),
         &["--floor", "9999,9999"],
         &["--floor", "lens has no place"],
+    );
+    plane(
+        &small([0.0, 0.0, 2.0], 0.0, 1),
+        &["--origin", "9999,-9999"],
+        &["--origin", "lens has no place"],
     );
     refused(&pattern, &["--plane"]);
     let none = path("none.calib.json");

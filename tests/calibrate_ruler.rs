@@ -196,6 +196,10 @@ fn marks_that_make_no_sense_are_refused_without_a_trace() {
         &["--from", "20,100", "--to", "2000,100", "--length-m", "0.7"],
         &["--to", "320x240", "column first"],
     );
+    refused(
+        &["--from", "-5,100", "--to", "300,100", "--length-m", "0.7"],
+        &["--from: [-5, 100]", "outside the picture"],
+    );
     refused(&["--from", "20,100", "--to", "300,100"], &["--length-m"]);
     refused(
         &["--from", "20", "--to", "300,100", "--length-m", "0.7"],
@@ -218,6 +222,20 @@ fn marks_that_make_no_sense_are_refused_without_a_trace() {
         &["no/such.json", "no such file"],
     );
     refused(&with(&["--length-std-m", "7"]), &["length_std_m"]);
+}
+
+/// What `check` would find in the new file is told at once: centimetres given for metres, say.
+#[test]
+fn a_wrong_unit_is_warned_of() {
+    let marks = ["--from", "20,100", "--to", "300,100", "--length-m"];
+    ruler(&[&marks[..], &["700"]].concat())
+        .assert()
+        .success()
+        .stderr(contains("warning: scale").and(contains("lengths are metres")));
+    ruler(&[&marks[..], &["0.7"]].concat())
+        .assert()
+        .success()
+        .stderr(contains("warning").not());
 }
 
 #[test]

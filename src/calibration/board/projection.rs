@@ -184,10 +184,7 @@ mod tests {
         .unwrap();
         let ideal = pose.pixel_from_board(&camera) * Vector3::new(board.x, board.y, 1.0);
         let expected = lens
-            .distort(crate::geometry::PixelPoint::new(
-                ideal.x / ideal.z,
-                ideal.y / ideal.z,
-            ))
+            .distort(PixelPoint::new(ideal.x / ideal.z, ideal.y / ideal.z))
             .unwrap();
         assert!((seen.x - expected.u_px).hypot(seen.y - expected.v_px) < 1e-9);
     }
