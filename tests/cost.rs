@@ -171,7 +171,10 @@ fn a_recommended_setting_reaches_what_was_wanted_on_new_recordings() {
         .map(|w| w.parse().unwrap())
         .to_vec();
     let (section, settings) = whole::run(&plan, &mut watch).unwrap();
-    let found = cost::want::recommend(&section, &wants);
+    let found = cost::want::recommend(&section, &wants, |i| {
+        whole::refusal(&settings[i], &wants, &mut watch)
+    })
+    .unwrap();
     println!("{}", found.words);
     let setting = settings[found.chosen.expect("some setting is good enough")];
     let check = whole::check(&setting, &wants, NEW, &mut watch).unwrap();

@@ -17,6 +17,14 @@ pub fn cost_json(report: &Report, check: Option<&Check>) -> Value {
         .iter()
         .map(|w| (w.quantity.name.to_owned(), json!(w.at_most)))
         .collect();
+    let set_aside: Vec<Value> = recommendation
+        .set_aside
+        .iter()
+        .filter_map(|(i, why)| {
+            let whole = report.section("whole")?;
+            Some(json!({"run": run(&whole.runs[*i]), "reason": why}))
+        })
+        .collect();
     let chosen = recommendation.chosen.zip(report.section("whole"));
     json!({
         "schema": SCHEMA,
@@ -33,6 +41,7 @@ pub fn cost_json(report: &Report, check: Option<&Check>) -> Value {
             "wanted": wants,
             "words": recommendation.words,
             "run": chosen.map(|(i, whole)| run(&whole.runs[i])),
+            "set_aside": set_aside,
             "check": check.map(|c| json!({
                 "recordings": c.recordings, "inside": c.inside, "first_miss": c.first_miss
             })),
