@@ -59,9 +59,9 @@ fn val_fig_3_angles_through_track() {
         let tangent = at(&steel, "/bounces/0/incident/angle_deg").to_radians().tan();
         let sliding = tangent.atan() > mu_e::transition_angle_rad(&STEEL, 0.0, SOLID_SPHERE);
         let expected = if sliding {
-            mu_e::sliding_rebound_tangent(&STEEL, tangent, 0.0)
+            mu_e::sliding_rebound_tangent(&STEEL, tangent, 0.0).unwrap()
         } else {
-            mu_e::nonsliding_rebound_tangent(0.78, tangent, 0.0, SOLID_SPHERE)
+            mu_e::nonsliding_rebound_tangent(0.78, tangent, 0.0, SOLID_SPHERE).unwrap()
         };
         let found = at(&steel, "/bounces/0/rebound/angle_deg").to_radians().tan();
         assert!(

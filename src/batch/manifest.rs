@@ -13,6 +13,7 @@
 //! lines that begin with `#` are comments.
 
 use super::{Changes, LaunchSpin};
+use crate::calibration::{FINITE, POSITIVE};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -281,12 +282,14 @@ impl Cells<'_> {
         }
         let mut positive = |column: &str, unit: &str| {
             let cell = self.get(column)?;
-            let number = self.number(cell).filter(|x| x.is_finite() && *x > 0.0);
+            // What a calibration would refuse, a manifest may not put in its place.
+            let number = self.number(cell).filter(|&x| (POSITIVE.holds)(x));
             if number.is_none() {
                 refuse(
                     column,
                     format!(
-                        "found \"{cell}\"; accepted is a number above 0, in {unit}, or nothing for the calibration's"
+                        "found \"{cell}\"; accepted is {}, in {unit}, or nothing for the calibration's",
+                        POSITIVE.accepted
                     ),
                 );
             }
@@ -302,9 +305,10 @@ impl Cells<'_> {
             refuse(
                 "spin_ratio",
                 format!(
-                    "found \"{}\"; accepted is a number (R ω / u of the launch, 0 for no spin), unknown, or nothing for the \
+                    "found \"{}\"; accepted is {} (R ω / u of the launch, 0 for no spin), unknown, or nothing for the \
                      calibration's",
-                    self.get("spin_ratio").unwrap_or_default()
+                    self.get("spin_ratio").unwrap_or_default(),
+                    FINITE.accepted
                 ),
             );
         }
@@ -344,7 +348,9 @@ impl Cells<'_> {
         {
             return Some(LaunchSpin::Unknown);
         }
-        self.number(cell).filter(|x| x.is_finite()).map(LaunchSpin::Ratio)
+        self.number(cell)
+            .filter(|&x| (FINITE.holds)(x))
+            .map(LaunchSpin::Ratio)
     }
 
     fn number(&self, cell: &str) -> Option<f64> {

@@ -2,6 +2,7 @@
 
 use super::air::{AIR_DENSITY_KG_M3, Lift};
 use super::propagate::{Evidence, Outputs};
+use super::relations::Crossing;
 use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
 use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
@@ -109,6 +110,10 @@ fn gains(bounce: &Bounce) -> bool {
 
 /// A slip that does not stand out by this many standard uncertainties gives no e_x: it would be noise over noise.
 const SLIP_SIGMAS: f64 = 3.0;
+
+/// Nor does one so small (a ball that all but rolls already, and its spin known exactly) that e_x, which lies between −1 and 1,
+/// would be this uncertain.
+const NO_E_X_STD: f64 = 1.0;
 
 impl<'a> Scene<'a> {
     /// The scene of `flight`; `first_right` is where the ball was first seen.
@@ -418,33 +423,35 @@ impl<'a> Scene<'a> {
         let pull = if best.1.vr >= best.2.vr { 1.0 } else { -1.0 };
         let out = self.evidence.outputs(|p| {
             let (t, a, b) = self.impact(p, k);
-            let restitution = -b.vh / a.vh;
-            let spin_in = history.map_or(f64::NAN, |h| self.spin_in(p, h));
-            let spin_out = spin_in + (a.vr - b.vr) / inertia;
-            let slip = a.vr - spin_in;
+            let crossing = Crossing {
+                before_m_s: (a.vr, a.vh),
+                after_m_s: (b.vr, b.vh),
+                spin_in_m_s: history.map_or(f64::NAN, |h| self.spin_in(p, h)),
+                inertia_factor: inertia,
+            };
             vec![
                 t,
                 a.r,
                 a.vr,
                 a.vh,
-                (along * a.vr).atan2(-a.vh),
+                crossing.incident_angle_rad(along),
                 b.vr,
                 b.vh,
-                (along * b.vr).atan2(b.vh),
-                restitution,
-                b.vr / a.vr,
-                pull * (a.vr - b.vr) / (a.vh.abs() * (1.0 + restitution)),
-                -(b.vr - spin_out) / slip,
-                spin_in,
-                spin_out,
-                slip,
+                crossing.rebound_angle_rad(along),
+                crossing.restitution(),
+                crossing.tangential_ratio(),
+                pull * crossing.friction(),
+                crossing.tangential_restitution(),
+                crossing.spin_in_m_s,
+                crossing.spin_out_m_s(),
+                crossing.slip_in_m_s(),
             ]
         });
         let ratio = out
             .stands_out(2, DIRECTION_SIGMAS)
             .then(|| out.quantity(9))
             .flatten();
-        let grips = spin0.is_finite() && out.stands_out(14, SLIP_SIGMAS);
+        let grips = spin0.is_finite() && out.stands_out(14, SLIP_SIGMAS) && out.std(11) < NO_E_X_STD;
         Bounce {
             time_s: out.quantity(0),
             x_m: out.quantity(1),

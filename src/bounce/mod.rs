@@ -12,6 +12,7 @@ pub mod air;
 pub mod impacts;
 pub mod propagate;
 pub mod reading;
+pub mod relations;
 
 use crate::quantity::Quantity;
 

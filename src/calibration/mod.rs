@@ -32,6 +32,7 @@ mod viewpoint;
 
 pub use deviation::Deviation;
 pub use error::{CalibrationError, Problem};
+pub(crate) use file::{FINITE, INERTIA, POSITIVE};
 pub use lens::Lens;
 pub use plane::{PlaneUnit, Rectification};
 pub use scale::{Homography, ROUNDED_PIXEL_STD_PX, Scale, ScaleEvidence};

@@ -3,10 +3,14 @@
 use super::law::Theta;
 use super::observation::{Observation, Spin};
 use super::series::{Column, ColumnSet, Series, SetAside, Weights};
+use rayon::prelude::*;
 use std::cmp::Ordering;
 
 /// More rows than this are searched by a sample first; the last steps take them all.
 pub(super) const SAMPLE: usize = 600;
+
+/// Rows that are worth a processor of their own.
+const PART: usize = 512;
 
 /// A measured spin after that is this much closer to the impulse balance than its own deviation was computed from it.
 const COMPUTED: f64 = 1e-3;
@@ -31,9 +35,14 @@ impl Data {
         let spin_out = series.set == ColumnSet::Velocities && spin_was_measured(series, indices);
         let mut rows = Vec::with_capacity(indices.len());
         let mut set_aside = Vec::new();
-        for &index in indices {
-            let made =
-                Observation::new(series, index, spin_out).and_then(|row| weighable(&row).map(|()| row));
+        let made: Vec<Result<Observation, String>> = indices
+            .par_iter()
+            .with_min_len(PART)
+            .map(|&index| {
+                Observation::new(series, index, spin_out).and_then(|row| weighable(&row).map(|()| row))
+            })
+            .collect();
+        for (made, &index) in made.into_iter().zip(indices) {
             match made {
                 Ok(row) => rows.push(row),
                 Err(reason) => set_aside.push(SetAside {
@@ -51,7 +60,7 @@ impl Data {
             let positive = row.variance.iter().filter(|v| **v > 0.0);
             positive.fold(f64::INFINITY, |least, v| least.min(*v))
         };
-        rows.sort_by(|a, b| heaviest(a).total_cmp(&heaviest(b)).then(a.row.cmp(&b.row)));
+        rows.par_sort_by(|a, b| heaviest(a).total_cmp(&heaviest(b)).then(a.row.cmp(&b.row)));
         let sample = sample(&rows);
         Self {
             shared_spin: rows.iter().any(|row| row.spin == Spin::Shared),

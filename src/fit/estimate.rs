@@ -20,7 +20,7 @@ use profile::Region;
 
 /// A coefficient that is known to no better than this is not known: the deviation of anything at all in the range of e, e_x,
 /// μ, and spin ratios.
-const KNOWN: Theta = [0.3, 0.6, 0.3, 1.0];
+pub(super) const KNOWN: Theta = [0.3, 0.6, 0.3, 1.0];
 
 /// Why a ball that rolls already tells nothing.
 const NO_SLIP: &str = "no row is seen to slip before the bounce";
@@ -249,6 +249,13 @@ impl<'a> Work<'a> {
     }
 
     fn restitution(&self) -> Fitted {
+        if self.solution.one_incidence {
+            return Fitted::NotDetermined(format!(
+                "{} at one incidence hold e only together with what friction did: they may all have slid. Rows at other \
+                 angles would tell, or velocities",
+                self.data.rows.first().map_or("rows", |row| row.set.name())
+            ));
+        }
         self.searched(E, || match self.data.rows.first().map(|row| row.set) {
             Some(ColumnSet::Velocities) | None => "no row tells it".to_owned(),
             Some(set) => self.only_together(set),

@@ -12,10 +12,12 @@
 
 use super::criteria::{self, Marks, chi2_quantile};
 use super::data::{Data, demand};
+use super::estimate;
 use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
+use super::observation::Observation;
 use super::result::ModelName;
 use super::search::{Found, Task};
-use super::series::Weights;
+use super::series::{ColumnSet, Weights};
 use super::starts;
 use super::transition::Profile;
 use crate::quantity::median;
@@ -55,6 +57,8 @@ pub(super) struct Solution {
     pub rank: usize,
     /// Whether any row is seen to slip before the bounce.
     pub slips: bool,
+    /// μ-e with every row rolling off, where every row sliding would do as well: e is one number then or another.
+    pub one_incidence: bool,
     pub marks: Marks,
 }
 
@@ -77,6 +81,7 @@ impl Solution {
             marks: Marks::new(data, found.chi2, rank + limit, 1.0),
             valleys: Vec::new(),
             slips: true,
+            one_incidence: false,
             found,
         }
     }
@@ -207,9 +212,41 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     let larger = throughout.unwrap_or(larger);
     Some(if shows(data, rolling, &larger) {
         larger
+    } else if may_slide(data, rolling) {
+        let mut rolling = rolling.clone();
+        rolling.determined[E] = false;
+        rolling.one_incidence = true;
+        rolling
     } else {
         rolling.clone()
     })
+}
+
+/// Whether rows that all seem to roll off may as well all slide, as one incidence has it: tan φ or x holds e with the regime
+/// only, and any e goes with some μ. (Velocities hold e by themselves.) Rows at several incidences that lie on the line of
+/// rolling do not lie on one of sliding by chance.
+fn may_slide(data: &Data, rolling: &Solution) -> bool {
+    let by_itself = |row: &Observation| row.set == ColumnSet::Velocities;
+    if !rolling.determined[E] || data.rows.first().is_none_or(by_itself) {
+        return false;
+    }
+    // Rows from θ to 2θ leave e under sliding, a slope beside an intercept, 5 times as uncertain as under rolling; from θ to
+    // 1.4 θ this many times.
+    const LEVER: f64 = 10.0;
+    let Some(sliding) = sliding_throughout(data) else {
+        return false;
+    };
+    if rolling.marks.gain_over(&sliding.marks, data.weights) > SHOWS {
+        return false;
+    }
+    let variance = |of: &Solution| {
+        let triangle = &of.found.triangle;
+        triangle.covariance(&of.determined, &of.free, of.rank)[(E, E)]
+    };
+    let vague = variance(&sliding);
+    !sliding.determined[E]
+        || vague > LEVER.powi(2) * variance(rolling)
+        || vague * sliding.scatter(data).unwrap_or(0.0).powi(2) > estimate::KNOWN[E].powi(2)
 }
 
 /// By how many deviations of a row the outcome jumps, from the rows that slide next to the limit; `None` where none slides.
@@ -218,15 +255,16 @@ fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
     let theta = &solution.found.theta;
     let jump = solution.jump()? / (1.0 + theta[E]) - theta[MU];
     let task = solution.task(data);
+    let nearest = task.all_nearest(theta)?;
     let mut rows: Vec<(f64, f64)> = task
         .rows()
-        .filter_map(|row| Some((demand(row, theta), task.nearest(row, theta)?)))
+        .zip(&nearest)
         .filter(|(_, near)| near.state.slides())
-        .map(|(demand, near)| {
+        .map(|(row, near)| {
             let by_friction = near.jacobian[..near.equations]
                 .iter()
                 .map(|line| line[MU].powi(2));
-            (demand, by_friction.sum::<f64>().sqrt())
+            (demand(row, theta), by_friction.sum::<f64>().sqrt())
         })
         .collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -201,18 +201,26 @@ impl<'a> Task<'a> {
 
     /// The triangle of rows brought to unit length each, for the test of what they determine.
     pub fn unit_triangle(&self, theta: &Theta) -> Triangle {
-        let mut triangle = Triangle::new();
-        for row in self.rows() {
-            let Some(near) = self.nearest(row, theta) else {
-                continue;
-            };
-            for line in &near.jacobian[..near.equations] {
-                let line = self.masked(*line);
-                let length = line.iter().map(|x| x * x).sum::<f64>().sqrt();
-                if length > 0.0 && length.is_finite() {
-                    triangle.push(line.map(|x| x / length), 0.0);
+        let parts = self.in_parts(|rows| {
+            let mut triangle = Triangle::new();
+            for row in rows {
+                let Some(near) = self.nearest(row, theta) else {
+                    continue;
+                };
+                for line in &near.jacobian[..near.equations] {
+                    let line = self.masked(*line);
+                    let length = line.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    if length > 0.0 && length.is_finite() {
+                        triangle.push(line.map(|x| x / length), 0.0);
+                    }
                 }
             }
+            triangle
+        });
+        let mut parts = parts.into_iter();
+        let mut triangle = parts.next().unwrap_or_else(Triangle::new);
+        for part in parts {
+            triangle.take_in(&part);
         }
         triangle
     }

@@ -122,7 +122,8 @@ impl ArcFit {
         // Linear without drag: one step is the solution, the second shows that nothing moves.
         for _ in 0..if drag { 8 } else { 1 } {
             let (matrix, right) = system(points, &times, &parameters, forces, held);
-            let (step, inverse) = solve(&matrix, &right)?;
+            let (mut step, inverse) = solve(&matrix, &right)?;
+            keep(&mut step, held);
             parameters += &step;
             covariance = Some(inverse);
             let change = &matrix * &step;
@@ -173,7 +174,9 @@ impl ArcFit {
             right[2 * i] = w * dr;
             right[2 * i + 1] = w * dh;
         }
-        solve(&matrix, &right).map(|(change, _)| change)
+        let (mut change, _) = solve(&matrix, &right)?;
+        keep(&mut change, held);
+        Some(change)
     }
 
     /// Number of arcs.
@@ -233,9 +236,12 @@ impl ArcFit {
     }
 
     /// Time of the impact between arcs `k` and `k + 1` for any parameters of this fit's layout, s; `None` when the two
-    /// do not part.
+    /// do not part, or there is no second one (a flight without an impact).
     #[must_use]
     pub fn impact_time(&self, parameters: &[f64], k: usize) -> Option<f64> {
+        if k + 1 >= self.arcs() {
+            return None;
+        }
         match &self.forces {
             Forces::Overhead(_) => Some(parameters[overhead::Layout::new(self.arcs()).impact(k)]),
             _ => meeting(parameters, &self.times, k, k + 1).map(|m| m.0),
@@ -331,6 +337,14 @@ fn system(
         right[row] = (value - parameters[DRAG]) / std;
     }
     (matrix, right)
+}
+
+/// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of
+/// 1e-11 in place of none, times the square of a ball's speed in pixels, is a force.
+fn keep(step: &mut DVector<f64>, held: [bool; 2]) {
+    for (i, _) in held.iter().enumerate().filter(|(_, held)| **held) {
+        step[i] = 0.0;
+    }
 }
 
 /// Shift of the place at `t` by a unit of drag, to first order.

@@ -360,6 +360,10 @@ fn cut_and_fit(
             uses[r.clone()].fill(SpotUse::Used(k));
         }
         let fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+        if let Some(no_arc) = mostly_set_aside(&uses, &ranges) {
+            ranges.remove(no_arc);
+            continue;
+        }
         let flight = finish(spots, track, uses, fit, interval_s);
         let Some(cut) = flight.impacts.iter().position(Option::is_none) else {
             return flight.is_convincing(&samples, &ranges, sigma).then_some(flight);
@@ -367,6 +371,18 @@ fn cut_and_fit(
         ranges = without_weak_arc(&samples, ranges, cut, gravity, sigma);
     }
     None
+}
+
+/// The first arc most of whose points do not lie on it, once it is fitted to the last digit: a few points on the floor, behind
+/// an impact that left the ball there, pass for a short rebound as long as only their cut is asked for.
+fn mostly_set_aside(uses: &[SpotUse], ranges: &[std::ops::Range<usize>]) -> Option<usize> {
+    let off = |range: &std::ops::Range<usize>| {
+        let used = uses[range.clone()]
+            .iter()
+            .filter(|u| matches!(u, SpotUse::Used(_)));
+        2 * used.count() < range.len()
+    };
+    ranges.iter().position(off)
 }
 
 /// Whether an arc is long enough to show the common fall.

@@ -1,7 +1,7 @@
 //! The e-e model: three coefficients of restitution \[17–24\].
 //!
 //! ```text
-//! slip after = −e_x, −e_y times slip before, component by component      P = −s (1 + e_x, e_y) c
+//! slip after = −e_x, −e_y times slip before, component by component      P = −s (1 + e_x, 1 + e_y) c
 //! v_x   = [(1 − s) − s e_x] v_ox + s (1 + e_x) R ω_oy                    [19]
 //! R ω_y = (1 − s)(1 + e_x) v_ox + [s − (1 − s) e_x] R ω_oy               [21]
 //! ```
@@ -9,7 +9,7 @@
 //! x is the direction of the incident horizontal velocity, as in the paper; of a ball that falls straight, the
 //! direction of its slip.
 
-use super::{Motion, Regime, apply_impulse, limiting_angle_rad, slip_share};
+use super::{Motion, Regime, apply_grip, direction, limiting_angle_rad, rebound_tangent as over, slip_share};
 use nalgebra::Vector2;
 
 /// Coefficients of the e-e model.
@@ -26,14 +26,16 @@ pub struct Parameters {
 /// The motion after an impact, and its regime by the sign of e_x.
 #[must_use]
 pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -> (Motion, Regime) {
-    let tangential = grip_impulse_m_s(
-        incoming,
+    // Without a direction there is neither motion nor slip to change.
+    let along = direction(&incoming.velocity_m_s.xy())
+        .or_else(|| direction(&incoming.slip_m_s()))
+        .unwrap_or_else(Vector2::x);
+    let each = (
         parameters.tangential_restitution_x,
         parameters.tangential_restitution_y,
-        inertia_factor,
     );
     (
-        apply_impulse(incoming, parameters.restitution, tangential, inertia_factor),
+        apply_grip(incoming, parameters.restitution, &along, each, inertia_factor),
         regime(parameters.tangential_restitution_x),
     )
 }
@@ -50,36 +52,19 @@ pub fn regime(tangential_restitution_x: f64) -> Regime {
     }
 }
 
-/// Tangential impulse per mass that turns the slip c into (−e_x c_x, −e_y c_y), m/s.
-#[must_use]
-pub fn grip_impulse_m_s(
-    incoming: &Motion,
-    tangential_restitution_x: f64,
-    tangential_restitution_y: f64,
-    inertia_factor: f64,
-) -> Vector2<f64> {
-    let slip = incoming.slip_m_s();
-    let horizontal = incoming.velocity_m_s.xy();
-    let Some(along) = horizontal.try_normalize(0.0).or_else(|| slip.try_normalize(0.0)) else {
-        return Vector2::zeros();
-    };
-    let across = Vector2::new(-along.y, along.x);
-    let s = slip_share(inertia_factor);
-    -along * s * (1.0 + tangential_restitution_x) * slip.dot(&along)
-        - across * s * (1.0 + tangential_restitution_y) * slip.dot(&across)
-}
-
 /// tan φ of a ball without sidespin \[24\]: ([(1 − s) − s e_x] + s (1 + e_x) R ω_oy/u_o) tan θ / e_z.
+/// `None` where e_z = 0.
 #[must_use]
 pub fn rebound_tangent(
     parameters: &Parameters,
     incident_tangent: f64,
     spin_ratio: f64,
     inertia_factor: f64,
-) -> f64 {
+) -> Option<f64> {
     let s = slip_share(inertia_factor);
     let e_x = parameters.tangential_restitution_x;
-    ((1.0 - s) - s * e_x + s * (1.0 + e_x) * spin_ratio) * incident_tangent / parameters.restitution
+    let kept = (1.0 - s) - s * e_x + s * (1.0 + e_x) * spin_ratio;
+    over(kept * incident_tangent, parameters.restitution)
 }
 
 /// Incident angle at which grip would need more than the friction `friction`, rad:
@@ -93,8 +78,5 @@ pub fn grip_limit_angle_rad(
     inertia_factor: f64,
 ) -> f64 {
     let grip = slip_share(inertia_factor) * (1.0 + tangential_restitution_x);
-    if grip == 0.0 {
-        return std::f64::consts::FRAC_PI_2;
-    }
-    limiting_angle_rad(friction * (1.0 + restitution) / grip, spin_ratio)
+    limiting_angle_rad(friction * (1.0 + restitution), grip, spin_ratio)
 }

@@ -9,7 +9,11 @@
 //! One e_x for both horizontal directions: both branches act along −c, so the model is continuous at the transition
 //! and looks the same from every side. With e_x = 0 and μ_o = μ it is the μ-e model.
 
-use super::{Motion, Regime, apply_impulse, e_e, normal_impulse_m_s, sliding_impulse_m_s, slip_share};
+use super::{
+    Motion, Regime, apply_grip, apply_impulse, e_e, length, normal_impulse_m_s, sliding_impulse_m_s,
+    slip_share,
+};
+use nalgebra::Vector2;
 
 /// Coefficients of the grip-slide model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,19 +34,16 @@ pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -
         tangential_restitution_x,
         friction,
     } = *parameters;
-    let grip = -incoming.slip_m_s() * slip_share(inertia_factor) * (1.0 + tangential_restitution_x);
-    let (tangential, regime) = if grip.norm() <= friction * normal_impulse_m_s(incoming, restitution) {
-        (grip, e_e::regime(tangential_restitution_x))
+    let e_x = tangential_restitution_x;
+    let grip = slip_share(inertia_factor) * (1.0 + e_x) * length(&incoming.slip_m_s());
+    if grip <= friction * normal_impulse_m_s(incoming, restitution) {
+        let grips = apply_grip(incoming, restitution, &Vector2::x(), (e_x, e_x), inertia_factor);
+        (grips, e_e::regime(e_x))
     } else {
-        (
-            sliding_impulse_m_s(incoming, restitution, friction),
-            Regime::Sliding,
-        )
-    };
-    (
-        apply_impulse(incoming, restitution, tangential, inertia_factor),
-        regime,
-    )
+        let tangential = sliding_impulse_m_s(incoming, restitution, friction);
+        let slides = apply_impulse(incoming, restitution, tangential, inertia_factor);
+        (slides, Regime::Sliding)
+    }
 }
 
 /// Incident angle above which the ball slides, rad; see [`e_e::grip_limit_angle_rad`].

@@ -40,7 +40,7 @@ impl Slip {
     }
 }
 
-/// x of a ball that slides, m \[25\]: 2 e x_o [1 ∓ μ (1 + e)(g / u_o²) x_o].
+/// x of a ball that slides, m \[25\]: 2 e x_o [1 ∓ μ (1 + e)(g / u_o²) x_o], of a launch with a speed (u_o > 0).
 #[must_use]
 pub fn sliding_distance_m(
     x0_m: f64,
@@ -50,7 +50,7 @@ pub fn sliding_distance_m(
     slip: Slip,
     gravity_m_s2: f64,
 ) -> f64 {
-    let loss = friction * (1.0 + restitution) * gravity_m_s2 * x0_m / launch_speed_m_s.powi(2);
+    let loss = friction * (1.0 + restitution) * (gravity_m_s2 / launch_speed_m_s) * (x0_m / launch_speed_m_s);
     2.0 * restitution * x0_m * (1.0 - slip.sign() * loss)
 }
 
@@ -84,8 +84,10 @@ pub fn rolling_distance_m(x0_m: f64, restitution: f64) -> f64 {
 /// as wide as the ball.
 #[must_use]
 pub fn track_spin_ratio(radius_m: f64, track_width_m: f64) -> Option<f64> {
-    let effective_squared = radius_m.powi(2) - 0.25 * track_width_m.powi(2);
-    (effective_squared > 0.0).then(|| radius_m / effective_squared.sqrt())
+    // (R − a/2)(R + a/2) keeps the digits that R² − a²/4 loses on a track nearly as wide as the ball.
+    let half_m = 0.5 * track_width_m;
+    let (less, more) = (radius_m - half_m, radius_m + half_m);
+    (less > 0.0 && more > 0.0).then(|| radius_m / (less.sqrt() * more.sqrt()))
 }
 
 /// Two launches of the same ball at the same speed: the ball as it is, and in pure rolling (starred in the paper).
@@ -114,7 +116,8 @@ pub struct FrictionFreeReading {
     pub tangential_impulse_m_s: f64,
 }
 
-/// Eqs. 28–31: what two distances tell of the rebound, whatever friction did.
+/// Eqs. 28–31: what two distances tell of the rebound, whatever friction did. `None` where a distance or the speed that
+/// something is divided by is zero (or k = 0, where spin and impulse have nothing to do with each other).
 ///
 /// ```text
 /// v_x = u_o (x/x_o)(x_o*/x*)        v_z = (g x_o / 2 u_o)(x*/x_o*)
@@ -127,13 +130,15 @@ pub fn friction_free_reading(
     spin_ratio: f64,
     inertia_factor: f64,
     gravity_m_s2: f64,
-) -> FrictionFreeReading {
+) -> Option<FrictionFreeReading> {
     let rolling = distances.rolling_x_m / distances.rolling_x0_m;
     let vx_m_s = launch_speed_m_s * distances.x_m / distances.x0_m / rolling;
-    FrictionFreeReading {
+    let reading = FrictionFreeReading {
         vx_m_s,
         vz_m_s: 0.5 * gravity_m_s2 * distances.x0_m / launch_speed_m_s * rolling,
         surface_spin_m_s: spin_ratio * launch_speed_m_s + (launch_speed_m_s - vx_m_s) / inertia_factor,
         tangential_impulse_m_s: vx_m_s - launch_speed_m_s,
-    }
+    };
+    let numbers = [reading.vx_m_s, reading.vz_m_s, reading.surface_spin_m_s];
+    numbers.iter().all(|x| x.is_finite()).then_some(reading)
 }

@@ -19,7 +19,7 @@
 //! R ω_x = R ω_ox + P_y / k      R ω_y = R ω_oy − P_x / k      ω_z unchanged
 //! ```
 //!
-//! Each model is one file and says only what P is: [`mu_e`], [`e_e`], [`grip_slide`].
+//! Each model is one file and says only what P is, or what becomes of the slip: [`mu_e`], [`e_e`], [`grip_slide`].
 //!
 //! # Limits
 //!
@@ -113,15 +113,72 @@ pub fn apply_impulse(
     }
 }
 
+/// `incoming` after a rebound with `restitution` that turns its slip c into −e c, with the first of two e along the unit
+/// vector `along` of the floor plane and the second across it \[19–22\].
+///
+/// Not by way of the impulse: P/k is 0/0 where all mass is in the middle (k = 0), and R ω + P/k loses all digits of a spin
+/// that friction nearly ends.
+fn apply_grip(
+    incoming: &Motion,
+    restitution: f64,
+    along: &Vector2<f64>,
+    (e_along, e_across): (f64, f64),
+    inertia_factor: f64,
+) -> Motion {
+    let (v, w) = (incoming.velocity_m_s, incoming.surface_spin_m_s);
+    // Velocity that rolling with this spin would have: c = v − rolling.
+    let rolling = Vector2::new(w.y, -w.x);
+    let across = Vector2::new(-along.y, along.x);
+    let slip = incoming.slip_m_s();
+    let (lost, rolling) = if e_along == e_across {
+        // The same in every direction: no axes to lose digits by.
+        let x = gripped(v.x, rolling.x, slip.x, e_along, inertia_factor);
+        let y = gripped(v.y, rolling.y, slip.y, e_along, inertia_factor);
+        (Vector2::new(x.0, y.0), Vector2::new(x.1, y.1))
+    } else {
+        let part = |axis: &Vector2<f64>, e| {
+            let on = |u: &Vector2<f64>| u.dot(axis);
+            gripped(on(&v.xy()), on(&rolling), on(&slip), e, inertia_factor)
+        };
+        let (a, b) = (part(along, e_along), part(&across, e_across));
+        (along * a.0 + across * b.0, along * a.1 + across * b.1)
+    };
+    Motion {
+        velocity_m_s: Vector3::new(v.x - lost.x, v.y - lost.y, restitution * v.z.abs()),
+        surface_spin_m_s: Vector3::new(-rolling.y, rolling.x, w.z),
+    }
+}
+
+/// What velocity v loses in one direction when its slip c = v − R ω becomes −e c, and R ω after: s (1 + e) c and
+/// ((1 + e) v + (k − e) R ω) / (1 + k).
+fn gripped(v: f64, rolling: f64, slip: f64, e: f64, inertia_factor: f64) -> (f64, f64) {
+    let stopped = 1.0 + e;
+    if slip == 0.0 || stopped == 0.0 {
+        return (0.0, rolling);
+    }
+    (
+        slip_share(inertia_factor) * stopped * slip,
+        (stopped * v + (inertia_factor - e) * rolling) / (1.0 + inertia_factor),
+    )
+}
+
+/// Length of a vector, without the squares that overflow above 1e154 and vanish below 1e-162.
+fn length(v: &Vector2<f64>) -> f64 {
+    v.x.hypot(v.y)
+}
+
+/// Its direction; `None` of the zero vector.
+fn direction(v: &Vector2<f64>) -> Option<Vector2<f64>> {
+    let length = length(v);
+    (length > 0.0).then(|| v / length)
+}
+
 /// Tangential impulse per mass of friction at its limit, m/s: −μ (1 + e) |v_oz| c/|c|, zero without slip.
 #[must_use]
 pub fn sliding_impulse_m_s(incoming: &Motion, restitution: f64, friction: f64) -> Vector2<f64> {
-    incoming
-        .slip_m_s()
-        .try_normalize(0.0)
-        .map_or_else(Vector2::zeros, |along| {
-            -along * friction * normal_impulse_m_s(incoming, restitution)
-        })
+    direction(&incoming.slip_m_s()).map_or_else(Vector2::zeros, |along| {
+        -along * friction * normal_impulse_m_s(incoming, restitution)
+    })
 }
 
 /// Normal impulse per mass, m/s: (1 + e) |v_oz|.
@@ -135,16 +192,24 @@ pub fn normal_impulse_m_s(incoming: &Motion, restitution: f64) -> f64 {
 /// +x). `None` where either has no horizontal velocity. A ball that bounces straight back has α = π.
 #[must_use]
 pub fn azimuth_rad(incoming: &Motion, outgoing: &Motion) -> Option<f64> {
-    let (before, after) = (incoming.velocity_m_s.xy(), outgoing.velocity_m_s.xy());
-    (before.norm() > 0.0 && after.norm() > 0.0).then(|| before.perp(&after).atan2(before.dot(&after)))
+    let before = direction(&incoming.velocity_m_s.xy())?;
+    let after = direction(&outgoing.velocity_m_s.xy())?;
+    Some(before.perp(&after).atan2(before.dot(&after)))
 }
 
-/// Angle whose tangent is `limit / |1 − spin_ratio|`, rad: π/2 for a ball that rolls already, which never slips.
-fn limiting_angle_rad(limit: f64, spin_ratio: f64) -> f64 {
-    let slip_per_speed = (1.0 - spin_ratio).abs();
-    if slip_per_speed == 0.0 {
+/// tan φ = v_x / (e |v_oz|) from v_x / |v_oz|; `None` for a ball that stays down (e = 0), which leaves at no angle, and where
+/// the tangent is beyond all numbers.
+fn rebound_tangent(kept: f64, restitution: f64) -> Option<f64> {
+    Some(kept / restitution).filter(|tangent| tangent.is_finite())
+}
+
+/// Angle whose tangent is `limit / (share |1 − spin_ratio|)`, rad: π/2 where nothing is to be stopped (a ball that rolls
+/// already; one without inertia, or whose slip stays as it is), whatever the limit.
+fn limiting_angle_rad(limit: f64, share: f64, spin_ratio: f64) -> f64 {
+    let needed = share * (1.0 - spin_ratio).abs();
+    if needed == 0.0 {
         std::f64::consts::FRAC_PI_2
     } else {
-        limit.atan2(slip_per_speed)
+        limit.atan2(needed)
     }
 }

@@ -2,6 +2,7 @@
 //! try; serde's own messages know none of that.
 
 use super::scene::SceneError;
+use crate::calibration;
 use serde_json::{Map, Value};
 
 /// An object of the scene with the keys it may have. Keys are checked when it is opened.
@@ -18,19 +19,20 @@ pub(super) struct Accept {
     pub hint: &'static str,
 }
 
+// The ranges are those of the calibration, which is written beside the recording and has to be accepted.
 pub(super) const POSITIVE: Accept = Accept {
-    words: "a number above 0",
-    test: |x| x > 0.0,
+    words: calibration::POSITIVE.accepted,
+    test: calibration::POSITIVE.holds,
     hint: "give the size without a sign, in the unit the key ends in",
 };
 pub(super) const NOT_NEGATIVE: Accept = Accept {
-    words: "0 or a positive number",
-    test: |x| x >= 0.0,
+    words: "0 or a positive number (to 1e15)",
+    test: |x| (0.0..=1e15).contains(&x),
     hint: "give 0 to leave it out",
 };
 pub(super) const ANY: Accept = Accept {
-    words: "a number",
-    test: |_| true,
+    words: calibration::FINITE.accepted,
+    test: calibration::FINITE.holds,
     hint: "write it without quotes",
 };
 pub(super) const FRACTION: Accept = Accept {

@@ -2,6 +2,7 @@
 
 use super::effects;
 use super::reader::{ANY, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown};
+use crate::calibration::INERTIA;
 use crate::models::{Motion, Regime, e_e, grip_slide, mu_e};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -403,6 +404,29 @@ impl Scene {
         Ok(scene)
     }
 
+    /// That the ball is not pressed flat: Hertz's law is for small dents, δ = (15 m v² / (16 E* √R))^(2/5) (Johnson 1985, 11.1),
+    /// and beyond δ = R there is no ball left to have one.
+    fn check_contact(&self) -> Result<(), SceneError> {
+        if self.effects.of("contact_time") == Switch::Off {
+            return Ok(());
+        }
+        let squared =
+            self.launch.rise_speed_m_s.powi(2) + 2.0 * self.gravity_m_s2 * self.launch.drop_height_m;
+        let least_pa = 15.0 * self.ball.mass_kg * squared / (16.0 * self.ball.radius_m.powi(3));
+        if self.ball.contact_modulus_pa > least_pa {
+            return Ok(());
+        }
+        Err(SceneError::Invalid {
+            key: "ball.contact_modulus_pa".into(),
+            found: format!(
+                "{:e}, with which the ball is pressed flat",
+                self.ball.contact_modulus_pa
+            ),
+            accepted: format!("above {least_pa:.3e} for this mass, size and fall"),
+            hint: "7e10 is steel on glass, 1e7 a superball; or switch effects.contact_time off".into(),
+        })
+    }
+
     /// What only several keys together can get wrong.
     fn check_together(&self) -> Result<(), SceneError> {
         if self.launch.drop_height_m == 0.0 && self.launch.rise_speed_m_s <= 0.0 {
@@ -426,6 +450,7 @@ impl Scene {
                 hint: "shorten it or lower the frame rate".into(),
             });
         }
+        self.check_contact()?;
         let radius_px = self.ball.radius_m / self.camera.metres_per_pixel;
         if radius_px > LARGEST_RADIUS_PX {
             return Err(SceneError::Invalid {
@@ -486,8 +511,8 @@ fn read_ball(root: &Section<'_>) -> Result<Ball, SceneError> {
             "inertia_factor",
             0.4,
             super::reader::Accept {
-                words: "a number above 0, up to 1",
-                test: |x| x > 0.0 && x <= 1.0,
+                words: INERTIA.accepted,
+                test: INERTIA.holds,
                 hint: "0.4 is a solid sphere, 0.667 a thin shell",
             },
         )?,

@@ -12,7 +12,8 @@ use super::plane::Rectification;
 use super::{Ball, Calibration, Launch, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};
-use reader::{FINITE, POSITIVE, Range, Reader, Section, array, json, text};
+pub(crate) use reader::{FINITE, POSITIVE};
+use reader::{Range, Reader, Section, array, json, text};
 use scale::{SCALE_KEYS, scale};
 use serde_json::Value;
 use std::io::{ErrorKind, Read as _};
@@ -421,12 +422,12 @@ fn check_beside_homography(reader: &mut Reader, top: &Section<'_>, up_px: [f64; 
 }
 
 const UP_STD: Range = Range {
-    accepted: "a number above 0 and below 45, in degrees",
-    holds: |x| x > 0.0 && x < 45.0,
+    accepted: "a number above 0 (1e-15) and below 45, in degrees",
+    holds: |x| (1e-15..45.0).contains(&x),
 };
 /// To 0.667, as people write 2/3.
-const INERTIA: Range = Range {
-    accepted: "a number above 0, at most 2/3",
+pub(crate) const INERTIA: Range = Range {
+    accepted: "a number above 0 (1e-6), at most 2/3",
     holds: |x| (1e-6..=0.667).contains(&x),
 };
 

@@ -7,18 +7,18 @@ use std::fmt;
 
 /// Numbers a key accepts.
 #[derive(Clone, Copy)]
-pub(super) struct Range {
+pub(crate) struct Range {
     pub accepted: &'static str,
     pub holds: fn(f64) -> bool,
 }
 
 /// Wide enough for any laboratory, narrow enough that no product of a few such numbers overflows.
-pub(super) const POSITIVE: Range = Range {
+pub(crate) const POSITIVE: Range = Range {
     accepted: "a number above 0 (1e-15 to 1e15)",
     holds: |x| (1e-15..=1e15).contains(&x),
 };
 /// A coordinate or matrix element.
-pub(super) const FINITE: Range = Range {
+pub(crate) const FINITE: Range = Range {
     accepted: "a finite number (to 1e9)",
     holds: |x| x.abs() <= 1e9,
 };
