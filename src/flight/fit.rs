@@ -233,9 +233,12 @@ impl ArcFit {
     }
 
     /// Time of the impact between arcs `k` and `k + 1` for any parameters of this fit's layout, s; `None` when the two
-    /// do not part.
+    /// do not part, or `k` is the last arc.
     #[must_use]
     pub fn impact_time(&self, parameters: &[f64], k: usize) -> Option<f64> {
+        if k + 1 >= self.arcs() {
+            return None;
+        }
         match &self.forces {
             Forces::Overhead(_) => Some(parameters[overhead::Layout::new(self.arcs()).impact(k)]),
             _ => meeting(parameters, &self.times, k, k + 1).map(|m| m.0),
