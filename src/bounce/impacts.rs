@@ -23,6 +23,8 @@ pub struct Scene<'a> {
     lift: Lift,
     /// Speed of the first impact, for which the time of contact stands, m/s.
     contact_speed_m_s: Option<f64>,
+    /// Whether the first arc may be the one that began at the launch, whose spin the calibration has.
+    launch_seen: bool,
     /// Metres a plane unit.
     pub metres_per_unit: Quantity,
     /// Where x = 0 lies: `right` of the plane, plane units.
@@ -171,10 +173,20 @@ impl<'a> Scene<'a> {
             x_sign,
             lift: Lift::default(),
             contact_speed_m_s: None,
+            launch_seen: true,
             metres_per_unit,
             zero_right,
         };
-        unlifted.in_contact().lifted()
+        unlifted.in_contact().since_launch().lifted()
+    }
+
+    /// The same with whether the first arc can have begun at the launch: after an impact that was missed the spin is no
+    /// longer the launch's.
+    fn since_launch(mut self) -> Self {
+        let edge_m = self.calibration.launch.edge_x_m;
+        let impact = self.flight.impacts.first().is_some_and(Option::is_some);
+        self.launch_seen = edge_m.is_none_or(|edge_m| !impact || self.comes_from(edge_m, 0));
+        self
     }
 
     /// The same with the time that the first impact on the floor takes.
@@ -396,9 +408,10 @@ impl<'a> Scene<'a> {
         floors.count() - bounces.len()
     }
 
-    /// R ω_y before the impact at `k`, m/s: the launch's spin, changed at each bounce before (spin stays in flight).
+    /// R ω_y before the impact at `k`, m/s: the launch's spin, changed at each bounce before (spin stays in flight); NaN
+    /// where the launch's is not known, or the launch was not seen.
     fn spin_in(&self, p: &[f64], history: &[usize]) -> f64 {
-        let Some(ratio) = self.calibration.launch.spin_ratio else {
+        let Some(ratio) = self.calibration.launch.spin_ratio.filter(|_| self.launch_seen) else {
             return f64::NAN;
         };
         let inertia = self.calibration.ball.inertia_factor;

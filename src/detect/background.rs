@@ -55,7 +55,8 @@ impl Background {
     #[must_use]
     pub fn from_survey(survey: &[Luma]) -> Option<Self> {
         let reference = survey.get(survey.len() / 2)?;
-        let noise_grey = frame_noise_grey(survey);
+        // A camera that moves changes every pixel from frame to frame, but not the noise within one.
+        let noise_grey = frame_noise_grey(survey).min(spatial_noise_grey(reference));
         let first = Registrar::new(reference, noise_grey);
         let mut registrations: Vec<Registration> = first.locate(survey);
         let drift_px = registrations.iter().map(|r| r.shift_px()).fold(0.0, f64::max);
@@ -70,8 +71,11 @@ impl Background {
                 .collect();
             median_of(&aligned.iter().collect::<Vec<_>>())
         };
-        let mut registrar = Registrar::new(&luma, noise_grey);
-        registrar.fixed = fixed;
+        let registrar = if fixed {
+            Registrar::of_fixed(&luma, noise_grey)
+        } else {
+            Registrar::new(&luma, noise_grey)
+        };
         for (frame, r) in survey.iter().zip(&mut registrations) {
             *r = registrar.follow(frame, r);
         }
@@ -204,6 +208,27 @@ fn frame_noise_grey(survey: &[Luma]) -> f64 {
         }
     }
     (1.4826 * interpolated_median(&histogram) / std::f64::consts::SQRT_2).max(ROUNDING_STD_GREY)
+}
+
+/// Standard deviation of a pixel's noise within one picture, by the median of the mask 1 −2 1 / −2 4 −2 / 1 −2 1, which
+/// smooth scenes leave at 0 and white noise at 6 standard deviations (Immerkær 1996).
+fn spatial_noise_grey(luma: &Luma) -> f64 {
+    let mut histogram = [0_u64; 256];
+    let step = (luma.width * luma.height / 20_000).max(1);
+    let mut turn = 0;
+    for v in 1..luma.height.saturating_sub(1) {
+        let rows = [luma.row(v - 1), luma.row(v), luma.row(v + 1)];
+        for u in 1..luma.width.saturating_sub(1) {
+            turn += 1;
+            if turn % step != 0 {
+                continue;
+            }
+            let across = |row: &[u8]| i32::from(row[u - 1]) - 2 * i32::from(row[u]) + i32::from(row[u + 1]);
+            let mask = across(rows[0]) - 2 * across(rows[1]) + across(rows[2]);
+            histogram[mask.unsigned_abs().min(255) as usize] += 1;
+        }
+    }
+    (1.4826 * interpolated_median(&histogram) / 6.0).max(ROUNDING_STD_GREY)
 }
 
 /// Robust standard deviation of one pixel about the background: 1.4826 × median absolute difference, corrected for

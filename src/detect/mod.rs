@@ -70,10 +70,14 @@ impl Detector {
     /// Everything that moves in `frame`. Frames come in presentation order.
     #[must_use]
     pub fn look(&mut self, frame: &Frame) -> FrameReading {
-        let registration = self
-            .background
-            .registrar
-            .follow(&frame.luma, &self.last_registration);
+        let registrar = &self.background.registrar;
+        // Where the first frame looks nothing tells; a camera that drifts has it far from the reference.
+        let first = self.last_sums.is_none() && !registrar.fixed;
+        let registration = if first {
+            registrar.locate_one(&frame.luma)
+        } else {
+            registrar.follow(&frame.luma, &self.last_registration)
+        };
         self.last_registration = registration;
         let sums = background::sum_blocks(&frame.luma, self.background.block_px);
         let change_grey = self

@@ -41,6 +41,21 @@ impl Registration {
         self.shift_u_px.hypot(self.shift_v_px)
     }
 
+    /// Brightness of what is `grey` in the reference over that.
+    #[must_use]
+    pub fn brightness(&self, grey: f64) -> f64 {
+        self.gain + self.offset_grey / grey
+    }
+
+    /// The same in a picture `by` times as large.
+    fn scaled(&self, by: f64) -> Self {
+        Self {
+            shift_u_px: by * self.shift_u_px,
+            shift_v_px: by * self.shift_v_px,
+            ..*self
+        }
+    }
+
     /// Whether the picture needs no resampling.
     #[must_use]
     pub fn is_still(&self) -> bool {
@@ -112,6 +127,9 @@ struct Sample {
 #[derive(Debug, Clone)]
 pub struct Registrar {
     reference: Luma,
+    /// Frames are compared at one part in this many of their size: 1 where single pixels show the scene's gradients, more
+    /// where only their means stand out from the noise.
+    factor: usize,
     samples: Vec<Sample>,
     /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
     sees_shift: bool,
@@ -139,9 +157,32 @@ impl Registrar {
     /// A registrar for `reference`, whose pixels have noise of `noise_grey`.
     #[must_use]
     pub fn new(reference: &Luma, noise_grey: f64) -> Self {
-        let (samples, cells) = choose_samples(reference, noise_grey);
+        let full = Self::at_full_size(reference, noise_grey);
+        if full.sees_shift {
+            return full;
+        }
+        // A faint scene: means of four or sixteen pixels have its gradients and a half or a quarter of the noise.
+        [2, 4]
+            .into_iter()
+            .filter_map(|factor| full.at(factor))
+            .find(|r| r.sees_shift)
+            .unwrap_or(full)
+    }
+
+    /// A registrar for a camera that does not move: only brightness is followed.
+    #[must_use]
+    pub fn of_fixed(reference: &Luma, noise_grey: f64) -> Self {
+        Self {
+            fixed: true,
+            ..Self::at_full_size(reference, noise_grey)
+        }
+    }
+
+    fn at_full_size(reference: &Luma, noise_grey: f64) -> Self {
+        let (samples, cells) = choose_samples(reference, noise_grey, 1);
         Self {
             samples,
+            factor: 1,
             sees_shift: cells >= LEAST_CELLS,
             noise_grey,
             reference: reference.clone(),
@@ -149,18 +190,34 @@ impl Registrar {
         }
     }
 
+    /// The same comparing at one part in `factor` of the size; `None` where a picture cannot be reduced to that.
+    fn at(&self, factor: usize) -> Option<Self> {
+        let small = reduced(&self.reference, factor)?;
+        // Averaging lowers the noise by the side of what is averaged, down to that of rounding.
+        let noise_grey = (self.noise_grey / factor as f64).max(ROUNDING_STD_GREY);
+        let (samples, cells) = choose_samples(&small, noise_grey, factor);
+        Some(Self {
+            samples,
+            factor,
+            sees_shift: cells >= LEAST_CELLS,
+            ..self.clone()
+        })
+    }
+
     /// Where each of `frames` looks, with no idea of it beforehand (within a quarter of the picture).
     #[must_use]
     pub fn locate(&self, frames: &[Luma]) -> Vec<Registration> {
-        let coarser = if self.sees_shift {
-            self.coarser()
-        } else {
-            Vec::new()
-        };
-        frames.par_iter().map(|f| self.locate_one(f, &coarser)).collect()
+        let coarser = self.coarser();
+        frames.par_iter().map(|f| self.located(f, &coarser)).collect()
     }
 
-    fn locate_one(&self, frame: &Luma, coarser: &[(usize, Self)]) -> Registration {
+    /// Where `frame` looks, with no idea of it beforehand.
+    #[must_use]
+    pub fn locate_one(&self, frame: &Luma) -> Registration {
+        self.located(frame, &self.coarser())
+    }
+
+    fn located(&self, frame: &Luma, coarser: &[Self]) -> Registration {
         let still = self.refine(frame, Registration::IDENTITY, true);
         if coarser.is_empty() {
             return still.0;
@@ -173,15 +230,14 @@ impl Registrar {
         }
     }
 
-    /// The same for the reference reduced to an eighth, a quarter and a half, with the factors.
-    fn coarser(&self) -> Vec<(usize, Self)> {
+    /// The same comparing at an eighth, a quarter and a half, where the scene shows shifts at all.
+    fn coarser(&self) -> Vec<Self> {
+        if !self.sees_shift {
+            return Vec::new();
+        }
         [8, 4, 2]
             .into_iter()
-            .filter_map(|factor| {
-                let reference = reduced(&self.reference, factor)?;
-                // Averaging lowers the noise by the side of what is averaged.
-                Some((factor, Self::new(&reference, self.noise_grey / factor as f64)))
-            })
+            .filter_map(|factor| self.at(factor))
             .collect()
     }
 
@@ -201,6 +257,18 @@ impl Registrar {
 
     /// Robust Gauss-Newton from `start`; the second value is the median absolute residual, grey levels.
     fn refine(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
+        if self.factor == 1 {
+            return self.refine_at_size(frame, start, moving);
+        }
+        let Some(small) = reduced(frame, self.factor) else {
+            return (start, f64::INFINITY);
+        };
+        let scale = self.factor as f64;
+        let (found, spread) = self.refine_at_size(&small, start.scaled(1.0 / scale), moving);
+        (found.scaled(scale), spread)
+    }
+
+    fn refine_at_size(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
         let moving = moving && self.sees_shift;
         let mut now = start;
         let mut spread = f64::INFINITY;
@@ -280,25 +348,12 @@ impl Registrar {
 }
 
 /// A first shift from reduced pictures, where a far shift is a near one.
-fn coarse_place(frame: &Luma, coarser: &[(usize, Registrar)]) -> Registration {
+fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
     let mut found = Registration::IDENTITY;
-    for (factor, registrar) in coarser {
-        let Some(small) = reduced(frame, *factor) else {
-            continue;
-        };
-        let scale = *factor as f64;
-        let start = Registration {
-            shift_u_px: found.shift_u_px / scale,
-            shift_v_px: found.shift_v_px / scale,
-            ..found
-        };
-        let (r, spread) = registrar.refine(&small, start, true);
+    for registrar in coarser {
+        let (r, spread) = registrar.refine(frame, found, true);
         if spread.is_finite() {
-            found = Registration {
-                shift_u_px: r.shift_u_px * scale,
-                shift_v_px: r.shift_v_px * scale,
-                ..r
-            };
+            found = r;
         }
     }
     found
@@ -308,8 +363,11 @@ fn coarse_place(frame: &Luma, coarser: &[(usize, Registrar)]) -> Registration {
 ///
 /// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value counts the
 /// cells that hold real gradients.
-fn choose_samples(reference: &Luma, noise_grey: f64) -> (Vec<Sample>, usize) {
+///
+/// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
+fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Sample>, usize) {
     const CELLS: usize = 12;
+    let least_grey = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY / factor as f64);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
     let mut samples = Vec::new();
@@ -342,17 +400,20 @@ fn choose_samples(reference: &Luma, noise_grey: f64) -> (Vec<Sample>, usize) {
         }
         let mut strong = 0;
         for s in &mut here {
-            if s.gradient.norm() < (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY) {
+            if s.gradient.norm() < least_grey {
                 s.gradient = Vector2::zeros();
             } else {
                 strong += 1;
             }
         }
-        cells += usize::from(strong >= 4);
+        cells += usize::from(strong >= if factor > 4 { 2 } else { 4 });
         samples.append(&mut here);
     }
     (samples, cells)
 }
+
+/// Rounding to whole grey levels has this standard deviation.
+const ROUNDING_STD_GREY: f64 = 0.29;
 
 /// Rounding and the codec's ringing make gradients of this size, grey levels a pixel.
 const LEAST_GRADIENT_GREY: f64 = 3.0;
@@ -437,6 +498,37 @@ mod tests {
                 (r.gain * 100.0 + r.offset_grey - gain * 100.0).abs() < 0.5,
                 "{r:?}"
             );
+        }
+    }
+
+    #[test]
+    fn a_scene_fainter_than_the_noise_of_a_pixel_is_followed() {
+        // Waves of 1.5 grey levels or so under noise of 2.
+        let mut seed = 7_u64;
+        let mut noisy = |shift: (f64, f64)| {
+            let mut faint = textured(shift, 1.0);
+            for p in &mut faint.data {
+                let sum: u64 = (0..6)
+                    .map(|_| {
+                        seed = seed
+                            .wrapping_mul(6_364_136_223_846_793_005)
+                            .wrapping_add(1_442_695_040_888_963_407);
+                        seed >> 40
+                    })
+                    .sum();
+                // Six uniform ones have a variance of a half.
+                let noise = (sum as f64 / f64::from(1_u32 << 24) - 3.0) * 2.0 * std::f64::consts::SQRT_2;
+                *p = (100.0 + 0.15 * (f64::from(*p) - 100.0) + noise)
+                    .round()
+                    .clamp(0.0, 255.0) as u8;
+            }
+            faint
+        };
+        let registrar = Registrar::new(&noisy((0.0, 0.0)), 2.0);
+        for shift in [(0.0, 0.0), (2.3, -1.2), (-12.0, 9.0)] {
+            let r = registrar.locate(&[noisy(shift)])[0];
+            let off = (r.shift_u_px - shift.0).hypot(r.shift_v_px - shift.1);
+            assert!(off < 0.3, "{r:?} for {shift:?}");
         }
     }
 

@@ -14,6 +14,9 @@ use thiserror::Error;
 /// Largest side of a picture, px; what decoding accepts, too.
 pub(super) const MAX_SIDE_PX: usize = 16384;
 
+/// Above this rate frames of a Matroska file share their time stamps, and its header holds no rate.
+const MKV_MOST_HZ: f64 = 1000.0;
+
 /// How frames are coded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coding {
@@ -434,6 +437,13 @@ fn check_settings(
     let rate = options.frame_rate_hz;
     if !(rate.is_finite() && (1e-3..=1e6).contains(&rate)) {
         return setting("frame_rate_hz", rate.to_string(), "0.001 to 1e6 Hz");
+    }
+    if options.coding == Coding::Lossless && options.timing == Timing::Constant && rate > MKV_MOST_HZ {
+        return setting(
+            "frame_rate_hz",
+            rate.to_string(),
+            "up to 1000 Hz without loss, for a .mkv keeps times to 1 ms only and would lose them; write H.264 (.mp4)",
+        );
     }
     if !options.rotation_deg.is_finite() {
         return setting(

@@ -2,7 +2,9 @@
 //!
 //! A stamp that is missing or does not increase is replaced by an even spacing between its neighbours, which needs a
 //! short wait for the next good one. Matroska stores times to 1 ms only, half a frame at 500 Hz: where the header
-//! declares a constant rate and a stamp agrees with it to its last digit, the time is that of the rate.
+//! declares a constant rate and a stamp agrees with it to its last digit, the time is that of the rate. Where frames
+//! come so fast that several places of that rate agree with a stamp, or several frames have the same one, the next place
+//! counts.
 
 use std::collections::VecDeque;
 
@@ -15,9 +17,6 @@ const GRID_SLACK_TICKS: f64 = 1.01;
 
 /// Only ticks at least this long are worth mending, s.
 const COARSE_TICK_S: f64 = 5e-4;
-
-/// A declared frame must last this many ticks, so that a stamp cannot be taken for its neighbour.
-const LEAST_TICKS: f64 = 2.5;
 
 /// Gives items (frames) their times, in order.
 pub(super) struct Clock<T> {
@@ -44,8 +43,7 @@ impl<T> Clock<T> {
         Self {
             tick_s,
             usual_step_s,
-            grid_hz: declared_rate_hz
-                .filter(|&rate| tick_s >= COARSE_TICK_S && 1.0 / rate >= LEAST_TICKS * tick_s),
+            grid_hz: declared_rate_hz.filter(|_| tick_s >= COARSE_TICK_S),
             first_stamp: None,
             last_s: None,
             last_step_s: None,
@@ -103,15 +101,24 @@ impl<T> Clock<T> {
         });
         #[allow(clippy::cast_precision_loss, reason = "exact up to 2^53 ticks")]
         let raw = stamp.saturating_sub(first) as f64 * self.tick_s;
-        match self.grid_hz {
-            Some(rate) => {
-                let on_grid = (raw * rate).round() / rate;
-                let agrees = (on_grid - raw).abs() <= GRID_SLACK_TICKS * self.tick_s;
-                let later = self.last_s.is_none_or(|last| on_grid > last);
-                if agrees && later { on_grid } else { raw }
-            }
-            None => raw,
-        }
+        self.grid_hz
+            .and_then(|rate| self.on_grid(raw, rate))
+            .unwrap_or(raw)
+    }
+
+    /// The time on the grid of `rate` that a stamp of `raw` stands for: the next place if the stamp agrees with it, else
+    /// (frames were left out) the nearest.
+    fn on_grid(&self, raw: f64, rate: f64) -> Option<f64> {
+        #[allow(clippy::cast_precision_loss, reason = "8 at most")]
+        let waiting = self.waiting.len() as f64;
+        let next = self.last_s.map(|last| (last * rate).round() + 1.0 + waiting);
+        next.into_iter()
+            .chain([(raw * rate).round()])
+            .map(|place| place / rate)
+            .find(|time| {
+                let agrees = (time - raw).abs() <= GRID_SLACK_TICKS * self.tick_s;
+                agrees && self.last_s.is_none_or(|last| *time > last)
+            })
     }
 
     /// Room that waiting frames need between the last time and the next: a nanosecond each.
@@ -177,6 +184,24 @@ mod tests {
 
     fn plain() -> Clock<()> {
         Clock::new(0.01, Some(10.0), None)
+    }
+
+    #[test]
+    fn frames_faster_than_the_stamps_are_counted_on_a_declared_rate() {
+        for rate in [480.0, 1000.0, 2000.0, 10_000.0] {
+            let stamps: Vec<_> = (0..400)
+                .map(|i| Some((f64::from(i) / rate * 1e3).round() as i64))
+                .collect();
+            let (times, repaired) = times(Clock::new(1e-3, Some(rate), Some(rate)), &stamps);
+            assert_eq!(repaired, 0, "{rate} Hz");
+            for (i, t) in times.iter().enumerate() {
+                assert!((t - i as f64 / rate).abs() < 2e-6, "{rate} Hz: frame {i} at {t}");
+            }
+        }
+        // A second of frames left out is not counted over.
+        let stamps: Vec<_> = (0..20).chain(1020..1040).map(|ms| Some(ms / 2)).collect();
+        let (times, _) = times(Clock::new(1e-3, Some(2000.0), Some(2000.0)), &stamps);
+        assert!((times[20] - times[19] - 0.5005).abs() < 1.1e-3, "{times:?}");
     }
 
     #[test]
