@@ -91,7 +91,10 @@ fn units_give_themselves_away() {
         let found = problems(&c.to_string(), None);
         assert!(found.iter().any(|f| f.contains(words)), "{words} in {found:#?}");
     };
-    told(json!({"scale": {"metres_per_pixel": 0.8}}), "m wide");
+    told(
+        json!({"scale": {"metres_per_pixel": 0.8}}),
+        "longer side would be",
+    );
     told(json!({"ball": {"radius_m": 0.0125, "mass_kg": 63.9}}), "kg/m³");
     told(json!({"ball": {"radius_m": 0.4}}), "by the scale");
     let lens =
