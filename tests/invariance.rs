@@ -6,6 +6,10 @@
 //! uncertainty, move by no more than a few hundred such parts of their own standard uncertainty: ROUNDED. The search for the
 //! arcs asks yes-or-no questions, but none of them to the last digit.
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
+#![allow(
+    clippy::duplicate_mod,
+    reason = "flights and series each come with their noise, so that either can be taken alone"
+)]
 
 mod flown;
 mod series;

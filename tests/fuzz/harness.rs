@@ -13,6 +13,9 @@ const LONGEST: Duration = Duration::from_secs(60);
 /// Inputs that fail before the rest is left.
 const ENOUGH: usize = 10;
 
+/// The input that runs now: since when, the file it would be kept in, and itself.
+type Running = Arc<Mutex<Option<(Instant, PathBuf, Vec<u8>)>>>;
+
 fn variable(name: &str) -> Option<u64> {
     std::env::var(name).ok().and_then(|text| text.parse().ok())
 }
@@ -32,7 +35,7 @@ pub fn fuzz(
 ) {
     let times = variable("TRACK_FUZZ").map_or(usual, |n| usize::try_from(n).unwrap());
     let first = variable("TRACK_FUZZ_SEED").unwrap_or(0);
-    let running: Arc<Mutex<Option<(Instant, PathBuf, Vec<u8>)>>> = Arc::default();
+    let running: Running = Arc::default();
     watch(&running);
     let (mut accepted, mut failed, mut slowest) = (0, Vec::new(), (Duration::ZERO, 0));
     for i in 0..times {
@@ -69,7 +72,7 @@ pub fn fuzz(
 }
 
 /// Ends the process when an input takes too long, after it was named.
-fn watch(running: &Arc<Mutex<Option<(Instant, PathBuf, Vec<u8>)>>>) {
+fn watch(running: &Running) {
     let running = Arc::downgrade(running);
     std::thread::spawn(move || {
         while let Some(running) = running.upgrade() {
