@@ -6,12 +6,11 @@
 mod series;
 
 use series::{
-    Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, bounce, distances, e_e, grip_slide, mu_e, spread,
-    velocities,
+    Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, bounce, distances, e_e, fitted, grip_slide,
+    is_null, model, mu_e, near, sound, spread, value, velocities,
 };
 use track::fit::{
-    self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Preferred, Row, RowRegime,
-    Series, Weights,
+    self, Column, Fitted, GroupFit, ModelName, Options, Parameter, Preferred, Row, RowRegime, Series, Weights,
 };
 use track::models::{SOLID_SPHERE, grip_slide as grip_slide_model, mu_e as mu_e_model};
 
@@ -20,61 +19,6 @@ const SETS: [(&str, Maker); 3] = [
     ("angles", angles),
     ("distances", distances),
 ];
-
-fn fitted(series: &Series) -> GroupFit {
-    let mut fit = fit::fit(series, &Options::default());
-    assert_eq!(fit.groups.len(), 1);
-    fit.groups.remove(0)
-}
-
-fn model(group: &GroupFit, name: ModelName) -> &ModelFit {
-    group.model(name).unwrap()
-}
-
-fn value(fit: &ModelFit, parameter: Parameter) -> f64 {
-    fit.parameter(parameter)
-        .quantity()
-        .unwrap_or_else(|| panic!("{parameter:?} of {:?}: {:?}", fit.name, fit.parameter(parameter)))
-        .value
-}
-
-fn is_null(fit: &ModelFit, parameter: Parameter) {
-    let fitted = fit.parameter(parameter);
-    assert!(
-        fitted.reason().is_some_and(|reason| !reason.is_empty()),
-        "{parameter:?} of {:?} should be null with a reason: {fitted:?}",
-        fit.name
-    );
-}
-
-fn near(found: f64, truth: f64, within: f64, what: &str) {
-    assert!(
-        (found - truth).abs() <= within,
-        "{what}: {found}, not within {within} of {truth}"
-    );
-}
-
-/// No number anywhere is NaN or infinite, and no uncertainty is 0.
-fn sound(group: &GroupFit) {
-    for fit in &group.models {
-        let all = fit.parameters.iter().chain([&fit.transition.angle_rad]);
-        for estimate in all.filter_map(Fitted::estimate) {
-            let q = estimate.quantity;
-            assert!(q.value.is_finite(), "{:?}", fit.name);
-            assert!(
-                q.std_uncertainty.is_none_or(|s| s.is_finite() && s > 0.0),
-                "{:?} {q:?}",
-                fit.name
-            );
-            let (low, high) = estimate.interval_95;
-            assert!(
-                low.is_none_or(|l| l <= q.value) && high.is_none_or(|h| h >= q.value),
-                "{estimate:?}"
-            );
-        }
-        assert!(fit.chi2.is_finite() && fit.rows.iter().all(|row| row.chi2.is_finite()));
-    }
-}
 
 fn transition_deg(truth: &Truth, spin_ratio: f64) -> Option<f64> {
     match truth {

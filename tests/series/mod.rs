@@ -1,29 +1,15 @@
 //! Series made from the models' own relations, with noise, for the tests of `fit`.
 #![allow(dead_code, reason = "each test file takes what it needs")]
 
+#[path = "../noise/mod.rs"]
+mod noise;
+
 use nalgebra::Vector3;
-use track::fit::{Column, Row, Series};
+pub use noise::Noise;
+use track::fit::{self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series};
 use track::models::{Motion, SOLID_SPHERE, e_e, grip_slide, mu_e};
 
 pub const G: f64 = 9.81;
-
-/// Normal deviates from SplitMix64 by Box and Muller.
-pub struct Noise(pub u64);
-
-impl Noise {
-    pub fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub fn normal(&mut self) -> f64 {
-        let (u, v) = (1.0 - self.uniform(), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-    }
-}
 
 /// What a ball follows.
 #[derive(Debug, Clone, Copy)]
@@ -193,4 +179,60 @@ pub fn spread(from: f64, to: f64, count: usize) -> Vec<f64> {
     (0..count)
         .map(|i| from + (to - from) * i as f64 / (count - 1) as f64)
         .collect()
+}
+
+/// The only group of a series, fitted.
+pub fn fitted(series: &Series) -> GroupFit {
+    let mut fit = fit::fit(series, &Options::default());
+    assert_eq!(fit.groups.len(), 1);
+    fit.groups.remove(0)
+}
+
+pub fn model(group: &GroupFit, name: ModelName) -> &ModelFit {
+    group.model(name).unwrap()
+}
+
+pub fn value(fit: &ModelFit, parameter: Parameter) -> f64 {
+    fit.parameter(parameter)
+        .quantity()
+        .unwrap_or_else(|| panic!("{parameter:?} of {:?}: {:?}", fit.name, fit.parameter(parameter)))
+        .value
+}
+
+pub fn is_null(fit: &ModelFit, parameter: Parameter) {
+    let fitted = fit.parameter(parameter);
+    assert!(
+        fitted.reason().is_some_and(|reason| !reason.is_empty()),
+        "{parameter:?} of {:?} should be null with a reason: {fitted:?}",
+        fit.name
+    );
+}
+
+pub fn near(found: f64, truth: f64, within: f64, what: &str) {
+    assert!(
+        (found - truth).abs() <= within,
+        "{what}: {found}, not within {within} of {truth}"
+    );
+}
+
+/// No number anywhere is NaN or infinite, and no uncertainty is 0.
+pub fn sound(group: &GroupFit) {
+    for fit in &group.models {
+        let all = fit.parameters.iter().chain([&fit.transition.angle_rad]);
+        for estimate in all.filter_map(Fitted::estimate) {
+            let q = estimate.quantity;
+            assert!(q.value.is_finite(), "{:?}", fit.name);
+            assert!(
+                q.std_uncertainty.is_none_or(|s| s.is_finite() && s > 0.0),
+                "{:?} {q:?}",
+                fit.name
+            );
+            let (low, high) = estimate.interval_95;
+            assert!(
+                low.is_none_or(|l| l <= q.value) && high.is_none_or(|h| h >= q.value),
+                "{estimate:?}"
+            );
+        }
+        assert!(fit.chi2.is_finite() && fit.rows.iter().all(|row| row.chi2.is_finite()));
+    }
 }
