@@ -496,6 +496,10 @@ const MOST_SCATTER: f64 = 2.0;
 const CARRIED_SIGMAS: f64 = 3.0;
 const CARRIED_PART: f64 = 0.1;
 
+/// Beyond this, scatter that lasts from frame to frame is a path bent by perspective, a moving camera or air.
+const MOST_EXCESS: f64 = 4.0;
+const MOST_PERSISTENCE: f64 = 3.0;
+
 /// Points behind an arc that tell whether the ball stays down, and squared deviations from one height, in variances, that
 /// are level.
 const LEVEL_POINTS: usize = 6;
@@ -568,7 +572,9 @@ impl Flight {
     /// known: a ball that stays down after an impact, or a row of bounces that frames do not resolve, lies close to a
     /// short parabola.
     fn is_carried(&self, k: usize, cut: usize) -> bool {
-        if !self.fit.forces.falls() {
+        // Where the whole flight is no parabola to the precision of the centres, no arc of it is.
+        let precise = self.excess() < MOST_EXCESS || self.fit.persistence < MOST_PERSISTENCE;
+        if !self.fit.forces.falls() || !precise {
             return false;
         }
         let weight = |spot: &Spot| 1.0 / variance(spot, &self.extra);
