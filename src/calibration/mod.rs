@@ -41,6 +41,7 @@ pub use viewpoint::{Optics, Viewpoint};
 
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
+use nalgebra::Matrix3;
 use std::path::Path;
 
 /// The schema this version reads and writes.
@@ -229,6 +230,36 @@ impl Calibration {
         }
     }
 
+    /// The same for the camera turned a little, so that what was at p is at p + (`du_px`, `dv_px`). The lens, which turns
+    /// with the camera, is taken along, as if the picture were shifted: for shifts that are small against the picture.
+    #[must_use]
+    pub fn shifted(&self, du_px: f64, dv_px: f64) -> Self {
+        let moved = |p: PixelPoint| PixelPoint::new(p.u_px + du_px, p.v_px + dv_px);
+        let back = Matrix3::new(1.0, 0.0, -du_px, 0.0, 1.0, -dv_px, 0.0, 0.0, 1.0);
+        let mut there = self.clone();
+        there.origin_px = self.origin_px.map(moved);
+        match &mut there.scale {
+            Scale::Ruler { from, to, .. } => (*from, *to) = (moved(*from), moved(*to)),
+            Scale::Homography(h) => h.world_from_pixel *= back,
+            Scale::MetresPerPixel { .. } | Scale::Ball | Scale::Gravity => {}
+        }
+        for change in there
+            .deviations
+            .iter_mut()
+            .filter_map(|d| d.world_from_pixel.as_mut())
+        {
+            *change *= back;
+        }
+        there.lens = self.lens.as_ref().map(|lens| {
+            let mut matrix = *lens.camera_matrix();
+            matrix[(0, 2)] += du_px;
+            matrix[(1, 2)] += dv_px;
+            // A lens remains one wherever its axis is.
+            Lens::new(matrix, lens.distortion()).unwrap_or_else(|_| lens.clone())
+        });
+        there
+    }
+
     /// The map between the picture and the plane of motion.
     ///
     /// # Errors
@@ -296,7 +327,7 @@ fn size_hint(calibrated: (usize, usize), found: (usize, usize)) -> String {
 }
 
 /// A matrix as the file writes it.
-fn rows_text(m: &nalgebra::Matrix3<f64>) -> String {
+fn rows_text(m: &Matrix3<f64>) -> String {
     let row = |i: usize| format!("[{}, {}, {}]", m[(i, 0)], m[(i, 1)], m[(i, 2)]);
     format!("[{}, {}, {}]", row(0), row(1), row(2))
 }

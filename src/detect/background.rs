@@ -55,9 +55,13 @@ impl Background {
     #[must_use]
     pub fn from_survey(survey: &[Luma]) -> Option<Self> {
         let reference = survey.get(survey.len() / 2)?;
-        // A camera that moves changes every pixel from frame to frame, but not the noise within one.
-        let noise_grey = frame_noise_grey(survey).min(spatial_noise_grey(reference));
-        let first = Registrar::new(reference, noise_grey);
+        let mut noise_grey = frame_noise_grey(survey);
+        let mut first = Registrar::at_full_size(reference, noise_grey);
+        if !first.sees_shift() {
+            // A camera that moves changes every pixel from frame to frame, which passes for noise, but not within one.
+            noise_grey = noise_grey.min(spatial_noise_grey(reference));
+            first = Registrar::new(reference, noise_grey);
+        }
         let mut registrations: Vec<Registration> = first.locate(survey);
         let drift_px = registrations.iter().map(|r| r.shift_px()).fold(0.0, f64::max);
         let fixed = drift_px < FIXED_CAMERA_PX;

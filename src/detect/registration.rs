@@ -178,7 +178,9 @@ impl Registrar {
         }
     }
 
-    fn at_full_size(reference: &Luma, noise_grey: f64) -> Self {
+    /// A registrar that compares single pixels, whether they show shifts or not.
+    #[must_use]
+    pub fn at_full_size(reference: &Luma, noise_grey: f64) -> Self {
         let (samples, cells) = choose_samples(reference, noise_grey, 1);
         Self {
             samples,
@@ -188,6 +190,12 @@ impl Registrar {
             reference: reference.clone(),
             fixed: false,
         }
+    }
+
+    /// Whether the scene shows shifts of the camera.
+    #[must_use]
+    pub fn sees_shift(&self) -> bool {
+        self.sees_shift
     }
 
     /// The same comparing at one part in `factor` of the size; `None` where a picture cannot be reduced to that.

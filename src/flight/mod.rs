@@ -16,6 +16,7 @@ pub mod overhead;
 pub mod repeats;
 pub mod scatter;
 pub mod segment;
+pub mod skips;
 
 use crate::quantity;
 use fit::{ArcFit, FitPoint, Forces, meeting};
@@ -86,6 +87,9 @@ const TOP_PART_OF_RADIUS: f64 = 0.2;
 
 /// An arc counts as falling when its sagitta is this many standard deviations (of segmentation).
 const SAGITTA_SIGMAS: f64 = 6.0;
+
+/// Where centres scatter by less than segmentation asks for, a curve may be lower by this part, too.
+const FINE_PART: f64 = 0.25;
 
 /// Points further off than this many (robust) standard deviations are set aside.
 const OFF_SIGMAS: f64 = 4.5;
@@ -166,17 +170,22 @@ impl Candidate {
             });
         }
         let found = segment::arcs(&samples, Fall::Free);
-        let falling: Vec<(f64, f64, usize, f64)> = found
-            .iter()
-            .filter(|a| a.len() >= 5)
-            .filter_map(|a| {
+        let falling_beyond = |sigma: f64| -> Vec<(f64, f64, usize, f64)> {
+            let curved = found.iter().filter(|a| a.len() >= 5).filter_map(|a| {
                 let part = &samples[a.clone()];
                 let (g, std) = own_fall(part)?;
                 let duration = part[part.len() - 1].t - part[0].t;
                 let sagitta = g * duration * duration / 8.0;
                 (sagitta > SAGITTA_SIGMAS * sigma).then_some((g, std, a.len(), sagitta))
-            })
-            .collect();
+            });
+            curved.collect()
+        };
+        let mut least = sigma;
+        let mut falling = falling_beyond(sigma);
+        if falling.is_empty() {
+            least = fine_sigma(spots, track, sigma);
+            falling = falling_beyond(least);
+        }
         // The common fall: the arc that most of the weight agrees with.
         let agreeing = |g: f64| {
             falling
@@ -208,7 +217,7 @@ impl Candidate {
         let enough = falls_for >= 6 && covered >= 6;
         let curved: Vec<_> = known
             .iter()
-            .filter(|a| shows_fall(&samples, a, gravity, sigma))
+            .filter(|a| shows_fall(&samples, a, gravity, least))
             .collect();
         let span = (
             samples[curved.first()?.start].t,
@@ -235,6 +244,18 @@ fn segment_sigma(spots: &[Spot], track: &Track, forces: Forces) -> f64 {
         SEGMENT_PART_OF_RADIUS
     };
     let part = of_radius * median(&mut radii);
+    let seen = scatter_seen(spots, track).unwrap_or(0.0);
+    stated.max(seen.min(5.0 * part)).max(part)
+}
+
+/// The standard deviation that a curve has to stand out from where all are low (a bounce of a large ball by less than its
+/// radius): that of the centres, not what segmentation overlooks.
+fn fine_sigma(spots: &[Spot], track: &Track, sigma: f64) -> f64 {
+    scatter_seen(spots, track).map_or(sigma, |seen| seen.clamp(FINE_PART * sigma, sigma))
+}
+
+/// What a track's centres scatter by as third differences show it, plane units; `None` where there are too few.
+fn scatter_seen(spots: &[Spot], track: &Track) -> Option<f64> {
     let mut thirds = Vec::new();
     for w in track.windows(4) {
         let s: Vec<&Spot> = w.iter().map(|&i| &spots[i]).collect();
@@ -246,12 +267,7 @@ fn segment_sigma(spots: &[Spot], track: &Track, forces: Forces) -> f64 {
         }
     }
     // Variance of a third difference: 1 + 9 + 9 + 1.
-    let seen = if thirds.len() >= 8 {
-        1.4826 * median(&mut thirds) / 20.0_f64.sqrt()
-    } else {
-        0.0
-    };
-    stated.max(seen.min(5.0 * part)).max(part)
+    (thirds.len() >= 8).then(|| 1.4826 * median(&mut thirds) / 20.0_f64.sqrt())
 }
 
 fn median(values: &mut [f64]) -> f64 {
@@ -352,19 +368,39 @@ fn cut_and_fit(
     ranges.retain(|r| is_free_flight(&samples[r.clone()], gravity, falls));
     let ranges = join(&samples, ranges, fall);
     let ranges = richest_run(longest_chain(&samples, ranges, interval_s));
-    let mut ranges = without_straight_ends(&samples, ranges, gravity, sigma, falls);
+    let shows = |least: f64| ranges.iter().any(|r| shows_fall(&samples, r, gravity, least));
+    let least = if shows(sigma) {
+        sigma
+    } else {
+        fine_sigma(spots, track, sigma)
+    };
+    let mut ranges = without_straight_ends(&samples, ranges, gravity, least, falls);
     // Arcs that do not meet as a ball's do are two flights, or none: the longer part is tried again.
     while !ranges.is_empty() {
         let mut uses = vec![SpotUse::NotFree; track.len()];
         for (k, r) in ranges.iter().enumerate() {
             uses[r.clone()].fill(SpotUse::Used(k));
         }
-        let fit = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+        let Some(fit) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces) else {
+            // An arc that loses its points one by one was none: bounces too small for the frames, a ball that stays down.
+            ranges.remove(emptied_arc(&uses, ranges.len())?);
+            continue;
+        };
         if let Some(no_arc) = mostly_set_aside(&uses, &ranges) {
             ranges.remove(no_arc);
             continue;
         }
         let flight = finish(spots, track, uses, fit, interval_s);
+        let shows = |k: usize| shows_fall(&samples, &ranges[k], gravity, sigma);
+        if let Some(chance) = (1..ranges.len().saturating_sub(1)).find(|&k| flight.is_detour(k)) {
+            ranges.remove(chance);
+            continue;
+        }
+        let last = ranges.len() - 1;
+        if last > 0 && !shows(last) && flight.is_carried(last, ranges[last].len()) {
+            ranges.pop();
+            continue;
+        }
         let Some(cut) = flight.impacts.iter().position(Option::is_none) else {
             return flight.is_convincing(&samples, &ranges, sigma).then_some(flight);
         };
@@ -471,6 +507,20 @@ const LEAST_FREE_PART: f64 = 0.6;
 /// Median distance of a flight's points from its arcs, in the segmentation's standard deviations, at most.
 const MOST_SCATTER: f64 = 2.0;
 
+/// An arc whose own fall differs from the common one by this many standard uncertainties, and this part of it (drag), is
+/// none. Fewer than for arcs found by their curve: three of a hundred are wrongly let go, which costs a bounce.
+const CARRIED_SIGMAS: f64 = 3.0;
+const CARRIED_PART: f64 = 0.1;
+
+/// Beyond this, scatter that lasts from frame to frame is a path bent by perspective, a moving camera or air.
+const MOST_EXCESS: f64 = 4.0;
+const MOST_PERSISTENCE: f64 = 3.0;
+
+/// Points behind an arc that tell whether the ball stays down, and squared deviations from one height, in variances, that
+/// are level.
+const LEVEL_POINTS: usize = 6;
+const LEVEL_EXCESS: f64 = 4.0;
+
 /// A flight without an impact must show its curve over this many points.
 const LEAST_LONE_POINTS: usize = 20;
 
@@ -534,6 +584,66 @@ impl Flight {
             .count()
     }
 
+    /// Whether the points of the last arc `k`, cut from `cut` of the track, contradict its fall as precisely as their centres are
+    /// known: a ball that stays down after an impact, or a row of bounces that frames do not resolve, lies close to a
+    /// short parabola.
+    fn is_carried(&self, k: usize, cut: usize) -> bool {
+        // Where the whole flight is no parabola to the precision of the centres, no arc of it is.
+        let precise = self.excess() < MOST_EXCESS || self.fit.persistence < MOST_PERSISTENCE;
+        if !self.fit.forces.falls() || !precise {
+            return false;
+        }
+        let weight = |spot: &Spot| 1.0 / variance(spot, &self.extra);
+        let sample = |p: &FlightPoint| Sample {
+            t: p.spot.time_s,
+            r: p.spot.place.right,
+            h: p.spot.place.up,
+            weight: weight(&p.spot),
+            near: 0.0,
+            near_weight: 0.0,
+        };
+        let used = |p: &&FlightPoint| p.use_ == SpotUse::Used(k);
+        let arc: Vec<Sample> = self.points.iter().filter(used).map(sample).collect();
+        let (lasting, g) = (self.fit.persistence.max(1.0).sqrt(), self.fit.gravity());
+        let own = own_fall(&arc)
+            .is_some_and(|(own, std)| (own - g).abs() > CARRIED_SIGMAS * lasting * std + CARRIED_PART * g);
+        let few = (arc.len() as f64) < LEAST_FREE_PART * cut as f64;
+        few || own || self.stays_level(k, &arc)
+    }
+
+    /// Whether arc `k` is a few points that make impacts on something upright of what is one impact without them: the rest
+    /// of a ball that something hides.
+    fn is_detour(&self, k: usize) -> bool {
+        let points = self.points.iter().filter(|p| p.use_ == SpotUse::Used(k)).count();
+        let on_floor = |a: usize| {
+            self.impacts[a].is_none_or(|t| {
+                let (m, n) = (self.fit.motion(a, t), self.fit.motion(a + 1, t));
+                n.vh - m.vh > (n.vr - m.vr).abs()
+            })
+        };
+        let direct = || impact_between(&self.fit, &self.spans, k - 1, k + 1, self.interval_s);
+        let falls = self.fit.forces.falls() && points <= WEAK_POINTS;
+        falls && !(on_floor(k - 1) && on_floor(k)) && direct().is_some()
+    }
+
+    /// Whether the ball stays at one height on arc `k` and on after it.
+    fn stays_level(&self, k: usize, arc: &[Sample]) -> bool {
+        let end = self.spans[k].1;
+        let behind = self.points.iter().filter(|p| p.spot.time_s > end);
+        let heights: Vec<(f64, f64)> = behind
+            .take(LEVEL_POINTS)
+            .map(|p| (p.spot.place.up, 1.0 / variance(&p.spot, &self.extra)))
+            .chain(arc.iter().map(|s| (s.h, s.weight)))
+            .collect();
+        if heights.len() < arc.len() + LEVEL_POINTS {
+            return false;
+        }
+        let weights: f64 = heights.iter().map(|h| h.1).sum();
+        let mean = heights.iter().map(|h| h.0 * h.1).sum::<f64>() / weights;
+        let chi2: f64 = heights.iter().map(|h| (h.0 - mean).powi(2) * h.1).sum();
+        chi2 < LEVEL_EXCESS * heights.len() as f64
+    }
+
     fn is_convincing(&self, samples: &[Sample], ranges: &[std::ops::Range<usize>], sigma: f64) -> bool {
         let (from, to) = self.time_span();
         let within = self
@@ -543,13 +653,6 @@ impl Flight {
             .count();
         let free = self.used() as f64 >= LEAST_FREE_PART * within as f64;
         let met = self.impacts.iter().any(Option::is_some);
-        let curved: usize = ranges
-            .iter()
-            .filter(|r| shows_fall(samples, r, self.fit.gravity(), sigma))
-            .map(ExactSizeIterator::len)
-            .sum();
-        let all: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-        let curved = !self.fit.forces.falls() || curved as f64 >= LEAST_CURVED_PART * all as f64;
         let mut offs: Vec<f64> = self
             .points
             .iter()
@@ -559,8 +662,18 @@ impl Flight {
                 Some((p.spot.place.right - m.r).hypot(p.spot.place.up - m.h))
             })
             .collect();
+        let off = median(&mut offs);
         // A hand's swing is a parabola only roughly.
-        let close = median(&mut offs) < MOST_SCATTER * sigma;
+        let close = off < MOST_SCATTER * sigma;
+        // The closer the points lie to the arcs, the lower a curve shows.
+        let scatter = (2.0 * off).clamp(FINE_PART * sigma, sigma);
+        let curved: usize = ranges
+            .iter()
+            .filter(|r| shows_fall(samples, r, self.fit.gravity(), scatter))
+            .map(ExactSizeIterator::len)
+            .sum();
+        let all: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+        let curved = !self.fit.forces.falls() || curved as f64 >= LEAST_CURVED_PART * all as f64;
         free && close && curved && (met || self.used() >= LEAST_LONE_POINTS)
     }
 }
@@ -739,6 +852,17 @@ fn fit_and_set_aside(
     }
     Some((fit, extra))
 }
+
+/// The arc that too few points are left on to be fitted, `None` where each has enough.
+fn emptied_arc(uses: &[SpotUse], arcs: usize) -> Option<usize> {
+    let left = |k: usize| uses.iter().filter(|u| **u == SpotUse::Used(k)).count();
+    (0..arcs)
+        .min_by_key(|&k| left(k))
+        .filter(|&k| left(k) < LEAST_FIT_POINTS)
+}
+
+/// Fewer points than this have no arc: two coordinates with a place and a velocity each, and a point that checks them.
+const LEAST_FIT_POINTS: usize = 3;
 
 /// Variance of a coordinate of a spot, plane units².
 fn variance(spot: &Spot, extra: &Extra) -> f64 {

@@ -11,6 +11,8 @@ pub struct TimeBase {
     pub gaps: usize,
     /// Stored frames missing in those gaps.
     pub missing: usize,
+    /// Frames missing without a trace in the stamps, by what moves; their time is in `times_s`.
+    pub skipped: usize,
 }
 
 /// Stamps further apart than this many intervals leave a frame out; jitter of variable-rate phones stays below.
@@ -25,12 +27,20 @@ impl TimeBase {
         let distinct: Vec<usize> = (0..stamps_s.len())
             .filter(|&i| !repeats.get(i).copied().unwrap_or(false))
             .collect();
-        let Some(stored) = typical_step(distinct.windows(2).map(|w| stamps_s[w[1]] - stamps_s[w[0]])) else {
+        let steps = || distinct.windows(2).map(|w| stamps_s[w[1]] - stamps_s[w[0]]);
+        // Among repeats, a short step may be one that was not recognised.
+        let stored = if distinct.len() < stamps_s.len() {
+            median_step(steps())
+        } else {
+            typical_step(steps())
+        };
+        let Some(stored) = stored else {
             return Self {
                 times_s: vec![0.0; stamps_s.len()],
                 interval_s: None,
                 gaps: 0,
                 missing: 0,
+                skipped: 0,
             };
         };
         let (gaps, missing) = gaps(stamps_s);
@@ -40,6 +50,7 @@ impl TimeBase {
                 interval_s: Some(stored),
                 gaps,
                 missing,
+                skipped: 0,
             };
         };
         let mut times_s = Vec::with_capacity(stamps_s.len());
@@ -60,7 +71,24 @@ impl TimeBase {
             interval_s: Some(1.0 / rate),
             gaps,
             missing,
+            skipped: 0,
         }
+    }
+
+    /// The same with the time of frames that are missing without a trace in the stamps: `skips` are the first frame after
+    /// each gap and the frames missing in it.
+    #[must_use]
+    pub fn with_skips(mut self, skips: &[(usize, usize)]) -> Self {
+        let Some(interval_s) = self.interval_s else {
+            return self;
+        };
+        for &(frame, missing) in skips {
+            for time in self.times_s.iter_mut().skip(frame) {
+                *time += missing as f64 * interval_s;
+            }
+            self.skipped += missing;
+        }
+        self
     }
 }
 
@@ -79,11 +107,53 @@ fn gaps(stamps_s: &[f64]) -> (usize, usize) {
     })
 }
 
-/// The median positive step.
+/// The usual step from frame to frame: the median positive one, or, where more than half of the frames are missing, the
+/// part of it that the steps are multiples of. Image numbers are whole: theirs is what they all are multiples of.
 fn typical_step(steps: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut steps: Vec<f64> = steps.filter(|d| *d > 0.0).collect();
+    let median = crate::quantity::median(&mut steps)?;
+    if steps.iter().all(|d| d.fract() == 0.0 && *d < MOST_NUMBER) {
+        return Some(steps.iter().fold(0.0, |a, &b| common_divisor(a, b)));
+    }
+    let part =
+        |of: &dyn Fn(f64) -> bool| steps.iter().filter(|&&d| of(d)).count() as f64 / steps.len() as f64;
+    let mut finer = (2..=MOST_PERIODS).rev().map(|n| median / f64::from(n));
+    let found = finer.find(|&period| {
+        let single = part(&|d| (d / period - 1.0).abs() < WHOLE_PART);
+        let whole = part(&|d| (d / period - (d / period).round()).abs() < WHOLE_PART);
+        single > LEAST_SINGLE && whole > LEAST_WHOLE
+    });
+    Some(found.unwrap_or(median))
+}
+
+/// The median positive step.
+fn median_step(steps: impl Iterator<Item = f64>) -> Option<f64> {
     let mut steps: Vec<f64> = steps.filter(|d| *d > 0.0).collect();
     crate::quantity::median(&mut steps)
 }
+
+/// Whole numbers below this are exact.
+const MOST_NUMBER: f64 = 9e15;
+
+/// Of two whole numbers.
+fn common_divisor(a: f64, b: f64) -> f64 {
+    let (mut a, mut b) = (a, b);
+    while b > 0.0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// A median step of more frames than this is no row of dropped frames.
+const MOST_PERIODS: u32 = 4;
+
+/// A step is a whole number of periods to this part of one.
+const WHOLE_PART: f64 = 0.12;
+
+/// Least part of the steps that are single periods, and that are whole ones, for the period to be one: jitter makes a
+/// quarter of them so by chance.
+const LEAST_SINGLE: f64 = 0.1;
+const LEAST_WHOLE: f64 = 0.95;
 
 #[cfg(test)]
 mod tests {
@@ -137,6 +207,37 @@ mod tests {
         let base = TimeBase::new(&stamps, &repeats, Some(30.0));
         assert_eq!((base.gaps, base.missing), (1, 2));
         assert!((base.times_s[4] - 3.0 / 30.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_period_is_found_where_most_frames_are_missing() {
+        let mut at = 0.0;
+        let stamps: Vec<f64> = [0, 2, 3, 1, 2, 2, 3, 1, 2, 4, 2, 1, 2, 2]
+            .iter()
+            .map(|&n| {
+                at += f64::from(n) / 240.0;
+                at
+            })
+            .collect();
+        let base = TimeBase::new(&stamps, &[], Some(240.0));
+        assert!((base.times_s[13] - 27.0 / 240.0).abs() < 1e-12, "{base:?}");
+        assert_eq!((base.gaps, base.missing), (10, 14));
+        // Numbers of images are whole, whichever are left.
+        let numbers = [2.0, 4.0, 7.0, 9.0, 12.0, 14.0];
+        assert_eq!(TimeBase::new(&numbers, &[], Some(10.0)).times_s[5], 1.2);
+        // Steps of two lengths are what a player makes of film (3:2), not dropped frames.
+        let stamps: Vec<f64> = (0..20)
+            .map(|i| 0.04 * f64::from(i) + 0.008 * f64::from(i % 2))
+            .collect();
+        assert_eq!(TimeBase::new(&stamps, &[], None).gaps, 0);
+    }
+
+    #[test]
+    fn skips_move_what_follows() {
+        let stamps: Vec<f64> = (0..8).map(f64::from).collect();
+        let base = TimeBase::new(&stamps, &[], None).with_skips(&[(3, 1), (5, 2)]);
+        assert_eq!(base.times_s, [0.0, 1.0, 2.0, 4.0, 5.0, 8.0, 9.0, 10.0]);
+        assert_eq!(base.skipped, 3);
     }
 
     #[test]

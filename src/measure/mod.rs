@@ -1,6 +1,6 @@
 //! One recording, from file to result: the order of the steps, nothing else.
 //!
-//! observe → repeats → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
+//! observe → repeats, skips → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
 //! bounces → readings → warnings → drawing.
 
 mod camera;
@@ -128,7 +128,7 @@ pub fn measure(
         video: video.display().to_string(),
         source,
     };
-    let map = calibration.rectification().map_err(misfit)?;
+    calibration.rectification().map_err(misfit)?;
     let source = opened(video, calibration, calibration_name, &misfit)?;
     let seen = observe::observe(video, source, progress)?;
     if seen.stamps_s.len() < LEAST_FRAMES {
@@ -138,10 +138,15 @@ pub fn measure(
         });
     }
     progress(Progress::Fit);
+    // Where a camera moves, the calibration is that of the first frame; all is measured in the reference picture.
+    let first = seen.registrations.first().filter(|r| !r.is_still());
+    let moved = first.map(|r| calibration.shifted(-r.shift_u_px, -r.shift_v_px));
+    let calibration = moved.as_ref().unwrap_or(calibration);
+    let map = calibration.rectification().map_err(misfit)?;
     let mut work = Work::new(video, calibration, map, seen, accuracy);
     match work.find_flight() {
         Ok(flight) => work.measured(&flight).map_err(misfit),
-        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, calibration))),
+        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, &work.base, calibration))),
     }
 }
 
@@ -212,6 +217,11 @@ impl<'a> Work<'a> {
         let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
         work.repeats = repeats.frames;
         work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
+        let skips = work.base.interval_s.map_or_else(Vec::new, |interval_s| {
+            let found = flight::skips::find(&work.first_spots(), interval_s);
+            found.iter().map(|s| (s.frame, s.missing)).collect()
+        });
+        work.base = work.base.with_skips(&skips);
         work.warnings = warn::file(&work.seen, &work.base, &work.repeats, calibration);
         work.warnings.extend(warn::perspective(calibration));
         work
@@ -310,8 +320,10 @@ impl<'a> Work<'a> {
             let scale = self.metres_per_unit(&flight, Some(shared.radius_px)).ok();
             self.optics = self.optics_at(scale);
             let forces = self.forces(&flight, &shared);
-            match flight::again(&self.spots_of(&found), &flight, forces) {
-                Some(better) if better.used() as f64 >= KEPT_PART * first.used() as f64 => {
+            let refitted = flight::again(&self.spots_of(&found), &flight, forces);
+            let kept = self.kept_part(&found, first);
+            match refitted {
+                Some(better) if kept >= KEPT_PART && is_as_full(&better, first) => {
                     (flight, self.found) = if above {
                         (better, found)
                     } else {
@@ -321,11 +333,8 @@ impl<'a> Work<'a> {
                 }
                 // A ball of a few pixels may be too blurred for its edge to be fitted: its outline has to do. A
                 // larger thing without the outline of a ball is no ball.
-                again
-                    if shared.radius_px.value > SMALL_BALL_PX
-                        && again
-                            .as_ref()
-                            .is_none_or(|f| (f.used() as f64) < BALL_PART * first.used() as f64) =>
+                refitted
+                    if shared.radius_px.value > SMALL_BALL_PX && (refitted.is_none() || kept < BALL_PART) =>
                 {
                     return Err(NoFlight::NothingFalls {
                         longest: first.points.len(),
@@ -335,6 +344,19 @@ impl<'a> Work<'a> {
             }
         }
         Ok(flight)
+    }
+
+    /// The part of the points used in `first` in whose frames the ball was found again.
+    fn kept_part(&self, found: &[Found], first: &Flight) -> f64 {
+        let frames: Vec<usize> = found
+            .iter()
+            .map(|f| self.seen.sightings[f.sighting].frame)
+            .collect();
+        let again = first
+            .points
+            .iter()
+            .filter(|p| is_used(p.use_) && frames.binary_search(&p.spot.frame).is_ok());
+        again.count() as f64 / first.used().max(1) as f64
     }
 
     /// The flight with arcs before and after it, that the first look had too few points for, now that the ball's size
@@ -465,6 +487,9 @@ impl<'a> Work<'a> {
         self.warnings.extend(warn::measured(&judged));
         self.warnings
             .extend(warn::unlearned(self.accuracy, self.method()));
+        self.warnings.extend(self.light(flight));
+        self.warnings
+            .extend(warn::lingering(flight, self.seen.stamps_s.len()));
         let outcome = if bounces.is_empty() {
             Outcome::Rejected {
                 reason: warn::no_bounce(flight, walls, self.calibration),
@@ -486,6 +511,13 @@ impl<'a> Work<'a> {
             strobe: Some(drawing::strobe(&self.seen, &self.found, flight)),
             warnings: self.warnings,
         })
+    }
+
+    /// That the light changes during the flight.
+    fn light(&self, flight: &Flight) -> Option<Warning> {
+        let used = flight.points.iter().filter(|p| is_used(p.use_));
+        let flown: Vec<usize> = used.map(|p| p.spot.frame).collect();
+        warn::light(&self.seen, &flown)
     }
 
     fn rejected(&self, reason: String) -> Measurement {
@@ -581,6 +613,14 @@ fn stretched(value: u8, range: LumaRange) -> u8 {
     ((f64::from(value) - black) * 255.0 / (white - black))
         .round()
         .clamp(0.0, 255.0) as u8
+}
+
+/// Whether `better` uses the points of `first` within its own time: at the ends better centres may show that what looked
+/// like an arc was a ball that rolls.
+fn is_as_full(better: &Flight, first: &Flight) -> bool {
+    let (from, to) = better.time_span();
+    let within = |p: &&flight::FlightPoint| is_used(p.use_) && p.spot.time_s >= from && p.spot.time_s <= to;
+    better.used() as f64 >= KEPT_PART * first.points.iter().filter(within).count() as f64
 }
 
 /// Used for an arc?

@@ -90,6 +90,12 @@ pub fn file(
             format!("the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.", base.missing, base.gaps),
         ));
     }
+    if base.skipped > 0 {
+        out.push(warning(
+            "frames_skipped",
+            format!("{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.", base.skipped),
+        ));
+    }
     out.extend(moved_camera(
         &seen.registrations,
         seen.detector.background.registrar.fixed,
@@ -149,7 +155,57 @@ fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> 
     (!fixed && most > WORTH_SAYING_PX).then(|| {
         warning(
             "camera_moved",
-            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. Put the camera on a tripod."),
+            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."),
+        )
+    })
+}
+
+/// A lamp whose light changes by this factor makes a ball look different enough to move its centre.
+const LIGHT_CHANGES: f64 = 1.3;
+
+/// Light that changes while the ball flies, in the frames `flown`, for longer than a tenth of them.
+pub fn light(seen: &Observation, flown: &[usize]) -> Option<Warning> {
+    let scene = &seen.detector.background.luma.data;
+    let grey = scene.iter().map(|&p| f64::from(p)).sum::<f64>() / scene.len().max(1) as f64;
+    let mut brightness: Vec<f64> = flown
+        .iter()
+        .map(|&frame| seen.registrations[frame].brightness(grey))
+        .collect();
+    brightness.sort_by(f64::total_cmp);
+    let tenth = brightness.len() / 10;
+    let least = *brightness.get(tenth)?;
+    let most = *brightness.get(brightness.len() - 1 - tenth)?;
+    (least > 0.0 && most > LIGHT_CHANGES * least).then(|| {
+        warning(
+            "light_changed",
+            format!("the light changes by a factor of {:.2} while the ball flies: where a side of it is saturated or dark in one light and not in the other, its centre is displaced by some hundredths of its radius, which is not in the uncertainties. Use a steady light.", most / least),
+        )
+    })
+}
+
+/// A pixel that the ball covers in more than this part of the frames: the median of some of them, the empty scene, may be
+/// the ball there.
+const LINGERS_PART: f64 = 0.4;
+
+/// Places of a flight that are looked at for that.
+const LINGERS_PLACES: usize = 300;
+
+/// That the ball covers one place of its flight for too much of the recording's `frames`.
+pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
+    let spots = || flight.points.iter().map(|p| p.spot);
+    let covers = |place: crate::geometry::PlanePoint| {
+        spots()
+            .filter(|s| (s.place.right - place.right).hypot(s.place.up - place.up) < s.radius)
+            .count()
+    };
+    // Some places along the way tell; all of them would take the square of their number.
+    let step = flight.points.len().div_ceil(LINGERS_PLACES).max(1);
+    let most = spots().step_by(step).map(|s| covers(s.place)).max()?;
+    let part = most as f64 / frames.max(1) as f64;
+    (part > LINGERS_PART).then(|| {
+        warning(
+            "ball_lingers",
+            format!("the ball covers one place in {:.0} % of the frames, so the empty scene behind it is not known for sure there: centres may be off by more than their uncertainties. Record the scene without the ball for as long as the flight lasts, before or after it.", 100.0 * part),
         )
     })
 }
@@ -181,7 +237,7 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     if j.x0_missing && j.calibration.launch.edge_x_m.is_some() && !j.bounces.is_empty() {
         out.push(warning(
             "first_impact_unsure",
-            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out.".to_owned(),
+            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out, and so are spins and e_x, which need the spin at the launch.".to_owned(),
         ));
     }
     if j.impossible > 0 {
@@ -407,7 +463,12 @@ fn different_heights(j: &Judged<'_>) -> Option<Warning> {
 }
 
 /// Why nothing was measured, and what to try.
-pub fn no_flight(reason: &NoFlight, seen: &Observation, calibration: &Calibration) -> String {
+pub fn no_flight(
+    reason: &NoFlight,
+    seen: &Observation,
+    base: &TimeBase,
+    calibration: &Calibration,
+) -> String {
     let frames = seen.stamps_s.len();
     let moving = seen.sightings.len();
     match reason {
@@ -428,9 +489,30 @@ pub fn no_flight(reason: &NoFlight, seen: &Observation, calibration: &Calibratio
             }
         }
         NoFlight::NothingFalls { longest } => format!(
-            "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?"
+            "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?{}",
+            slow_frames(base, calibration.gravity_m_s2)
         ),
     }
+}
+
+/// Frames that an arc needs to be found.
+const ARC_FRAMES: f64 = 5.0;
+
+/// Rates below which the time between two impacts of a ball in the lab (0.1 s and more) may hold too few frames, Hz.
+const FEW_FRAMES_HZ: f64 = 90.0;
+
+/// That arcs may hold too few frames, where frames are slow.
+fn slow_frames(base: &TimeBase, gravity_m_s2: f64) -> String {
+    let slow = base.interval_s.filter(|&s| s > 1.0 / FEW_FRAMES_HZ);
+    slow.map_or(String::new(), |s| {
+        format!(
+            " An arc needs {ARC_FRAMES} frames: at {} Hz that is {:.2} s from impact to impact, so bounces below {:.0} mm are too short; a higher frame rate helps.",
+            rounded(1.0 / s),
+            ARC_FRAMES * s,
+            // Up and down in that time: g T² / 8.
+            1e3 * gravity_m_s2 * (ARC_FRAMES * s).powi(2) / 8.0,
+        )
+    })
 }
 
 /// Why a flight alone is no measurement.

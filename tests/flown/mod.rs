@@ -6,7 +6,7 @@
 mod noise;
 
 use noise::Noise;
-use track::bounce::impacts::Scene;
+use track::bounce::impacts::{Picture, Scene};
 use track::bounce::reading;
 use track::bounce::{Bounce, Distances, Readings};
 use track::calibration::{Calibration, Scale};
@@ -223,6 +223,12 @@ impl Film {
     }
 }
 
+/// Plane units are pixels; the common error is what a camera's centres would have.
+const PICTURE: Picture = Picture {
+    units_per_px: 1.0,
+    common_std_px: 0.03,
+};
+
 /// What the numeric layer makes of spots.
 #[derive(Debug, Clone)]
 pub struct Measured {
@@ -245,7 +251,7 @@ pub fn measured(
 fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) -> Measured {
     let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
     let scale = Quantity::new(metres_per_unit, 1e-9 * metres_per_unit).unwrap();
-    let scene = Scene::new(&flight, calibration, scale, 1.0, first_right);
+    let scene = Scene::new(&flight, calibration, scale, PICTURE, first_right);
     let indexed = scene.bounces();
     let distances = scene.distances(&indexed);
     let gravity_m_s2 = scene.gravity_m_s2();

@@ -29,7 +29,7 @@ use harness::{fuzz, sound_json};
 use mutate::{mutated_bytes, mutated_csv, mutated_json};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use track::calibration::{Calibration, ScaleEvidence};
+use track::calibration::{Calibration, ScaleEvidence, Silhouettes};
 use track::fit::{self, Options};
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
@@ -146,6 +146,8 @@ fn used(calibration: &Calibration) {
     );
     let size = calibration.image_size_px.unwrap_or((1280, 720));
     let viewpoint = calibration.viewpoint(scale.value, size).ok().flatten();
+    let middle = PixelPoint::new(0.5 * size.0 as f64, 0.5 * size.1 as f64);
+    let outlines = Silhouettes::new(&map, viewpoint.map(|v| v.optics), middle);
     for (u, v) in [
         (0.0, 0.0),
         (0.5, 0.5),
@@ -162,11 +164,10 @@ fn used(calibration: &Calibration) {
                 number(back.u_px, "u");
                 number(back.v_px, "v");
             }
-            let centre = viewpoint.and_then(|v| v.optics.centre_of_outline(&map, q, 20.0));
-            if let Some(c) = centre {
-                number(c.right, "right of an outline");
-                number(c.up, "up of an outline");
-            }
+        }
+        if let Some(c) = outlines.centre_of_outline(p, 20.0) {
+            number(c.right, "right of an outline");
+            number(c.up, "up of an outline");
         }
         if let Some(j) = map.jacobian(p) {
             j.iter().for_each(|&d| number(d, "a derivative"));

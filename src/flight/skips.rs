@@ -1,0 +1,277 @@
+//! Frames that are missing without a trace in the time stamps: dropped by a camera or an editor that then numbered the
+//! rest anew.
+//!
+//! They show in what moves: one step is a whole number of times as long as the steps before and after it, in the same
+//! direction. On a parabola the step over a gap of k frames is k + 1 times the mean of its two neighbours exactly. An
+//! impact cannot look like that: its step lies between the velocities before and after.
+
+use super::linking::{Spot, link};
+
+/// A place where frames are missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Skip {
+    /// The first frame after the gap.
+    pub frame: usize,
+    /// How many are missing.
+    pub missing: usize,
+}
+
+/// Steps around a gap differ from each other by less than this part of their mean: no impact, no jerk of a hand.
+const ALIKE_PART: f64 = 0.35;
+
+/// And the gap's from the whole multiple by less than this part of a step.
+const WHOLE_PART: f64 = 0.25;
+
+/// What is missing must stand out by this many (robust) standard deviations of what such steps scatter by.
+const LEAST_SIGMAS: f64 = 10.0;
+
+/// Frames next to each other on the time base lie within this part of the frame interval.
+const EVEN_PART: f64 = 0.1;
+
+/// More than this is no dropped frame but a cut.
+const MOST_MISSING: f64 = 30.0;
+
+/// Shorter tracks do not tell what their steps scatter by.
+const LEAST_TRACK: usize = 12;
+
+/// Finds gaps from the `spots` of all frames (in time order, repeats left out), whose frames stand `interval_s` apart.
+#[must_use]
+pub fn find(spots: &[Spot], interval_s: f64) -> Vec<Skip> {
+    let frames = spots.iter().map(|s| s.frame + 1).max().unwrap_or(0);
+    // For each frame what its things say: how many frames are missing before it, or that none is.
+    let mut told: Vec<Vec<usize>> = vec![Vec::new(); frames];
+    let foreign = foreign_frames(spots, interval_s);
+    for track in link(spots).iter().filter(|t| t.len() >= LEAST_TRACK) {
+        let windows: Vec<Window> = track
+            .windows(6)
+            .filter_map(|w| Window::new([0, 1, 2, 3, 4, 5].map(|k| &spots[w[k]]), interval_s))
+            .collect();
+        let scatter = scatter(windows.iter().map(|w| length(w.beyond(0))).collect());
+        for w in &windows {
+            told[w.frame].push(w.missing(scatter));
+        }
+    }
+    told.iter()
+        .enumerate()
+        .filter_map(|(frame, says)| {
+            let missing = *says.iter().max()?;
+            // Whatever else moves has to agree.
+            let agree = says.iter().filter(|&&n| n == missing).count();
+            let misplaced = foreign.iter().any(|f| f.abs_diff(frame) <= MISPLACED_FRAMES);
+            (missing > 0 && 2 * agree > says.len() && !misplaced).then_some(Skip { frame, missing })
+        })
+        .collect()
+}
+
+/// Frames that do not belong where they are: across each a thing moves on by one step, not by two. What is missing near
+/// one is the same frame in another place, and no time is lost. (Tracks may end at such a frame, so all spots are tried.)
+fn foreign_frames(spots: &[Spot], interval_s: f64) -> Vec<usize> {
+    let frames = spots.iter().map(|s| s.frame + 1).max().unwrap_or(0);
+    let mut by_frame: Vec<Vec<&Spot>> = vec![Vec::new(); frames];
+    for s in spots {
+        if by_frame[s.frame].len() < MOST_SPOTS {
+            by_frame[s.frame].push(s);
+        }
+    }
+    let crosses = |w: &[Vec<&Spot>]| {
+        w[0].iter().any(|a| {
+            w[1].iter().any(|b| {
+                w[3].iter()
+                    .any(|c| w[4].iter().any(|d| moves_on_by_one([a, b, c, d], interval_s)))
+            })
+        })
+    };
+    (2..frames.saturating_sub(2))
+        .filter(|&f| crosses(&by_frame[f - 2..f + 3]))
+        .collect()
+}
+
+/// Spots of a frame that are tried; a picture with more has something else in motion.
+const MOST_SPOTS: usize = 4;
+
+/// Whether spots of the frames −2, −1, 1, 2 are of one thing that moves by one step from −1 to 1.
+fn moves_on_by_one([a, b, c, d]: [&Spot; 4], interval_s: f64) -> bool {
+    let step = |p: &Spot, q: &Spot| [q.place.right - p.place.right, q.place.up - p.place.up];
+    let lasts = |p: &Spot, q: &Spot, frames: f64| {
+        (q.time_s - p.time_s - frames * interval_s).abs() < EVEN_PART * interval_s
+    };
+    let (before, here, after) = (step(a, b), step(b, c), step(c, d));
+    let usual = [0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])];
+    let size = length(usual);
+    let stands_out = size > LEAST_STEP_SIGMAS * a.std.max(b.std).max(c.std).max(d.std);
+    lasts(a, b, 1.0)
+        && lasts(b, c, 2.0)
+        && lasts(c, d, 1.0)
+        && stands_out
+        && apart(before, after) < ALIKE_PART * size
+        && apart(here, usual) < WHOLE_PART * size
+}
+
+/// Steps that stand out from what rough centres are off by, in their standard uncertainties.
+const LEAST_STEP_SIGMAS: f64 = 3.0;
+
+/// A frame stored in another place is not further from it than this.
+const MISPLACED_FRAMES: usize = 30;
+
+/// Standard deviation of a coordinate of plane vectors of these lengths, by their lower quartile: a gap spoils the windows
+/// around it, too. (Of normal vectors a quarter are shorter than √(2 ln 4/3) = 0.7585 standard deviations.)
+fn scatter(mut lengths: Vec<f64>) -> f64 {
+    lengths.sort_by(f64::total_cmp);
+    lengths
+        .get(lengths.len() / 4)
+        .map_or(f64::INFINITY, |quartile| quartile / 0.7585)
+}
+
+fn length(v: [f64; 2]) -> f64 {
+    v[0].hypot(v[1])
+}
+
+fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
+    length([a[0] - b[0], a[1] - b[1]])
+}
+
+/// Five successive steps of a track, the middle one under suspicion.
+struct Window {
+    steps: [[f64; 2]; 5],
+    /// The frame after the middle step.
+    frame: usize,
+}
+
+impl Window {
+    /// `None` where the spots are not of successive frames on the time base.
+    fn new(spots: [&Spot; 6], interval_s: f64) -> Option<Self> {
+        let even = spots
+            .windows(2)
+            .all(|p| (p[1].time_s - p[0].time_s - interval_s).abs() < EVEN_PART * interval_s);
+        let step = |k: usize| {
+            [
+                spots[k + 1].place.right - spots[k].place.right,
+                spots[k + 1].place.up - spots[k].place.up,
+            ]
+        };
+        even.then(|| Self {
+            steps: [0, 1, 2, 3, 4].map(step),
+            frame: spots[3].frame,
+        })
+    }
+
+    /// Mean of the neighbours of the middle step.
+    fn usual(&self) -> [f64; 2] {
+        let [_, before, _, after, _] = self.steps;
+        [0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])]
+    }
+
+    /// What the middle step has beyond that with `missing` frames.
+    fn beyond(&self, missing: usize) -> [f64; 2] {
+        let (usual, here) = (self.usual(), self.steps[2]);
+        let times = missing as f64 + 1.0;
+        [here[0] - times * usual[0], here[1] - times * usual[1]]
+    }
+
+    /// How many frames are missing at the middle step, 0 where it does not tell.
+    fn missing(&self, scatter: f64) -> usize {
+        let usual = length(self.usual());
+        let ratio = length(self.steps[2]) / usual;
+        if !(ratio > 1.5 && ratio < MOST_MISSING + 1.0) {
+            return 0;
+        }
+        let missing = (ratio - 1.0).round() as usize;
+        let [first, before, _, after, last] = self.steps;
+        let smooth = [(first, before), (before, after), (after, last)]
+            .iter()
+            .all(|(a, b)| apart(*a, *b) < ALIKE_PART * usual);
+        let whole = length(self.beyond(missing)) < WHOLE_PART * usual;
+        let clear = missing as f64 * usual > LEAST_SIGMAS * scatter;
+        if smooth && whole && clear { missing } else { 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::PlanePoint;
+
+    const RATE_HZ: f64 = 240.0;
+
+    /// A bouncing ball at 240 Hz, its stored frames numbered anew without those in `dropped`.
+    fn clip(dropped: &[usize], noise: f64) -> Vec<Spot> {
+        let mut seed = 1_u64;
+        let mut random = || {
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 1.0
+        };
+        (0..140)
+            .filter(|i| !dropped.contains(i))
+            .enumerate()
+            .map(|(frame, i)| {
+                let t = i as f64 / RATE_HZ;
+                let phase = if t < 0.2 { 0.2 + t } else { (t - 0.2) % 0.4 };
+                let up = 6540.0 * 0.5 * phase * (0.4 - phase);
+                Spot {
+                    coded: crate::frames::Coded::Whole,
+                    id: frame,
+                    frame,
+                    time_s: frame as f64 / RATE_HZ,
+                    place: PlanePoint::new(400.0 * t + noise * random(), up + noise * random()),
+                    std: 0.3,
+                    radius: 8.0,
+                    contrast_grey: 100.0,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn dropped_frames_are_counted_where_they_are_missing() {
+        for (dropped, missing) in [(60..61, 1), (60..63, 3), (20..25, 5)] {
+            let gap = dropped.start;
+            let dropped: Vec<usize> = dropped.collect();
+            let found = find(&clip(&dropped, 0.1), 1.0 / RATE_HZ);
+            assert_eq!(found, [Skip { frame: gap, missing }]);
+        }
+    }
+
+    #[test]
+    fn a_gap_in_every_seventh_place_is_one() {
+        let dropped: Vec<usize> = (0..140).filter(|i| i % 7 == 3).collect();
+        let found = find(&clip(&dropped, 0.05), 1.0 / RATE_HZ);
+        assert!(
+            found.len() > 12 && found.iter().all(|s| s.missing == 1),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_whole_clip_with_its_impacts_misses_nothing() {
+        for noise in [0.0, 0.1, 0.5, 2.0] {
+            assert_eq!(find(&clip(&[], noise), 1.0 / RATE_HZ), []);
+        }
+    }
+
+    #[test]
+    fn a_frame_in_another_place_is_no_gap() {
+        for (from, to) in [(60, 54), (30, 36)] {
+            let whole = clip(&[], 0.1);
+            let mut spots = whole.clone();
+            let misplaced = spots.remove(from);
+            spots.insert(to, misplaced);
+            for (s, w) in spots.iter_mut().zip(&whole) {
+                (s.frame, s.time_s) = (w.frame, w.time_s);
+            }
+            assert_eq!(find(&spots, 1.0 / RATE_HZ), []);
+        }
+    }
+
+    #[test]
+    fn a_gap_that_the_stamps_show_is_none() {
+        let mut spots = clip(&[60, 61], 0.1);
+        for s in &mut spots {
+            if s.frame >= 60 {
+                s.time_s += 2.0 / RATE_HZ;
+            }
+        }
+        assert_eq!(find(&spots, 1.0 / RATE_HZ), []);
+    }
+}

@@ -1,0 +1,274 @@
+//! Hard recordings, in the picture: balls small and large, faint, saturated, cut, hidden, before edges and mirrors, with
+//! others; cameras that move; light that changes. `docs/hard_recordings.md` lists the cases.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
+
+mod hard;
+
+use hard::{Chance, Clip, HONEST_SIGMAS, Judged, moved, paint_box, paint_disc, scene, with};
+use serde_json::{Value, json};
+use track::frames::Luma;
+
+/// That all numbers hold the truth, of so many bounces.
+fn assert_true(found: &Judged, bounces: usize, what: &str) {
+    assert!(found.is_measured(), "{what}: {:?}", found.reason());
+    let lies = found.lies(HONEST_SIGMAS);
+    assert!(
+        lies.is_empty(),
+        "{what}: {lies:#?}, warned of {:?}",
+        found.warnings()
+    );
+    assert_eq!(found.bounces(), bounces, "{what}");
+}
+
+/// That no number is wrong without a word that names the cause: `codes` are words that do.
+fn assert_honest(found: &Judged, codes: &[&str], what: &str) {
+    assert!(found.broken.is_empty(), "{what}: {:?}", found.broken);
+    let lies = found.lies(HONEST_SIGMAS);
+    let told = codes.iter().any(|c| found.warns(c));
+    assert!(
+        lies.is_empty() || told,
+        "{what}: {lies:#?}, warned of {:?}",
+        found.warnings()
+    );
+}
+
+fn of_radius(scene: Value, radius_px: f64) -> Value {
+    let radius_m = 0.0015 * radius_px;
+    with(
+        scene,
+        "ball",
+        json!({"radius_m": radius_m, "mass_kg": 7800.0 * 4.19 * radius_m.powi(3)}),
+    )
+}
+
+fn scaled(luma: &mut Luma, factor: f64) {
+    for p in &mut luma.data {
+        *p = (f64::from(*p) * factor).round().clamp(0.0, 255.0) as u8;
+    }
+}
+
+#[test]
+fn a_ball_of_two_pixels_and_one_of_a_third_of_the_picture() {
+    for radius_px in [2.0, 4.0, 16.0] {
+        assert_true(
+            &Clip::of(&of_radius(scene(620), radius_px)).measured(),
+            2,
+            &format!("R {radius_px} px"),
+        );
+    }
+}
+
+#[test]
+fn a_ball_of_half_the_picture_is_said_to_hide_the_scene() {
+    // It covers its own background for most of the time.
+    for radius_px in [50.0, 60.0] {
+        let large = with(
+            of_radius(scene(1100), radius_px),
+            "launch",
+            json!({"drop_height_m": 0.14}),
+        );
+        let found = Clip::of(&large).measured();
+        assert_honest(&found, &["ball_lingers"], &format!("R {radius_px} px"));
+    }
+}
+
+#[test]
+fn a_ball_three_times_the_noise_above_its_background() {
+    let faint = with(
+        scene(651),
+        "look",
+        json!({"background_grey": 80, "ball_grey": 89, "shading": 0.0, "highlight_grey": 0}),
+    );
+    let faint = with(faint, "camera", json!({"noise_grey": 3.0}));
+    assert_true(&Clip::of(&faint).measured(), 2, "contrast 9, noise 3");
+    // Twice the noise is too little, and is said to be.
+    let fainter = with(faint, "look", json!({"ball_grey": 86}));
+    let reason = Clip::of(&fainter).measured().reason().unwrap();
+    assert!(
+        reason.contains("no ball was found") || reason.contains("nothing falls"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn saturated_balls_and_backgrounds() {
+    for (background, ball, shading) in [(60, 255, 0.0), (255, 60, 0.0), (255, 120, 0.5), (0, 255, 0.0)] {
+        let look = json!({"background_grey": background, "ball_grey": ball, "shading": shading});
+        let found = Clip::of(&with(scene(680), "look", look)).measured();
+        assert_true(&found, 2, &format!("ball {ball} before {background}"));
+    }
+}
+
+#[test]
+fn a_ball_whose_far_side_is_as_dark_as_the_wall_is_told_by_its_size() {
+    let look = json!({"background_grey": 60, "ball_grey": 100, "shading": 1.0});
+    let found = Clip::of(&with(scene(680), "look", look)).measured();
+    assert_honest(&found, &["ball_size_mismatch"], "crescent");
+}
+
+#[test]
+fn a_ball_cut_by_the_border() {
+    let at = |u: f64, v: f64| with(scene(700), "camera", json!({"origin_px": [u, v]}));
+    // The ball's lower half is below the picture at the impacts; it begins half outside.
+    for (u, v, what) in [(24.0, 248.0, "below"), (-8.0, 220.0, "left")] {
+        assert_true(&Clip::of(&at(u, v)).measured(), 2, what);
+    }
+    // It leaves before its second impact: x is extrapolated.
+    let found = Clip::of(&with(scene(702), "launch", json!({"speed_m_s": 1.5}))).measured();
+    assert_true(&found, 1, "leaves to the right");
+    assert!(found.number("x").is_some());
+}
+
+#[test]
+fn a_ball_hidden_for_frames() {
+    let clip = Clip::of(&scene(710));
+    for (hidden, what) in [(46..50, "at the impact"), (60..100, "in its flight")] {
+        let spoilt = clip.clone().changed(|i, frame, _| {
+            if hidden.contains(&i) {
+                let mut chance = Chance(i as u64);
+                frame
+                    .data
+                    .iter_mut()
+                    .for_each(|p| *p = (60.0 + 2.0 * chance.normal()).round() as u8);
+            }
+        });
+        assert_true(&spoilt.measured(), 2, what);
+    }
+    let behind_a_post = clip.changed(|_, frame, _| paint_box(frame, 101..131, 0..240, 20));
+    assert_true(&behind_a_post.measured(), 2, "behind a post");
+}
+
+#[test]
+fn a_ball_that_crosses_a_bright_edge() {
+    let dark = Clip::of(&scene(730));
+    let bright = Clip::of(&with(scene(730), "look", json!({"background_grey": 200})));
+    // The right part of the wall is as bright as the ball.
+    let crossing = dark.changed(|i, frame, _| {
+        for v in 0..frame.height {
+            let row = v * frame.width;
+            frame.data[row + 90..row + frame.width]
+                .copy_from_slice(&bright.frames[i].data[row + 90..row + frame.width]);
+        }
+    });
+    assert_true(&crossing.measured(), 2, "an edge upright");
+    let found = Clip::of(&with(scene(735), "look", json!({"floor_grey": 255}))).measured();
+    assert_true(&found, 2, "a white floor");
+}
+
+#[test]
+fn a_ball_that_meets_its_reflection() {
+    let high = with(scene(745), "camera", json!({"origin_px": [24, 170]}));
+    let mirrored = Clip::opened(&high, |_, frame, _| {
+        for below in 1..69 {
+            let (from, to) = ((171 - below) * frame.width, (170 + below) * frame.width);
+            frame.data.copy_within(from..from + frame.width, to);
+        }
+    });
+    assert_true(&mirrored.measured(), 2, "a mirror");
+    let polished = with(high, "look", json!({"reflection": 0.5, "shadow": 0.3}));
+    assert_true(&Clip::of(&polished).measured(), 2, "a polished floor");
+}
+
+#[test]
+fn two_balls() {
+    let clip = Clip::of(&scene(750));
+    let truth = clip.truth.centres.clone();
+    for (aside_px, later) in [(60.0, 0), (-20.0, 10)] {
+        let both = clip.clone().changed(|i, frame, _| {
+            if let Some(t) = i.checked_sub(later).map(|k| &truth[k]) {
+                paint_disc(frame, t.u_px + aside_px, t.v_px, 8.0, 200.0);
+            }
+        });
+        // Either is a flight: its own x is that of the truth, but for where it was launched.
+        let found = both.measured();
+        assert!(found.is_measured(), "{:?}", found.reason());
+        let e = found.number("e 1").unwrap();
+        assert!(e.pull().unwrap().abs() < HONEST_SIGMAS, "{e:?}");
+    }
+    // Two that touch are no ball.
+    let twins = clip
+        .clone()
+        .changed(|_, frame, t| paint_disc(frame, t.u_px + 17.0, t.v_px, 8.0, 200.0));
+    assert_honest(&twins.measured(), &[], "twins");
+    let swinging = clip.clone().changed(|i, frame, _| {
+        let angle = 0.6 * (i as f64 / 25.0).sin();
+        paint_disc(
+            frame,
+            250.0 + 100.0 * angle.sin(),
+            20.0 + 100.0 * angle.cos(),
+            8.0,
+            200.0,
+        );
+    });
+    assert_true(&swinging.measured(), 2, "with a pendulum");
+    let lying = clip.changed(|_, frame, _| paint_disc(frame, 150.0, 212.0, 8.0, 200.0));
+    assert_true(&lying.measured(), 2, "past a ball that lies there");
+}
+
+#[test]
+fn a_camera_that_drifts_or_shakes() {
+    for texture_grey in [6, 20] {
+        let clip = Clip::of(&with(scene(760), "look", json!({"texture_grey": texture_grey})));
+        let drifting = clip.clone().changed(|i, frame, _| {
+            let part = i as f64 / 137.0;
+            *frame = moved(frame, 20.0 * part, -8.0 * part);
+        });
+        let found = drifting.measured();
+        assert_true(&found, 2, &format!("drift of 20 px, texture {texture_grey}"));
+        assert!(found.warns("camera_moved"));
+        let shaking = clip.changed(|i, frame, _| {
+            let t = i as f64;
+            *frame = moved(frame, 5.0 * (t / 9.0).sin(), 3.3 * (t / 7.0).cos() - 3.3);
+        });
+        let found = shaking.measured();
+        assert_true(&found, 2, &format!("shaking by 10 px, texture {texture_grey}"));
+    }
+}
+
+#[test]
+fn a_light_that_switches() {
+    let clip = Clip::of(&with(scene(770), "look", json!({"texture_grey": 6})));
+    for factor in [0.5, 2.0] {
+        let switched = clip.clone().changed(|i, frame, _| {
+            if i >= 30 {
+                scaled(frame, factor);
+            }
+        });
+        let found = switched.measured();
+        // Twice the light saturates the ball, which then looks otherwise.
+        assert_honest(&found, &["light_changed"], &format!("light times {factor}"));
+        assert!(found.is_measured() && found.warns("light_changed"));
+    }
+    let blinking = clip.clone().changed(|i, frame, _| {
+        if i % 2 == 1 {
+            scaled(frame, 0.7);
+        }
+    });
+    assert_true(&blinking.measured(), 2, "blinking");
+    let dark = clip.changed(|i, frame, _| {
+        if (60..63).contains(&i) {
+            frame.data.fill(0);
+        }
+    });
+    let found = dark.measured();
+    assert_true(&found, 2, "three dark frames");
+    assert!(!found.warns("light_changed"));
+}
+
+#[test]
+fn nothing_to_see_is_said() {
+    let clip = Clip::of(&scene(773));
+    let black = clip.clone().changed(|_, frame, _| frame.data.fill(0));
+    let noise = clip.changed(|i, frame, _| {
+        let mut chance = Chance(77 * i as u64 + 5);
+        frame
+            .data
+            .iter_mut()
+            .for_each(|p| *p = (255.0 * chance.next()) as u8);
+    });
+    for (clip, what) in [(black, "black"), (noise, "noise")] {
+        let reason = clip.measured().reason().unwrap();
+        assert!(reason.contains("no ball was found"), "{what}: {reason}");
+    }
+}

@@ -1,0 +1,321 @@
+//! Hard recordings, in time: impacts on frames and at the ends, few frames an arc, slow and fast cameras, clocks that
+//! jitter, repeat, leave out and lie, bounces that pile up, a grazing touch. `docs/hard_recordings.md` lists the cases.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
+
+mod hard;
+
+use hard::{Chance, Clip, HONEST_SIGMAS, Judged, scene, with};
+use serde_json::{Value, json};
+use std::sync::OnceLock;
+use track::simulate::Scene;
+
+/// The clip that most tests spoil.
+fn usual() -> Clip {
+    static CLIP: OnceLock<Clip> = OnceLock::new();
+    CLIP.get_or_init(|| Clip::of(&scene(420))).clone()
+}
+
+/// That all numbers hold the truth, of so many bounces.
+fn assert_true(found: &Judged, bounces: usize, what: &str) {
+    assert!(found.is_measured(), "{what}: {:?}", found.reason());
+    let lies = found.lies(HONEST_SIGMAS);
+    assert!(
+        lies.is_empty(),
+        "{what}: {lies:#?}, warned of {:?}",
+        found.warnings()
+    );
+    assert_eq!(found.bounces(), bounces, "{what}");
+}
+
+/// That it was rejected for a reason with these words.
+fn assert_rejected(found: &Judged, words: &str, what: &str) {
+    let reason = found
+        .reason()
+        .unwrap_or_else(|| panic!("{what}: {:?}", found.compared));
+    assert!(reason.contains(words), "{what}: {reason}");
+}
+
+fn launched(scene: Value, drop_height_m: f64, speed_m_s: f64) -> Value {
+    with(
+        scene,
+        "launch",
+        json!({"drop_height_m": drop_height_m, "speed_m_s": speed_m_s}),
+    )
+}
+
+fn at_rate(scene: Value, frame_rate_hz: f64) -> Value {
+    let exposure_s = (0.2 / frame_rate_hz).min(0.0005);
+    with(
+        scene,
+        "camera",
+        json!({"frame_rate_hz": frame_rate_hz, "exposure_s": exposure_s}),
+    )
+}
+
+#[test]
+fn an_impact_on_a_frame_or_between_two_is_the_same() {
+    for (seed, phase) in [(100, 0.0), (101, 0.25), (102, 0.5), (103, 0.999)] {
+        let fall_s = (48.0 + phase) / 240.0;
+        let found = Clip::of(&launched(scene(seed), 0.5 * 9.81 * fall_s * fall_s, 0.6)).measured();
+        assert_true(&found, 2, &format!("impact at {phase} of a frame"));
+    }
+}
+
+#[test]
+fn a_clip_that_begins_at_the_impact_has_no_x0_and_no_spin() {
+    let impact_s = usual().truth.bounces[0].time_s;
+    for frames in [0, 2, 3] {
+        let clip = usual().only(|_, t| t > impact_s - (f64::from(frames) + 0.01) / 240.0);
+        let found = clip.measured();
+        assert_true(&found, 1, &format!("begins {frames} frames before"));
+        assert!(found.warns("first_impact_unsure"));
+        let m = found.found.as_ref().unwrap();
+        let b = &m.bounces[0];
+        assert_eq!(
+            (
+                m.distances.x0_m,
+                b.spin_in_m_s,
+                b.spin_out_m_s,
+                b.tangential_restitution
+            ),
+            (None, None, None, None)
+        );
+    }
+    for frames in [4, 6] {
+        let clip = usual().only(|_, t| t > impact_s - (f64::from(frames) + 0.01) / 240.0);
+        assert_true(&clip.measured(), 2, &format!("begins {frames} frames before"));
+    }
+}
+
+#[test]
+fn a_clip_that_ends_at_the_impact_has_none() {
+    let impact_s = usual().truth.bounces[0].time_s;
+    for frames in [0, 1, 3] {
+        let clip = usual().only(|_, t| t < impact_s + (f64::from(frames) + 0.01) / 240.0);
+        assert_rejected(
+            &clip.measured(),
+            "does not bounce on a floor",
+            &format!("ends {frames} after"),
+        );
+    }
+    for frames in [4, 6] {
+        let clip = usual().only(|_, t| t < impact_s + (f64::from(frames) + 0.01) / 240.0);
+        assert_true(&clip.measured(), 1, &format!("ends {frames} frames after"));
+    }
+}
+
+#[test]
+fn arcs_of_few_frames_are_measured_or_refused_with_the_reason() {
+    let long = launched(
+        with(scene(330), "stop", json!({"bounces": 4, "tail_s": 0.2})),
+        0.2,
+        0.3,
+    );
+    let clip = Clip::of(&long);
+    let every = |n: usize| {
+        let mut some = clip.clone().only(|i, _| i % n == 1);
+        some.rate_hz = 240.0 / n as f64;
+        some.measured()
+    };
+    // Fall and first rebound have 5 and 7 frames at 24 Hz, 4 and 6 at 20 Hz; 2 to 4 at 16 Hz and below.
+    for (n, bounces) in [(10, 4), (12, 3)] {
+        assert_true(&every(n), bounces, &format!("every {n}th frame"));
+    }
+    for n in [15, 20, 30] {
+        assert_rejected(&every(n), "An arc needs 5 frames", &format!("every {n}th frame"));
+    }
+}
+
+#[test]
+fn slow_and_fast_cameras_are_alike() {
+    for (seed, rate_hz, bounces) in [(200, 24.0, 2), (201, 60.0, 3), (202, 480.0, 3)] {
+        let slow = launched(
+            with(scene(seed), "stop", json!({"bounces": 3, "tail_s": 0.1})),
+            0.2,
+            0.45,
+        );
+        assert_true(
+            &Clip::of(&at_rate(slow, rate_hz)).measured(),
+            bounces,
+            &format!("{rate_hz} Hz"),
+        );
+    }
+    // Fast cameras look at small things: a ball of 1 mm dropped 10 mm.
+    for (seed, rate_hz) in [(230, 2000.0), (231, 10_000.0)] {
+        let near = with(
+            scene(seed),
+            "camera",
+            json!({"image_size_px": [160, 120], "origin_px": [30, 100], "metres_per_pixel": 0.00016}),
+        );
+        let near = with(near, "ball", json!({"radius_m": 0.001_28, "mass_kg": 6.8e-5}));
+        let near = with(near, "stop", json!({"bounces": 1, "tail_s": 0.01}));
+        let clip = Clip::of(&at_rate(launched(near, 0.01, 0.1), rate_hz));
+        assert_true(&clip.measured(), 1, &format!("{rate_hz} Hz"));
+    }
+}
+
+#[test]
+fn a_container_that_rounds_times_away_is_not_written() {
+    let fast = at_rate(scene(1), 2000.0);
+    let recording = track::simulate::Recording::new(&Scene::from_json(&fast.to_string()).unwrap()).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let refused = track::simulate::write(&recording, "clip", dir.path(), |_| {}).unwrap_err();
+    assert!(refused.to_string().contains("write H.264"), "{refused}");
+}
+
+#[test]
+fn stamps_that_begin_at_a_million_seconds_lose_nothing() {
+    let clip = usual();
+    for start_s in [1e6, 5e7] {
+        let stamps: Vec<f64> = clip.times_s.iter().map(|t| t + start_s).collect();
+        assert_true(&clip.stamped(&stamps), 2, &format!("from {start_s} s"));
+    }
+}
+
+#[test]
+fn jitter_is_followed_where_the_stamps_tell_and_doubted_where_they_lie() {
+    // Frames taken at uneven times, with the stamps of those times.
+    let fine = Clip::of(&with(
+        scene(410),
+        "camera",
+        json!({"frame_rate_hz": 1200, "exposure_s": 0.0003}),
+    ));
+    let mut chance = Chance(7);
+    let picks: Vec<usize> = (0..fine.frames.len() / 5)
+        .map(|i| 5 * i + (5.0 * chance.between(0.0, 0.8)) as usize)
+        .collect();
+    let mut uneven = fine.only(|i, _| picks.contains(&i));
+    uneven.rate_hz = 240.0;
+    let stamps = uneven.times_s.clone();
+    assert_true(&uneven.stamped(&stamps), 2, "uneven frames");
+    // Even frames with stamps that jitter by a third of a frame: the numbers are unsurer by what that does.
+    let clip = usual();
+    let mut stamps: Vec<f64> = clip
+        .times_s
+        .iter()
+        .map(|t| 0.01 + t + chance.between(-0.3, 0.3) / 240.0)
+        .collect();
+    // Times count from the first stamp.
+    stamps[0] = 0.01;
+    let found = clip.stamped(&stamps);
+    assert_true(&found, 2, "stamps that jitter");
+    let std = found.number("e 1").unwrap().std.unwrap();
+    assert!(std > 2e-4, "{std}");
+}
+
+#[test]
+fn repeated_frames_are_left_out() {
+    for times in [2, 4] {
+        let mut clip = usual();
+        clip.frames = clip
+            .frames
+            .iter()
+            .flat_map(|f| std::iter::repeat_n(f.clone(), times))
+            .collect();
+        clip.rate_hz = 240.0 * times as f64;
+        let found = clip.measured();
+        assert_true(&found, 2, &format!("every frame {times} times"));
+        assert!(found.warns("repeated_frames"));
+    }
+    // A recorder that fills the place of a lost frame with the one before.
+    let mut clip = usual();
+    for i in (3..clip.frames.len()).step_by(7) {
+        clip.frames[i] = clip.frames[i - 1].clone();
+    }
+    let found = clip.measured();
+    assert_true(&found, 2, "every seventh filled");
+    assert!(found.warns("repeated_frames"));
+}
+
+#[test]
+fn gaps_that_stamps_or_numbers_show_cost_nothing() {
+    let over_the_impact: Vec<usize> = (42..54).collect();
+    let mut chance = Chance(3);
+    let many: Vec<usize> = (1..140).filter(|_| chance.next() < 0.6).collect();
+    for (gap, what) in [
+        (over_the_impact, "twelve frames at the impact"),
+        (many, "three of five"),
+    ] {
+        let clip = usual().only(|i, _| !gap.contains(&i));
+        let found = clip.stamped(&clip.times_s);
+        assert_true(&found, 2, what);
+        assert!(found.warns("dropped_frames"), "{what}: {:?}", found.warnings());
+        let numbers: Vec<usize> = (0..usual().frames.len()).filter(|i| !gap.contains(i)).collect();
+        let found = clip.numbered(&numbers);
+        assert_true(&found, 2, what);
+        assert!(found.warns("image_numbers_missing"));
+    }
+}
+
+#[test]
+fn frames_dropped_without_a_trace_are_seen_in_the_flight() {
+    for (gap, what) in [
+        (60..61, "one frame"),
+        (60..65, "five"),
+        (25..27, "two in the fall"),
+    ] {
+        let found = usual().only(|i, _| !gap.contains(&i)).measured();
+        assert_true(&found, 2, what);
+        assert!(found.warns("frames_skipped"), "{what}: {:?}", found.warnings());
+    }
+    assert!(!usual().measured().warns("frames_skipped"));
+}
+
+#[test]
+fn frames_out_of_order_are_set_aside() {
+    for i in [20, 48, 60] {
+        let mut clip = usual();
+        clip.frames.swap(i, i + 1);
+        assert_true(&clip.measured(), 2, &format!("frames {i} and {} swapped", i + 1));
+    }
+    let mut clip = usual();
+    let early = clip.frames.remove(60);
+    clip.frames.insert(54, early);
+    assert_true(&clip.measured(), 2, "a frame six places early");
+}
+
+#[test]
+fn bounces_that_pile_up_are_measured_as_far_as_frames_resolve_them() {
+    for (e, rate_hz, tail_s, bounces) in [
+        (0.05, 240.0, 0.3, 1),
+        (0.2, 240.0, 0.05, 1),
+        (0.4, 240.0, 0.3, 2),
+        (0.6, 60.0, 0.3, 3),
+    ] {
+        let piling = with(scene(500), "contact", json!({"restitution": e}));
+        let piling = with(piling, "stop", json!({"bounces": 60, "tail_s": tail_s}));
+        let found = Clip::of(&launched(at_rate(piling, rate_hz), 0.2, 0.35)).measured();
+        let what = format!("e {e} at {rate_hz} Hz");
+        assert!(
+            found.bounces() >= bounces,
+            "{what}: {} {:?}",
+            found.bounces(),
+            found.reason()
+        );
+        assert_true(&found, found.bounces(), &what);
+    }
+}
+
+#[test]
+fn a_ball_that_stays_down_has_no_restitution() {
+    let dead = with(scene(501), "contact", json!({"restitution": 0.0}));
+    let found = Clip::of(&with(dead, "stop", json!({"bounces": 1, "tail_s": 0.3}))).measured();
+    assert_rejected(&found, "does not bounce on a floor", "e = 0");
+}
+
+#[test]
+fn a_grazing_touch_is_measured_or_refused() {
+    // 4 mm at 1 m/s: 74 degrees from the vertical; a golf ball that falls by less than its radius.
+    let grazing = launched(at_rate(scene(510), 480.0), 0.004, 1.0);
+    assert_true(&Clip::of(&grazing).measured(), 3, "4 mm");
+    let golf = with(scene(511), "ball", json!({"radius_m": 0.0213, "mass_kg": 0.0459}));
+    assert_true(
+        &Clip::of(&launched(golf, 0.014, 0.8)).measured(),
+        2,
+        "golf ball, 14 mm",
+    );
+    // 1 mm is less than a pixel.
+    let found = Clip::of(&launched(scene(512), 0.001, 1.0)).measured();
+    assert_rejected(&found, "nothing falls freely", "1 mm");
+}
