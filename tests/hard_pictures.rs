@@ -1,5 +1,5 @@
 //! Hard recordings, in the picture: balls small and large, faint, saturated, cut, hidden, before edges and mirrors, with
-//! others; cameras that move; light that changes. `docs/hard_recordings.md` lists the cases.
+//! others; cameras that move; light that changes. `docs/hard_cases.md` lists the cases.
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 

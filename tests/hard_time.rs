@@ -1,5 +1,5 @@
 //! Hard recordings, in time: impacts on frames and at the ends, few frames an arc, slow and fast cameras, clocks that
-//! jitter, repeat, leave out and lie, bounces that pile up, a grazing touch. `docs/hard_recordings.md` lists the cases.
+//! jitter, repeat, leave out and lie, bounces that pile up, a grazing touch. `docs/hard_cases.md` lists the cases.
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
