@@ -7,7 +7,11 @@ mod hard;
 
 use hard::{Chance, Clip, HONEST_SIGMAS, Judged, moved, paint_box, paint_disc, scene, with};
 use serde_json::{Value, json};
+use track::calibration::Calibration;
+use track::detect::centre::Accuracy;
 use track::frames::Luma;
+use track::measure::measure;
+use track::simulate::{Recording, Scene, write};
 
 /// That all numbers hold the truth, of so many bounces.
 fn assert_true(found: &Judged, bounces: usize, what: &str) {
@@ -223,6 +227,22 @@ fn a_camera_that_drifts_or_shakes() {
         });
         let found = shaking.measured();
         assert_true(&found, 2, &format!("shaking by 10 px, texture {texture_grey}"));
+    }
+}
+
+#[test]
+fn a_fixed_camera_before_a_faint_texture_has_not_moved() {
+    let dir = tempfile::tempdir().unwrap();
+    for (seed, texture_grey) in [(761, 1), (762, 3), (763, 3), (764, 5)] {
+        let coded = with(scene(seed), "camera", json!({"codec": "h264", "noise_grey": 2}));
+        let coded = with(coded, "look", json!({"texture_grey": texture_grey}));
+        let recording = Recording::new(&Scene::from_json(&coded.to_string()).unwrap()).unwrap();
+        let written = write(&recording, &format!("faint{seed}"), dir.path(), |_| {}).unwrap();
+        let calibration = Calibration::read(&written.calib).unwrap();
+        let m = measure(&written.video, &calibration, "truth", Accuracy::Fast, &mut |_| {}).unwrap();
+        let moved = m.warnings.iter().find(|w| w.code == "camera_moved");
+        assert!(moved.is_none(), "texture {texture_grey}: {moved:?}");
+        assert!(!m.bounces.is_empty());
     }
 }
 

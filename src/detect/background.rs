@@ -50,6 +50,9 @@ const LEAST_CHANGE_GREY: f64 = 1.5;
 /// Displacements in the survey below this are the estimator's own noise: the camera counts as fixed, px.
 const FIXED_CAMERA_PX: f64 = 0.35;
 
+/// And those below so many times what the parts of a faint scene disagree by: the largest of fifteen is 2.3 times the median.
+const DRIFT_DOUBTS: f64 = 4.0;
+
 impl Background {
     /// The background of `survey` (frames of one size, spread over the recording, in time order). `None` when empty.
     #[must_use]
@@ -64,7 +67,12 @@ impl Background {
         }
         let mut registrations: Vec<Registration> = first.locate(survey);
         let drift_px = registrations.iter().map(|r| r.shift_px()).fold(0.0, f64::max);
-        let fixed = drift_px < FIXED_CAMERA_PX;
+        let doubt_px = if drift_px < FIXED_CAMERA_PX {
+            0.0
+        } else {
+            first.doubt_px(survey, &registrations)
+        };
+        let fixed = drift_px < FIXED_CAMERA_PX.max(DRIFT_DOUBTS * doubt_px);
         let luma = if fixed {
             median_of(&survey.iter().collect::<Vec<_>>())
         } else {

@@ -219,6 +219,47 @@ impl Registrar {
         frames.par_iter().map(|f| self.located(f, &coarser)).collect()
     }
 
+    /// How unsure the shifts `found` of `frames` are, px, from the two colours of a chessboard over the scene, each taken by
+    /// itself, and near by from no shift on: half of what they are apart, or what their middle is off. A camera's motion is
+    /// the same in both; noise, also a codec's, which hangs together, is not. Infinite where the halves do not tell.
+    #[must_use]
+    pub fn doubt_px(&self, frames: &[Luma], found: &[Registration]) -> f64 {
+        let halves = [0, 1].map(|colour| self.half(colour));
+        let mut doubts: Vec<f64> = frames
+            .par_iter()
+            .zip(found)
+            .map(|(frame, r)| {
+                let near = r.shift_px() < NEAR_PX * self.factor as f64;
+                let start = if near { Registration::IDENTITY } else { *r };
+                let place = |half: &Self| {
+                    let at = half.refine(frame, start, true).0;
+                    Vector2::new(at.shift_u_px, at.shift_v_px)
+                };
+                let [a, b] = halves.each_ref().map(place);
+                let still = Vector2::new(start.shift_u_px, start.shift_v_px);
+                if a == still || b == still {
+                    return f64::INFINITY;
+                }
+                let whole = Vector2::new(r.shift_u_px, r.shift_v_px);
+                (0.5 * (a - b).norm()).max((0.5 * (a + b) - whole).norm())
+            })
+            .collect();
+        crate::quantity::median(&mut doubts).unwrap_or(f64::INFINITY)
+    }
+
+    /// The same on the fields of one colour.
+    fn half(&self, colour: usize) -> Self {
+        let (w, h) = (
+            self.reference.width / self.factor,
+            self.reference.height / self.factor,
+        );
+        let field = |at: f64, of: usize| (at * CELLS as f64 / of.max(1) as f64) as usize;
+        let mut half = self.clone();
+        half.samples
+            .retain(|s| (field(s.u, w) + field(s.v, h)) % 2 == colour);
+        half
+    }
+
     /// Where `frame` looks, with no idea of it beforehand.
     #[must_use]
     pub fn locate_one(&self, frame: &Luma) -> Registration {
@@ -374,7 +415,6 @@ fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
 ///
 /// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
 fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Sample>, usize) {
-    const CELLS: usize = 12;
     let least_grey = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY / factor as f64);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
@@ -419,6 +459,12 @@ fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Samp
     }
     (samples, cells)
 }
+
+/// A shift below this is found from no shift on, in pixels of the size compared.
+const NEAR_PX: f64 = 2.0;
+
+/// Fields of the scene along each side.
+const CELLS: usize = 12;
 
 /// Rounding to whole grey levels has this standard deviation.
 const ROUNDING_STD_GREY: f64 = 0.29;
