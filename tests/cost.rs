@@ -103,8 +103,9 @@ fn a_small_run_gives_its_four_files_and_progress_to_the_end() {
     };
     let wants: Vec<Want> = vec!["restitution=0.01".parse().unwrap()];
     let report = cost::run(&small(), &wants, &clock, &mut progress).unwrap();
-    assert_eq!(steps, ["centres", "whole recordings", "simulator", "fits"]);
-    assert!(last > 0.9 && last <= 1.0, "{last}");
+    let planned = ["centres", "whole recordings", "simulator", "fits"];
+    assert_eq!(steps, [&planned[..], &["trying the recommendation"]].concat());
+    assert!(last > 0.85 && last <= 1.0, "{last}");
     let dir = tempdir().unwrap();
     let paths = write_cost(&report, None, dir.path()).unwrap();
     let [page, svg, json, csv] = paths.map(|path| fs::read_to_string(path).unwrap());

@@ -342,6 +342,14 @@ impl<'a> Watch<'a> {
         self.advance(0.0);
     }
 
+    /// Begins work that was not among the total, `units` of it: it fills half of what is left.
+    fn start_more(&mut self, what: &'static str, units: f64) {
+        let part = (self.done / self.total).clamp(0.0, 0.99);
+        self.total = 2.0 * units / (1.0 - part);
+        self.done = part * self.total;
+        self.start(what);
+    }
+
     fn advance(&mut self, units: f64) {
         self.done += units;
         (self.progress)(Step {
@@ -376,6 +384,9 @@ pub enum CostError {
     Fit(#[from] crate::fit::FitError),
 }
 
+/// The plan's part of the work; how many settings are tried again is not known beforehand.
+const PLANNED_PART: f64 = 0.9;
+
 /// Runs `plan`, and says what to take for `wants`.
 ///
 /// # Errors
@@ -387,7 +398,7 @@ pub fn run(
     progress: &mut dyn FnMut(Step),
 ) -> Result<Report, CostError> {
     let mut watch = Watch {
-        total: plan.units(),
+        total: plan.units() / PLANNED_PART,
         ..Watch::new(clock, progress)
     };
     let start_s = clock();

@@ -577,9 +577,7 @@ pub fn refusal(
 ) -> Result<Option<String>, CostError> {
     /// Rendered at a time: the first miss ends it.
     const AT_ONCE: u64 = 6;
-    watch.start("trying the recommendation");
-    watch.total = cost(setting) * TRIALS as f64 * 3.0;
-    watch.done = 0.0;
+    watch.start_more("trying the recommendation", cost(setting) * TRIALS as f64 * 3.0);
     for first in (0..TRIALS).step_by(AT_ONCE as usize) {
         let seeds = (first..first + AT_ONCE).map(|i| TRIAL_SEEDS + i);
         let trials = measure_all(setting, &[setting.accuracy], seeds, watch)?;
