@@ -5,25 +5,13 @@
 
 mod hard;
 
-use hard::{Chance, Clip, HONEST_SIGMAS, Judged, moved, paint_box, paint_disc, scene, with};
+use hard::{Chance, Clip, HONEST_SIGMAS, Judged, assert_true, moved, paint_box, paint_disc, scene, with};
 use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::Luma;
 use track::measure::measure;
 use track::simulate::{Recording, Scene, write};
-
-/// That all numbers hold the truth, of so many bounces.
-fn assert_true(found: &Judged, bounces: usize, what: &str) {
-    assert!(found.is_measured(), "{what}: {:?}", found.reason());
-    let lies = found.lies(HONEST_SIGMAS);
-    assert!(
-        lies.is_empty(),
-        "{what}: {lies:#?}, warned of {:?}",
-        found.warnings()
-    );
-    assert_eq!(found.bounces(), bounces, "{what}");
-}
 
 /// That no number is wrong without a word that names the cause: `codes` are words that do.
 fn assert_honest(found: &Judged, codes: &[&str], what: &str) {

@@ -5,7 +5,7 @@
 
 mod hard;
 
-use hard::{Chance, Clip, HONEST_SIGMAS, Judged, scene, with};
+use hard::{Chance, Clip, Judged, assert_true, scene, with};
 use serde_json::{Value, json};
 use std::sync::OnceLock;
 use track::simulate::Scene;
@@ -14,18 +14,6 @@ use track::simulate::Scene;
 fn usual() -> Clip {
     static CLIP: OnceLock<Clip> = OnceLock::new();
     CLIP.get_or_init(|| Clip::of(&scene(420))).clone()
-}
-
-/// That all numbers hold the truth, of so many bounces.
-fn assert_true(found: &Judged, bounces: usize, what: &str) {
-    assert!(found.is_measured(), "{what}: {:?}", found.reason());
-    let lies = found.lies(HONEST_SIGMAS);
-    assert!(
-        lies.is_empty(),
-        "{what}: {lies:#?}, warned of {:?}",
-        found.warnings()
-    );
-    assert_eq!(found.bounces(), bounces, "{what}");
 }
 
 /// That it was rejected for a reason with these words.

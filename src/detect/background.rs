@@ -38,7 +38,7 @@ pub struct Background {
 }
 
 /// Quantum of an 8-bit picture: rounding alone has this standard deviation, grey levels.
-const ROUNDING_STD_GREY: f64 = 0.29;
+pub(super) const ROUNDING_STD_GREY: f64 = 0.29;
 
 /// A block is moving where its mean departs by this many standard deviations. 5 keeps false alarms of white noise
 /// below one block in a million.

@@ -6,6 +6,7 @@
 //! (Lucas and Kanade 1981, with Tukey weights so that whatever moves does not count). Large first shifts are found on
 //! reduced pictures.
 
+use super::background::ROUNDING_STD_GREY;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
@@ -465,9 +466,6 @@ const NEAR_PX: f64 = 2.0;
 
 /// Fields of the scene along each side.
 const CELLS: usize = 12;
-
-/// Rounding to whole grey levels has this standard deviation.
-const ROUNDING_STD_GREY: f64 = 0.29;
 
 /// Rounding and the codec's ringing make gradients of this size, grey levels a pixel.
 const LEAST_GRADIENT_GREY: f64 = 3.0;

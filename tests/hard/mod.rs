@@ -380,6 +380,18 @@ fn nearest(bounces: &[BounceTruth], time_s: f64) -> Option<usize> {
     })
 }
 
+/// That all numbers hold the truth, of so many bounces.
+pub fn assert_true(found: &Judged, bounces: usize, what: &str) {
+    assert!(found.is_measured(), "{what}: {:?}", found.reason());
+    let lies = found.lies(HONEST_SIGMAS);
+    assert!(
+        lies.is_empty(),
+        "{what}: {lies:#?}, warned of {:?}",
+        found.warnings()
+    );
+    assert_eq!(found.bounces(), bounces, "{what}");
+}
+
 /// Paints a filled disc of `grey`, with an edge softened over a pixel.
 pub fn paint_disc(luma: &mut Luma, u: f64, v: f64, radius: f64, grey: f64) {
     for row in 0..luma.height {

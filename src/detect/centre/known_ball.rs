@@ -11,6 +11,7 @@
 
 use super::ball::{self, BandPixel, Pose, RadialTable, Reach, norm};
 use super::{Centre, Disc, Patch};
+use crate::detect::background::ROUNDING_STD_GREY;
 use nalgebra::{SMatrix, SVector};
 use std::borrow::Cow;
 
@@ -135,7 +136,7 @@ pub fn fit(patch: &Patch<'_>, ball: &Appearance, start: &Disc, gain: f64, effort
     let mut usable = vec![true; ball::sector_count(ball.radius_px)];
     let mut pixels = ball::band(patch, &state.disc, ball.blur_px, reach, usable.len());
     let mut gathered_at = state.disc.centre;
-    let floor_grey = patch.noise_grey.max(LEAST_NOISE_GREY);
+    let floor_grey = patch.noise_grey.max(ROUNDING_STD_GREY);
     for round in 0.. {
         let mut system = None;
         let mut moved = f64::INFINITY;
@@ -188,9 +189,6 @@ pub fn fit(patch: &Patch<'_>, ball: &Appearance, start: &Disc, gain: f64, effort
     }
     None
 }
-
-/// Rounding to whole grey levels, standard deviation.
-const LEAST_NOISE_GREY: f64 = 0.29;
 
 struct State {
     disc: Disc,

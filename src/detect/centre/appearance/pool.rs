@@ -3,7 +3,7 @@
 //! undamped steps ran away).
 
 use super::{LEAST_EXAMPLES, Lesson, OUTLINE_STD_PX, Shared, Studied};
-use crate::detect::background::median_in_place;
+use crate::detect::background::{ROUNDING_STD_GREY, median_in_place};
 use crate::detect::centre::ball::{self, BandPixel, Pose, RadialTable, norm};
 use crate::detect::centre::known_ball::SIZE;
 use nalgebra::{DMatrix, DVector};
@@ -47,9 +47,6 @@ const STUCK: f64 = 1e3;
 
 /// Of a shift whose uncertainty the equations do not tell, px.
 const UNKNOWN_SHIFT_STD_PX: f64 = 0.1;
-
-/// Rounding to whole grey levels, standard deviation.
-const LEAST_SCALE_GREY: f64 = 0.29;
 
 const TUKEY: f64 = 4.685;
 
@@ -97,8 +94,8 @@ impl Pool {
         descend(&rough, &mut stand, lesson, NEAR)?;
         // Pixels are chosen around the frames' own centres; the common shift is small beside the band.
         let near = gather(frames, &stand.shared, lesson);
-        let (equations, scale) = descend(&near, &mut stand, lesson, STEPS)?;
-        Some(Self::of(equations, scale, stand, shared))
+        let equations = descend(&near, &mut stand, lesson, STEPS)?;
+        Some(Self::of(equations, stand, shared))
     }
 
     /// The same on these pixels.
@@ -107,11 +104,11 @@ impl Pool {
             shared: shared.clone(),
             shift: [0.0; 2],
         };
-        let (equations, scale) = descend(bands, &mut stand, lesson, STEPS)?;
-        Some(Self::of(equations, scale, stand, shared))
+        let equations = descend(bands, &mut stand, lesson, STEPS)?;
+        Some(Self::of(equations, stand, shared))
     }
 
-    fn of(equations: Equations, scale: f64, stand: Stand, shared: &mut Shared) -> Self {
+    fn of(equations: Equations, stand: Stand, shared: &mut Shared) -> Self {
         *shared = stand.shared;
         Self {
             shift: stand.shift,
@@ -124,8 +121,8 @@ impl Pool {
             } else {
                 equations.std(RADIUS)
             },
+            scale: equations.scale,
             residuals: equations.residuals,
-            scale,
         }
     }
 
@@ -138,7 +135,9 @@ impl Pool {
 
 fn root_mean_square(residuals: &[f64]) -> f64 {
     let sum: f64 = residuals.iter().map(|r| r * r).sum();
-    (sum / residuals.len().max(1) as f64).sqrt().max(LEAST_SCALE_GREY)
+    (sum / residuals.len().max(1) as f64)
+        .sqrt()
+        .max(ROUNDING_STD_GREY)
 }
 
 fn cost(residuals: &[f64], scale: f64) -> f64 {
@@ -150,14 +149,9 @@ fn cost(residuals: &[f64], scale: f64) -> f64 {
     residuals.iter().map(|&r| cost(r)).sum()
 }
 
-/// Up to `steps` steps downhill from `stand`; the equations there, and the scale of their residuals. `None` where that
+/// Up to `steps` steps downhill from `stand`; the equations there. `None` where that
 /// leads away from any ball.
-fn descend(
-    bands: &[Banded<'_>],
-    stand: &mut Stand,
-    lesson: &Lesson,
-    steps: usize,
-) -> Option<(Equations, f64)> {
+fn descend(bands: &[Banded<'_>], stand: &mut Stand, lesson: &Lesson, steps: usize) -> Option<Equations> {
     if bands.len() < LEAST_EXAMPLES {
         return None;
     }
@@ -193,8 +187,7 @@ fn descend(
         }
     }
     now.hold_what_is_held(&stand.shared);
-    let scale = now.scale;
-    Some((now, scale))
+    Some(now)
 }
 
 /// The pixels of every good frame's band.
@@ -387,7 +380,7 @@ impl Equations {
             right,
             residuals,
             weighed_at: scale,
-            scale: own_scale.max(LEAST_SCALE_GREY),
+            scale: own_scale.max(ROUNDING_STD_GREY),
             pulls,
         }
     }
