@@ -504,8 +504,11 @@ const LEAST_CURVED_PART: f64 = 0.6;
 /// parabola now and then; a ball does nothing else.
 const LEAST_FREE_PART: f64 = 0.6;
 
-/// Median distance of a flight's points from its arcs, in the segmentation's standard deviations, at most.
+/// Half of a flight's points are closer to their arcs than this, in the segmentation's standard deviations, ...
 const MOST_SCATTER: f64 = 2.0;
+
+/// ... or than this part of the arc's sagitta: a ball of few pixels far away, a little nearer to the camera at one end.
+const SAGITTA_PART: f64 = 0.01;
 
 /// An arc whose own fall differs from the common one by this many standard uncertainties, and this part of it (drag), is
 /// none. Fewer than for arcs found by their curve: three of a hundred are wrongly let go, which costs a bounce.
@@ -644,6 +647,12 @@ impl Flight {
         chi2 < LEVEL_EXCESS * heights.len() as f64
     }
 
+    /// How far arc `k` bends from the straight line between its ends, plane units.
+    fn sagitta(&self, k: usize) -> f64 {
+        let (from, to) = self.spans[k];
+        self.fit.gravity() * (to - from).powi(2) / 8.0
+    }
+
     fn is_convincing(&self, samples: &[Sample], ranges: &[std::ops::Range<usize>], sigma: f64) -> bool {
         let (from, to) = self.time_span();
         let within = self
@@ -653,18 +662,18 @@ impl Flight {
             .count();
         let free = self.used() as f64 >= LEAST_FREE_PART * within as f64;
         let met = self.impacts.iter().any(Option::is_some);
-        let mut offs: Vec<f64> = self
-            .points
-            .iter()
-            .filter_map(|p| {
-                let SpotUse::Used(k) = p.use_ else { return None };
-                let m = self.fit.motion(k, p.spot.time_s);
-                Some((p.spot.place.right - m.r).hypot(p.spot.place.up - m.h))
-            })
-            .collect();
-        let off = median(&mut offs);
+        let mut offs: Vec<f64> = Vec::new();
+        let mut near = 0;
+        for p in &self.points {
+            let SpotUse::Used(k) = p.use_ else { continue };
+            let m = self.fit.motion(k, p.spot.time_s);
+            let off = (p.spot.place.right - m.r).hypot(p.spot.place.up - m.h);
+            near += usize::from(off < (MOST_SCATTER * sigma).max(SAGITTA_PART * self.sagitta(k)));
+            offs.push(off);
+        }
         // A hand's swing is a parabola only roughly.
-        let close = off < MOST_SCATTER * sigma;
+        let close = 2 * near > offs.len();
+        let off = median(&mut offs);
         // The closer the points lie to the arcs, the lower a curve shows.
         let scatter = (2.0 * off).clamp(FINE_PART * sigma, sigma);
         let curved: usize = ranges
