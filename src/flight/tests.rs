@@ -136,3 +136,21 @@ fn late_times_lose_nothing() {
     assert!((late.impacts[0].unwrap() - 3600.0 - early.impacts[0].unwrap()).abs() < 1e-9);
     assert!((late.fit.gravity() / early.fit.gravity() - 1.0).abs() < 1e-8);
 }
+
+#[test]
+fn a_small_ball_that_comes_nearer_still_flies() {
+    // Its arcs are off by a tenth of its radius then, which is far less than the height that they span.
+    for nearing_per_s in [0.0, 0.05, 0.1] {
+        let mut spots = scene(130, 1250.0, 0.02, false);
+        for s in &mut spots {
+            s.radius = 2.0;
+            let size = 1.0 + nearing_per_s * s.time_s;
+            let from_axis = (s.place.right - 300.0, s.place.up - 60.0);
+            s.place = PlanePoint::new(300.0 + size * from_axis.0, 60.0 + size * from_axis.1);
+        }
+        let flight = find(&spots, Forces::Fall).unwrap();
+        assert_eq!(flight.impacts.len(), 2, "{nearing_per_s}: {:?}", flight.spans);
+        let first = flight.impacts[0].unwrap();
+        assert!((first - 0.14279).abs() < 2e-4, "{nearing_per_s}: {first}");
+    }
+}
