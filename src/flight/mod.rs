@@ -10,6 +10,7 @@
 //! In a top view from far away nothing falls: arcs are straight lines, and the longest track of such lines is the
 //! ball's. From a camera whose height is known they bend; that is [`overhead`].
 
+pub mod clock;
 pub mod fit;
 pub mod linking;
 pub mod overhead;
