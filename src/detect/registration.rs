@@ -381,10 +381,15 @@ impl Registrar {
             }
         }
         // An even scene cannot tell gain from offset: a weak pull of the offset towards zero decides for the gain.
-        // (Of the offset itself, not of its step: the reference's own noise would else lead the gain to 0 frame by frame.)
-        let pull = OFFSET_PULL * normal[(3, 3)] + 1.0;
-        normal[(3, 3)] += pull;
-        right[3] -= pull * now.offset_grey;
+        // Of the offset itself, not of its step: the reference's own noise would else lead the gain to 0 frame by frame. (Where
+        // the camera moves, what the shift leaves behind must not be taken for light.)
+        if self.fixed {
+            let pull = OFFSET_PULL * normal[(3, 3)] + 1.0;
+            normal[(3, 3)] += pull;
+            right[3] -= pull * now.offset_grey;
+        } else {
+            normal[(3, 3)] += 0.1 * normal[(3, 3)] + 1.0;
+        }
         // A scene without gradient in one direction cannot tell the shift along it: stay.
         let block: Matrix2<f64> = normal.fixed_view::<2, 2>(0, 0).into_owned();
         if !moving || block.symmetric_eigenvalues().min() < LEAST_INFORMATION {
