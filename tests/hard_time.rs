@@ -206,15 +206,6 @@ fn repeated_frames_are_left_out() {
         assert_true(&found, 2, &format!("every frame {times} times"));
         assert!(found.warns("repeated_frames"));
     }
-    // A plain scene, in which the brightness of the reference's own noise was followed down to a third.
-    let mut long = Clip::of(&scene(422));
-    long.frames = long
-        .frames
-        .iter()
-        .flat_map(|f| std::iter::repeat_n(f.clone(), 4))
-        .collect();
-    long.rate_hz = 960.0;
-    assert_true(&long.measured(), 2, "every frame 4 times, plain");
     // A recorder that fills the place of a lost frame with the one before.
     let mut clip = usual();
     for i in (3..clip.frames.len()).step_by(7) {

@@ -376,6 +376,7 @@ fn cut_and_fit(
         fine_sigma(spots, track, sigma)
     };
     let mut ranges = without_straight_ends(&samples, ranges, gravity, least, falls);
+    let mut untrimmed: Option<Flight> = None;
     // Arcs that do not meet as a ball's do are two flights, or none: the longer part is tried again.
     while !ranges.is_empty() {
         let mut uses = vec![SpotUse::NotFree; track.len()];
@@ -392,13 +393,6 @@ fn cut_and_fit(
             continue;
         }
         let flight = finish(spots, track, uses, fit, interval_s);
-        if flight.trim_unsure_ends(&mut ranges) {
-            ranges.retain(|r| r.len() >= LEAST_FIT_POINTS);
-            if ranges.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
-                ranges.pop();
-            }
-            continue;
-        }
         let shows = |k: usize| shows_fall(&samples, &ranges[k], gravity, sigma);
         if let Some(chance) = (1..ranges.len().saturating_sub(1)).find(|&k| flight.is_detour(k)) {
             ranges.remove(chance);
@@ -410,8 +404,23 @@ fn cut_and_fit(
             continue;
         }
         let Some(cut) = flight.impacts.iter().position(Option::is_none) else {
+            let mut sure = ranges.clone();
+            if flight.trim_unsure_ends(&mut sure) {
+                if sure.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+                    sure.pop();
+                }
+                if !sure.is_empty() && sure.iter().all(|r| r.len() >= LEAST_FIT_POINTS) {
+                    ranges = sure;
+                    untrimmed = Some(flight);
+                    continue;
+                }
+            }
             return flight.is_convincing(&samples, &ranges, sigma).then_some(flight);
         };
+        // A flight that falls apart without its unsure points is better off with them.
+        if let Some(whole) = untrimmed {
+            return whole.is_convincing(&samples, &ranges, sigma).then_some(whole);
+        }
         ranges = without_weak_arc(&samples, ranges, cut, gravity, sigma);
     }
     None
@@ -538,6 +547,9 @@ const UNTOLD_SIGMAS: f64 = OFF_SIGMAS * std::f64::consts::SQRT_2;
 /// Rough centres make no point unsure that is further from an impact than this part of the frame interval.
 const NEAR_PART: f64 = 0.25;
 
+/// Points at the end of an arc that may be behind the next impact without being told.
+const UNTOLD_POINTS: usize = 2;
+
 /// A floor is level to this part of the ball's radius from one impact to the next.
 const LEVEL_PART: f64 = 0.1;
 
@@ -647,11 +659,16 @@ impl Flight {
             let Some(t) = *t else { continue };
             let (m, n) = (self.fit.motion(k, t), self.fit.motion(k + 1, t));
             let jump = (n.vr - m.vr).hypot(n.vh - m.vh);
+            // A short arc that would be lost by it keeps its point.
             let end = ranges[k].clone().find(|&i| time(i) > t - near(i, jump));
-            ranges[k].end = end.unwrap_or(ranges[k].end);
+            if let Some(end) = end.filter(|&end| end >= ranges[k].start + LEAST_END_POINTS) {
+                ranges[k].end = end;
+            }
             let after = &mut ranges[k + 1];
             let start = after.clone().rev().find(|&i| time(i) < t + near(i, jump));
-            after.start = start.map_or(after.start, |i| i + 1);
+            if let Some(last) = start.filter(|&last| last + 1 + LEAST_END_POINTS <= after.end) {
+                after.start = last + 1;
+            }
         }
         if let (Some(last), Some((t, floor, speed))) = (ranges.last_mut(), self.lands_again()) {
             // Where the ball is clearly below, there is no floor as high as the last.
@@ -660,8 +677,11 @@ impl Flight {
                 let lowest = UNTOLD_SIGMAS * variance(spot, &self.extra).sqrt() + LEVEL_PART * spot.radius;
                 time(i) > t - near(i, speed) && spot.place.up > floor - lowest
             };
+            // More of them than this would have been told: then it is another floor, or none.
             let end = last.clone().find(|&i| untold(i));
-            last.end = end.unwrap_or(last.end);
+            if let Some(end) = end.filter(|end| last.end - end <= UNTOLD_POINTS) {
+                last.end = end;
+            }
         }
         ranges != before
     }

@@ -94,7 +94,11 @@ impl TimeBase {
             return None;
         }
         let stored_s = (stamps_s.last()? - stamps_s.first()?) / (stamps_s.len() - 1) as f64;
-        let interval_s = (2..=MOST_PATTERN).find_map(|n| even_interval(&distinct, n, stored_s))?;
+        // The most regular; of those the shortest pattern.
+        let (interval_s, _) = (2..=MOST_PATTERN)
+            .rev()
+            .filter_map(|n| even_interval(&distinct, n, stored_s))
+            .max_by(|a, b| a.1.total_cmp(&b.1))?;
         // Each stamp is late by less than a stored frame: to which tick it belongs, counted from their mean lag.
         let turn = |s: f64| std::f64::consts::TAU * s / interval_s;
         let (sin, cos) = distinct.iter().fold((0.0, 0.0), |(sin, cos), &s| {
@@ -143,18 +147,18 @@ const MOST_PATTERN: usize = 24;
 /// Part of the clip that must follow the pattern; a repeat of a ball at rest is not told.
 const LEAST_REGULAR: f64 = 0.75;
 
-/// The even interval that makes `n` successive of the `distinct` stamps span a whole number of stored frames, always the same;
-/// `None` where they do not, or that is the stored interval itself.
-fn even_interval(distinct: &[f64], n: usize, stored_s: f64) -> Option<f64> {
+/// The even interval that makes `n` successive of the `distinct` stamps span a whole number of stored frames, always the same,
+/// and the part of the clip where they do; `None` where they do not, or that is the stored interval itself.
+fn even_interval(distinct: &[f64], n: usize, stored_s: f64) -> Option<(f64, f64)> {
     let mut spans: Vec<f64> = distinct
         .iter()
         .zip(distinct.iter().skip(n))
         .map(|(a, b)| ((b - a) / stored_s).round())
         .collect();
     let frames = crate::quantity::median(&mut spans)?;
-    let regular = spans.iter().filter(|s| **s == frames).count() as f64;
-    let enough = spans.len() >= 2 * n && regular >= LEAST_REGULAR * spans.len() as f64;
-    (enough && frames > n as f64 && frames % n as f64 != 0.0).then(|| frames * stored_s / n as f64)
+    let regular = spans.iter().filter(|s| **s == frames).count() as f64 / spans.len() as f64;
+    let enough = spans.len() >= 2 * n && regular >= LEAST_REGULAR;
+    (enough && frames > n as f64 && frames % n as f64 != 0.0).then(|| (frames * stored_s / n as f64, regular))
 }
 
 /// Places where the stamps leave frames out, and how many frames. Repeats count as frames here: one that fills the place
