@@ -149,6 +149,39 @@ fn rendered_recordings_are_measured_within_the_figures_asked_for() {
 }
 
 #[test]
+fn lift_and_drag_of_a_light_ball_shift_no_impact() {
+    // 8 g at 2.4 m/s with the spin of its first bounce: lift alone moves the ends of the second arc by 0.1 px.
+    let contact = json!({"model": "mu_e", "restitution": 0.8, "friction": 0.15});
+    let mut s = scene(5, &contact, 0.25, 0.9, 0.0);
+    s["ball"]["mass_kg"] = json!(0.008);
+    let camera = s["camera"].as_object_mut().unwrap();
+    for (name, value) in [
+        ("image_size_px", json!([640, 320])),
+        ("metres_per_pixel", json!(0.0012)),
+        ("origin_px", json!([40, 285])),
+        ("noise_grey", json!(0.7)),
+        ("codec", json!("lossless")),
+    ] {
+        camera.insert(name.to_owned(), value);
+    }
+    s["effects"] = json!({"drag": "on", "magnus": "on", "buoyancy": "on", "contact_time": "on"});
+    let r = render(&s);
+    let m = measured(&r.video, &r.calibration);
+    let truth = |k: usize, name: &str| r.truth["bounces"][k][name].as_f64().unwrap();
+    for k in 0..2 {
+        let b = &m.bounces[k];
+        let late_s = b.time_s.unwrap().value - truth(k, "time_s");
+        let beyond_m = b.x_m.unwrap().value - truth(k, "x_m");
+        assert!(late_s.abs() < 8e-6, "bounce {k}: {late_s:e} s");
+        assert!(beyond_m.abs() < 1.5e-5, "bounce {k}: {beyond_m:e} m");
+    }
+    for (name, found, of, _) in compare(&m, &r.truth) {
+        let off = (found.value - of) / found.std_uncertainty.unwrap();
+        assert!(off.abs() < 2.0, "{name}: {off} standard uncertainties");
+    }
+}
+
+#[test]
 fn the_models_are_told_apart_where_the_bounces_tell() {
     use track::bounce::{EERegime, MuERegime, Preferred};
     let grips = json!({"model": "e_e", "restitution": 0.9, "tangential_restitution_x": 0.5,
