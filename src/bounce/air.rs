@@ -17,8 +17,8 @@ use nalgebra::DVector;
 const USUAL_DRAG: f64 = 0.42;
 
 /// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
-/// and 1.4 times a tennis ball's.
-const KNOWN_SPIN_DOUBT: f64 = 0.35;
+/// and 1.4 times a tennis ball's, and a range of that width has this standard deviation.
+const KNOWN_SPIN_DOUBT: f64 = 0.22;
 
 /// Lift over drag that a ball may have which is said not to spin.
 const LEAST_DOUBT: f64 = 0.03;

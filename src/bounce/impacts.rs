@@ -66,7 +66,7 @@ pub struct Picture {
 }
 
 /// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
-const PLACES_STD_PX: f64 = 0.02;
+const PLACES_STD_PX: f64 = 0.01;
 
 /// Time from the touch to where the arcs meet, s, of a ball of unknown size or mass: half of a small hard ball's contact.
 const TOUCH_S: f64 = 3.5e-5;
@@ -75,9 +75,9 @@ const TOUCH_STD_S: f64 = 3e-5;
 
 /// Effective modulus of a hard ball on a hard floor, Pa: between steel on stone (45 GPa) and steel on steel (115 GPa).
 const HARD_MODULUS_PA: f64 = 7e10;
-/// Relative doubt of the contact time from that: a factor of 3 in the modulus is one of 1.55 in time. What a soft ball
-/// takes more is not contained.
-const CONTACT_DOUBT: f64 = 0.5;
+/// Relative standard uncertainty of the contact time from that range of moduli, of which it goes as E^(-2/5). What a soft
+/// ball takes more is not contained.
+const CONTACT_DOUBT: f64 = 0.2;
 
 /// Time from the touch to the deepest point, s, with its standard deviation: half of Hertz's contact time
 /// 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.

@@ -15,8 +15,9 @@ use crate::quantity::Quantity;
 /// A ball's speed where nothing is seen of it yet, m/s: drag hardly depends on it.
 const USUAL_SPEED_M_S: f64 = 2.0;
 
-/// Relative doubt of a sphere's drag: felt, seams, slower or smaller balls, thinner air.
-const SPHERE_DRAG_DOUBT: f64 = 0.15;
+/// Relative standard uncertainty of a smooth sphere's drag: formulas agree within 4 %, the air's density changes by more with
+/// weather and height. Where felt or seams make more of it, the flight shows that.
+const SPHERE_DRAG_DOUBT: f64 = 0.1;
 
 /// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
