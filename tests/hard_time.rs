@@ -206,6 +206,15 @@ fn repeated_frames_are_left_out() {
         assert_true(&found, 2, &format!("every frame {times} times"));
         assert!(found.warns("repeated_frames"));
     }
+    // A plain scene, in which the brightness of the reference's own noise was followed down to a third.
+    let mut long = Clip::of(&scene(422));
+    long.frames = long
+        .frames
+        .iter()
+        .flat_map(|f| std::iter::repeat_n(f.clone(), 4))
+        .collect();
+    long.rate_hz = 960.0;
+    assert_true(&long.measured(), 2, "every frame 4 times, plain");
     // A recorder that fills the place of a lost frame with the one before.
     let mut clip = usual();
     for i in (3..clip.frames.len()).step_by(7) {
@@ -214,6 +223,26 @@ fn repeated_frames_are_left_out() {
     let found = clip.measured();
     assert_true(&found, 2, "every seventh filled");
     assert!(found.warns("repeated_frames"));
+}
+
+#[test]
+fn repeats_that_fill_up_a_faster_clock_leave_an_even_one() {
+    for (every, stored_hz) in [(4, 300.0), (2, 360.0), (5, 288.0)] {
+        let mut clip = usual();
+        clip.frames = clip
+            .frames
+            .iter()
+            .enumerate()
+            .flat_map(|(i, f)| std::iter::repeat_n(f.clone(), if i % every == every - 1 { 2 } else { 1 }))
+            .collect();
+        clip.rate_hz = stored_hz;
+        let found = clip.measured();
+        let what = format!("240 Hz stored at {stored_hz} Hz");
+        assert_true(&found, 2, &what);
+        assert!(found.warns("repeated_frames"));
+        let std = found.number("time 1").unwrap().std.unwrap();
+        assert!(std < 4e-5, "{what}: {std}");
+    }
 }
 
 #[test]
@@ -251,6 +280,26 @@ fn frames_dropped_without_a_trace_are_seen_in_the_flight() {
 }
 
 #[test]
+fn frames_dropped_at_an_impact_are_seen_in_its_arcs() {
+    let impact = usual()
+        .times_s
+        .iter()
+        .position(|&t| t > usual().truth.bounces[0].time_s);
+    let impact = impact.unwrap();
+    for (gap, what) in [
+        (impact - 1..impact, "the last before it"),
+        (impact..impact + 1, "the first after it"),
+        (impact - 1..impact + 1, "one on each side"),
+        (impact - 2..impact + 3, "five around it"),
+        (impact - 3..impact - 1, "two, one frame before it"),
+    ] {
+        let found = usual().only(|i, _| !gap.contains(&i)).measured();
+        assert_true(&found, 2, what);
+        assert!(found.warns("frames_skipped"), "{what}: {:?}", found.warnings());
+    }
+}
+
+#[test]
 fn frames_out_of_order_are_set_aside() {
     for i in [20, 48, 60] {
         let mut clip = usual();
@@ -282,6 +331,21 @@ fn bounces_that_pile_up_are_measured_as_far_as_frames_resolve_them() {
             found.reason()
         );
         assert_true(&found, found.bounces(), &what);
+    }
+}
+
+#[test]
+fn a_point_just_behind_the_next_impact_is_not_of_the_arc_before_it() {
+    // A rebound of 4 or 5 frames, and a frame 0.5 ms after the impact that ends it: 0.3 px off, which it would hide by
+    // drawing the short arc along (e by 4.9 and 3.3 standard uncertainties).
+    for (seed, e, rate_hz, drop_m, bounces) in [(503, 0.3, 30.0, 0.212, 0), (500, 0.2, 60.0, 0.2, 1)] {
+        let piling = with(scene(seed), "contact", json!({"restitution": e}));
+        let piling = with(piling, "stop", json!({"bounces": 60, "tail_s": 0.3}));
+        let found = Clip::of(&launched(at_rate(piling, rate_hz), drop_m, 0.35)).measured();
+        let what = format!("e {e} at {rate_hz} Hz");
+        assert_eq!(found.bounces(), bounces, "{what}: {:?}", found.reason());
+        let lies = found.lies(2.5);
+        assert!(lies.is_empty(), "{what}: {lies:#?}");
     }
 }
 

@@ -1,7 +1,8 @@
 //! The empty scene and its noise, from frames spread over the recording.
 //!
 //! The background is the per-pixel median of the survey's frames: whatever covers a pixel in less than half of them
-//! is not part of it. The median runs as an odd-even merge network on whole rows, so that the compiler turns it into
+//! is not part of it. What covers it in some of them would push the median towards the tail of the scene's own noise, so
+//! that the median is taken once more of the values near the first one. The median runs as an odd-even merge network on whole rows, so that the compiler turns it into
 //! byte-wise minimum and maximum instructions: 15 frames of 1080p take a few milliseconds.
 
 use super::registration::{Registrar, Registration};
@@ -74,14 +75,14 @@ impl Background {
         };
         let fixed = drift_px < FIXED_CAMERA_PX.max(DRIFT_DOUBTS * doubt_px);
         let luma = if fixed {
-            median_of(&survey.iter().collect::<Vec<_>>())
+            median_of(&survey.iter().collect::<Vec<_>>(), noise_grey)
         } else {
             let aligned: Vec<Luma> = survey
                 .iter()
                 .zip(&registrations)
                 .map(|(f, r)| r.aligned(f))
                 .collect();
-            median_of(&aligned.iter().collect::<Vec<_>>())
+            median_of(&aligned.iter().collect::<Vec<_>>(), noise_grey)
         };
         let registrar = if fixed {
             Registrar::of_fixed(&luma, noise_grey)
@@ -292,13 +293,22 @@ fn interpolated_median(histogram: &[u64; 256]) -> f64 {
     255.0
 }
 
+/// Values of a pixel further from the median than this many standard deviations of noise are something in front of the
+/// scene. A median that is pushed by it stays within two of the scene's own.
+const NOISE_SIGMAS: f64 = 6.0;
+
+/// A codec's noise is not white: where it leaves most pixels as they are, others change by some grey levels.
+const LEAST_NOISE_GREY: f64 = 1.0;
+
 /// Per-pixel median of frames of one size (the mean of the middle two for an even number is not needed: the lower
-/// one is taken, and the survey asks for odd numbers).
-fn median_of(frames: &[&Luma]) -> Luma {
+/// one is taken, and the survey asks for odd numbers), without values that noise of this standard deviation does not
+/// explain.
+fn median_of(frames: &[&Luma], noise_grey: f64) -> Luma {
     let (width, height) = (frames[0].width, frames[0].height);
     let n = frames.len();
     let network = sorting_network(n);
     let middle = (n - 1) / 2;
+    let reach = (NOISE_SIGMAS * noise_grey.max(LEAST_NOISE_GREY)).min(255.0) as u8;
     let mut data = Vec::with_capacity(width * height);
     let mut rows: Vec<Vec<u8>> = vec![vec![0; width]; n];
     for v in 0..height {
@@ -313,7 +323,16 @@ fn median_of(frames: &[&Luma]) -> Luma {
                 *b = x.max(y);
             }
         }
-        data.extend_from_slice(&rows[middle]);
+        data.extend((0..width).map(|u| {
+            let first = rows[middle][u];
+            if rows[n - 1][u] - rows[0][u] <= reach {
+                return first;
+            }
+            let near = |row: &&Vec<u8>| row[u].abs_diff(first) <= reach;
+            let below = rows[..middle].iter().rev().take_while(near).count();
+            let above = rows[middle + 1..].iter().take_while(near).count();
+            rows[middle - below + (below + above) / 2][u]
+        }));
     }
     Luma { width, height, data }
 }

@@ -344,7 +344,7 @@ impl Registrar {
                 return (start, f64::INFINITY);
             }
             spread = f64::from(super::background::median_in_place(&mut magnitudes));
-            let Some(step) = self.step(&residuals, spread, now.gain, moving) else {
+            let Some(step) = self.step(&residuals, spread, &now, moving) else {
                 break;
             };
             now.shift_u_px += step[0];
@@ -366,7 +366,8 @@ impl Registrar {
         }
     }
 
-    fn step(&self, residuals: &[f32], spread: f64, gain: f64, moving: bool) -> Option<Vector4<f64>> {
+    fn step(&self, residuals: &[f32], spread: f64, now: &Registration, moving: bool) -> Option<Vector4<f64>> {
+        let gain = now.gain;
         let cut = 4.685 * (1.4826 * spread).max(0.5);
         let mut normal = Matrix4::zeros();
         let mut right = Vector4::zeros();
@@ -380,7 +381,15 @@ impl Registrar {
             }
         }
         // An even scene cannot tell gain from offset: a weak pull of the offset towards zero decides for the gain.
-        normal[(3, 3)] += 0.1 * normal[(3, 3)] + 1.0;
+        // Of the offset itself, not of its step: the reference's own noise would else lead the gain to 0 frame by frame. (Where
+        // the camera moves, what the shift leaves behind must not be taken for light.)
+        if self.fixed {
+            let pull = OFFSET_PULL * normal[(3, 3)] + 1.0;
+            normal[(3, 3)] += pull;
+            right[3] -= pull * now.offset_grey;
+        } else {
+            normal[(3, 3)] += 0.1 * normal[(3, 3)] + 1.0;
+        }
         // A scene without gradient in one direction cannot tell the shift along it: stay.
         let block: Matrix2<f64> = normal.fixed_view::<2, 2>(0, 0).into_owned();
         if !moving || block.symmetric_eigenvalues().min() < LEAST_INFORMATION {
@@ -396,6 +405,9 @@ impl Registrar {
         normal.cholesky().map(|c| c.solve(&right))
     }
 }
+
+/// Weight of an offset of 0 against that of a sample.
+const OFFSET_PULL: f64 = 0.01;
 
 /// A first shift from reduced pictures, where a far shift is a near one.
 fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {

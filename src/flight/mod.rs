@@ -10,6 +10,7 @@
 //! In a top view from far away nothing falls: arcs are straight lines, and the longest track of such lines is the
 //! ball's. From a camera whose height is known they bend; that is [`overhead`].
 
+pub mod clock;
 pub mod drag;
 pub mod fit;
 pub mod linking;
@@ -393,6 +394,13 @@ fn cut_and_fit(
             continue;
         }
         let flight = finish(spots, track, uses, fit, interval_s);
+        if flight.trim_unsure_ends(&mut ranges) {
+            ranges.retain(|r| r.len() >= LEAST_FIT_POINTS);
+            if ranges.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+                ranges.pop();
+            }
+            continue;
+        }
         let shows = |k: usize| shows_fall(&samples, &ranges[k], gravity, sigma);
         if let Some(chance) = (1..ranges.len().saturating_sub(1)).find(|&k| flight.is_detour(k)) {
             ranges.remove(chance);
@@ -526,6 +534,15 @@ const MOST_PERSISTENCE: f64 = 3.0;
 const LEVEL_POINTS: usize = 6;
 const LEVEL_EXCESS: f64 = 4.0;
 
+/// So many standard deviations from its arc a point of it may be without being set aside.
+const UNTOLD_SIGMAS: f64 = OFF_SIGMAS * std::f64::consts::SQRT_2;
+
+/// Rough centres make no point unsure that is further from an impact than this part of the frame interval.
+const NEAR_PART: f64 = 0.25;
+
+/// A floor is level to this part of the ball's radius from one impact to the next.
+const LEVEL_PART: f64 = 0.1;
+
 /// A flight without an impact must show its curve over this many points.
 const LEAST_LONE_POINTS: usize = 20;
 
@@ -614,6 +631,54 @@ impl Flight {
             .is_some_and(|(own, std)| (own - g).abs() > CARRIED_SIGMAS * lasting * std + CARRIED_PART * g);
         let few = (arc.len() as f64) < LEAST_FREE_PART * cut as f64;
         few || own || self.stays_level(k, &arc)
+    }
+
+    /// Takes from `ranges` the ends of arcs that may be of the other side of an impact, or in contact, and would not be told
+    /// by their distance: such a point draws a short arc along. Whether there were any.
+    fn trim_unsure_ends(&self, ranges: &mut [std::ops::Range<usize>]) -> bool {
+        if !self.fit.forces.falls() {
+            return false;
+        }
+        let before = ranges.to_vec();
+        let near = |i: usize, jump: f64| {
+            let std = variance(&self.points[i].spot, &self.extra).sqrt();
+            (UNTOLD_SIGMAS * std / jump).min(NEAR_PART * self.interval_s)
+        };
+        let time = |i: usize| self.points[i].spot.time_s;
+        for (k, t) in self.impacts.iter().enumerate() {
+            let Some(t) = *t else { continue };
+            let (m, n) = (self.fit.motion(k, t), self.fit.motion(k + 1, t));
+            let jump = (n.vr - m.vr).hypot(n.vh - m.vh);
+            let end = ranges[k].clone().find(|&i| time(i) > t - near(i, jump));
+            ranges[k].end = end.unwrap_or(ranges[k].end);
+            let after = &mut ranges[k + 1];
+            let start = after.clone().rev().find(|&i| time(i) < t + near(i, jump));
+            after.start = start.map_or(after.start, |i| i + 1);
+        }
+        if let (Some(last), Some((t, floor, speed))) = (ranges.last_mut(), self.lands_again()) {
+            // Where the ball is clearly below, there is no floor as high as the last.
+            let untold = |i: usize| {
+                let spot = &self.points[i].spot;
+                let lowest = UNTOLD_SIGMAS * variance(spot, &self.extra).sqrt() + LEVEL_PART * spot.radius;
+                time(i) > t - near(i, speed) && spot.place.up > floor - lowest
+            };
+            let end = last.clone().find(|&i| untold(i));
+            last.end = end.unwrap_or(last.end);
+        }
+        ranges != before
+    }
+
+    /// When the last arc is back at the height of the impact before it, that height and the speed then: there is the next
+    /// impact, of which nothing was found. `None` where the ball did not rise.
+    fn lands_again(&self) -> Option<(f64, f64, f64)> {
+        let last = self.fit.arcs() - 1;
+        let t = (*self.impacts.last()?)?;
+        let up = self
+            .fit
+            .planar(self.fit.parameters.as_slice())
+            .return_time(last, t);
+        let speed = self.fit.motion(last, t + up).vh.abs();
+        (speed > 0.0).then(|| (t + up, self.fit.motion(last, t).h, speed))
     }
 
     /// Whether arc `k` is a few points that make impacts on something upright of what is one impact without them: the rest
@@ -830,26 +895,25 @@ fn fit_and_set_aside(
     for _ in 0..12 {
         let now = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
         extra = Extra::robust(&distances(spots, track, uses, &now, &extra));
+        let looks: Vec<Option<Look>> = looks(spots, track, uses, &now, &extra);
+        // Of few points one that is off draws its arc along, and the others seem to be: the worst goes first.
+        let mut counts = vec![0_usize; arcs];
+        let mut worst = vec![0.0_f64; arcs];
+        for look in looks.iter().flatten().filter(|l| l.used) {
+            counts[look.arc] += 1;
+            worst[look.arc] = worst[look.arc].max(look.sigmas);
+        }
         let mut changed = false;
-        for (i, &s) in track.iter().enumerate() {
-            let spot = &spots[s];
-            let k = match uses[i] {
-                SpotUse::Used(k) => k,
-                SpotUse::Off(_) => match nearest_arc(uses, i) {
-                    Some(k) => k,
-                    None => continue,
-                },
-                _ => continue,
-            };
-            let m = now.motion(k, spot.time_s);
-            let off = (spot.place.right - m.r).hypot(spot.place.up - m.h);
-            let verdict = if off > OFF_SIGMAS * (2.0 * variance(spot, &extra)).sqrt() {
-                SpotUse::Off(off)
+        for (use_, look) in uses.iter_mut().zip(&looks) {
+            let Some(look) = look else { continue };
+            let spared = look.used && counts[look.arc] < FEW_POINTS && look.sigmas < worst[look.arc];
+            let off = look.sigmas > OFF_SIGMAS && !spared;
+            changed |= off == look.used;
+            *use_ = if off {
+                SpotUse::Off(look.distance)
             } else {
-                SpotUse::Used(k)
+                SpotUse::Used(look.arc)
             };
-            changed |= matches!(verdict, SpotUse::Used(_)) != matches!(uses[i], SpotUse::Used(_));
-            uses[i] = verdict;
         }
         if !changed {
             break;
@@ -863,6 +927,64 @@ fn fit_and_set_aside(
     }
     Some((fit, extra))
 }
+
+/// On an arc of fewer points than this, those that are off are set aside one by one.
+const FEW_POINTS: usize = 12;
+
+/// A spot against its arc.
+struct Look {
+    arc: usize,
+    used: bool,
+    /// Distance to the arc, plane units.
+    distance: f64,
+    /// The same in standard deviations of what such a distance should be: less for a point that the arc follows, more for
+    /// one that it was not fitted to.
+    sigmas: f64,
+}
+
+/// Every spot that is or may be used, against its arc.
+fn looks(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &Extra) -> Vec<Option<Look>> {
+    // Σw, Σw t, Σw t² of each arc, times from its mean one.
+    let mut sums = vec![[0.0_f64; 3]; fit.arcs()];
+    for (&i, u) in track.iter().zip(uses) {
+        if let SpotUse::Used(k) = *u {
+            let (w, t) = (1.0 / variance(&spots[i], extra), spots[i].time_s - fit.times[k]);
+            for (sum, power) in sums[k].iter_mut().zip([1.0, t, t * t]) {
+                *sum += w * power;
+            }
+        }
+    }
+    let look = |i: usize| -> Option<Look> {
+        let (arc, used) = match uses[i] {
+            SpotUse::Used(k) => (k, true),
+            SpotUse::Off(_) => (nearest_arc(uses, i)?, false),
+            _ => return None,
+        };
+        let spot = &spots[track[i]];
+        let (m, own) = (fit.motion(arc, spot.time_s), variance(spot, extra));
+        let distance = (spot.place.right - m.r).hypot(spot.place.up - m.h);
+        let [s0, s1, s2] = sums[arc];
+        let t = spot.time_s - fit.times[arc];
+        // Variance of a straight line's place at t, over the point's own.
+        let line = (s2 - 2.0 * t * s1 + t * t * s0) / (s0 * s2 - s1 * s1) / own;
+        let line = if line.is_finite() { line } else { 0.0 };
+        let share = if used {
+            1.0 - line.clamp(0.0, MOST_FOLLOWED)
+        } else {
+            1.0 + line
+        };
+        Some(Look {
+            arc,
+            used,
+            distance,
+            sigmas: distance / (2.0 * own * share).sqrt(),
+        })
+    };
+    (0..track.len()).map(look).collect()
+}
+
+/// Part of a point's error that its arc follows, at most: of three points, 5/6 at the ends.
+const MOST_FOLLOWED: f64 = 0.85;
 
 /// The arc that too few points are left on to be fitted, `None` where each has enough.
 fn emptied_arc(uses: &[SpotUse], arcs: usize) -> Option<usize> {

@@ -4,8 +4,14 @@
 //! They show in what moves: one step is a whole number of times as long as the steps before and after it, in the same
 //! direction. On a parabola the step over a gap of k frames is k + 1 times the mean of its two neighbours exactly. An
 //! impact cannot look like that: its step lies between the velocities before and after.
+//!
+//! Frames that are missing at an impact show in its arcs. Numbered too early by τ, the arc after it runs past the one
+//! before it, by τ (v × v')/|v' − v| where they are nearest: they meet only when it is moved back by that time. A τ of
+//! whole frames is of frames that are missing; where the ball falls straight down, v × v' is 0 and nothing shows.
 
 use super::linking::{Spot, link};
+use super::planar::Planar;
+use super::{Flight, SpotUse};
 
 /// A place where frames are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +68,92 @@ pub fn find(spots: &[Spot], interval_s: f64) -> Vec<Skip> {
         })
         .collect()
 }
+
+/// What is missing at an impact is whole frames to this part of one, with so many standard uncertainties of it.
+const WHOLE_FRAME_PART: f64 = 0.2;
+const WHOLE_FRAME_SIGMAS: f64 = 3.0;
+
+/// And differs from none by this many.
+const LEAST_LATE_SIGMAS: f64 = 12.0;
+
+/// Finds gaps at the impacts on the floor of a `flight`.
+#[must_use]
+pub fn at_impacts(flight: &Flight) -> Vec<Skip> {
+    if !flight.fit.forces.falls() {
+        return Vec::new();
+    }
+    let skip = |k: usize| {
+        let (late_s, std_s) = late(flight, k)?;
+        let (periods, std) = (late_s / flight.interval_s, std_s / flight.interval_s);
+        let whole = (periods - periods.round()).abs() < WHOLE_FRAME_PART
+            && WHOLE_FRAME_SIGMAS * std < WHOLE_FRAME_PART;
+        let clear = periods > LEAST_LATE_SIGMAS * std && periods < MOST_MISSING;
+        let frame = flight
+            .points
+            .iter()
+            .find(|p| p.use_ == SpotUse::Used(k + 1))?
+            .spot
+            .frame;
+        let missing = periods.round();
+        (whole && clear && missing >= 1.0).then_some(Skip {
+            frame,
+            missing: missing as usize,
+        })
+    };
+    (0..flight.impacts.len()).filter_map(skip).collect()
+}
+
+/// Time by which arc `k + 1` must be moved back for it to meet arc `k`, and its standard uncertainty, s; `None` where that is
+/// no impact on the floor, or nothing tells.
+fn late(flight: &Flight, k: usize) -> Option<(f64, f64)> {
+    let t = flight.impacts[k]?;
+    let fit = &flight.fit;
+    let (m, n) = (fit.motion(k, t), fit.motion(k + 1, t));
+    if !(m.vh < 0.0 && n.vh > 0.0) {
+        return None;
+    }
+    let late_at = |p: &[f64]| meets_after(&fit.planar(p), k, t);
+    let mut at = fit.parameters.clone();
+    let late_s = late_at(at.as_slice());
+    let slopes = nalgebra::DVector::from_iterator(
+        at.len(),
+        (0..at.len()).map(|j| {
+            let step = 0.1 * fit.covariance[(j, j)].max(0.0).sqrt();
+            if step == 0.0 {
+                return 0.0;
+            }
+            let mut moved = |by: f64| {
+                at[j] = fit.parameters[j] + by;
+                let late_s = late_at(at.as_slice());
+                at[j] = fit.parameters[j];
+                late_s
+            };
+            (moved(step) - moved(-step)) / (2.0 * step)
+        }),
+    );
+    let std_s = (slopes.transpose() * &fit.covariance * &slopes)[(0, 0)]
+        .max(0.0)
+        .sqrt();
+    (late_s.is_finite() && std_s.is_finite()).then_some((late_s, std_s))
+}
+
+/// τ such that arc k at some time is where arc k + 1 is τ earlier, from near `t`; NaN where their velocities have one direction.
+fn meets_after(arcs: &Planar<'_>, k: usize, t: f64) -> f64 {
+    let (mut at, mut late) = (t, 0.0);
+    for _ in 0..STEPS {
+        let (m, n) = (arcs.motion(k, at), arcs.motion(k + 1, at - late));
+        let (dr, dh) = (n.r - m.r, n.h - m.h);
+        // Newton: d + (v' − v) δt − v' δτ = 0.
+        let (jr, jh) = (n.vr - m.vr, n.vh - m.vh);
+        let cross = m.vr * n.vh - m.vh * n.vr;
+        at += (dr * n.vh - dh * n.vr) / cross;
+        late += (dr * jh - dh * jr) / cross;
+    }
+    late
+}
+
+/// Newton's steps: the arcs are all but straight over some frames.
+const STEPS: usize = 6;
 
 /// Frames that do not belong where they are: across each a thing moves on by one step, not by two. What is missing near
 /// one is the same frame in another place, and no time is lost. (Tracks may end at such a frame, so all spots are tried.)

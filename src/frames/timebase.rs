@@ -13,6 +13,8 @@ pub struct TimeBase {
     pub missing: usize,
     /// Frames missing without a trace in the stamps, by what moves; their time is in `times_s`.
     pub skipped: usize,
+    /// Whether distinct frames stand evenly, though their stamps do not.
+    pub evened: bool,
 }
 
 /// Stamps further apart than this many intervals leave a frame out; jitter of variable-rate phones stays below.
@@ -41,6 +43,7 @@ impl TimeBase {
                 gaps: 0,
                 missing: 0,
                 skipped: 0,
+                evened: false,
             };
         };
         let (gaps, missing) = gaps(stamps_s);
@@ -51,6 +54,7 @@ impl TimeBase {
                 gaps,
                 missing,
                 skipped: 0,
+                evened: false,
             };
         };
         let mut times_s = Vec::with_capacity(stamps_s.len());
@@ -72,7 +76,48 @@ impl TimeBase {
             gaps,
             missing,
             skipped: 0,
+            evened: false,
         }
+    }
+
+    /// The same if distinct frames were taken at even times, and repeats fill them up to a faster clock (24 Hz stored as 30 Hz);
+    /// with the repeats that this makes. `None` where repeats do not come regularly.
+    #[must_use]
+    pub fn evenly(&self, stamps_s: &[f64], repeats: &[bool]) -> Option<(Self, Vec<bool>)> {
+        let distinct: Vec<f64> = stamps_s
+            .iter()
+            .zip(repeats)
+            .filter(|(_, repeat)| !**repeat)
+            .map(|(&s, _)| s)
+            .collect();
+        if self.gaps > 0 || distinct.len() == stamps_s.len() || stamps_s.len() != repeats.len() {
+            return None;
+        }
+        let stored_s = (stamps_s.last()? - stamps_s.first()?) / (stamps_s.len() - 1) as f64;
+        let interval_s = (2..=MOST_PATTERN).find_map(|n| even_interval(&distinct, n, stored_s))?;
+        // Each stamp is late by less than a stored frame: to which tick it belongs, counted from their mean lag.
+        let turn = |s: f64| std::f64::consts::TAU * s / interval_s;
+        let (sin, cos) = distinct.iter().fold((0.0, 0.0), |(sin, cos), &s| {
+            (sin + turn(s).sin(), cos + turn(s).cos())
+        });
+        let lag = f64::atan2(sin, cos) / std::f64::consts::TAU;
+        let tick = |s: f64| (s / interval_s - lag).round();
+        let start = tick(*distinct.first()?);
+        let (mut times_s, mut repeated) = (Vec::new(), Vec::new());
+        for (&s, &repeat) in stamps_s.iter().zip(repeats) {
+            let last = times_s.last().copied();
+            let time = ((tick(s) - start) * interval_s).max(0.0);
+            let again = last.is_some_and(|last| repeat || time <= last);
+            times_s.push(if again { last.unwrap_or(time) } else { time });
+            repeated.push(again);
+        }
+        let even = Self {
+            times_s,
+            interval_s: Some(interval_s),
+            evened: true,
+            ..self.clone()
+        };
+        Some((even, repeated))
     }
 
     /// The same with the time of frames that are missing without a trace in the stamps: `skips` are the first frame after
@@ -90,6 +135,26 @@ impl TimeBase {
         }
         self
     }
+}
+
+/// Distinct frames after which repeats come round again, at most: 24 Hz in a file of 25 Hz.
+const MOST_PATTERN: usize = 24;
+
+/// Part of the clip that must follow the pattern; a repeat of a ball at rest is not told.
+const LEAST_REGULAR: f64 = 0.75;
+
+/// The even interval that makes `n` successive of the `distinct` stamps span a whole number of stored frames, always the same;
+/// `None` where they do not, or that is the stored interval itself.
+fn even_interval(distinct: &[f64], n: usize, stored_s: f64) -> Option<f64> {
+    let mut spans: Vec<f64> = distinct
+        .iter()
+        .zip(distinct.iter().skip(n))
+        .map(|(a, b)| ((b - a) / stored_s).round())
+        .collect();
+    let frames = crate::quantity::median(&mut spans)?;
+    let regular = spans.iter().filter(|s| **s == frames).count() as f64;
+    let enough = spans.len() >= 2 * n && regular >= LEAST_REGULAR * spans.len() as f64;
+    (enough && frames > n as f64 && frames % n as f64 != 0.0).then(|| frames * stored_s / n as f64)
 }
 
 /// Places where the stamps leave frames out, and how many frames. Repeats count as frames here: one that fills the place
@@ -230,6 +295,50 @@ mod tests {
             .map(|i| 0.04 * f64::from(i) + 0.008 * f64::from(i % 2))
             .collect();
         assert_eq!(TimeBase::new(&stamps, &[], None).gaps, 0);
+    }
+
+    #[test]
+    fn regular_repeats_may_stand_for_an_even_clock() {
+        for (pattern, stored_hz, true_hz) in [
+            (&[1, 1, 1, 2][..], 30.0, 24.0),
+            (&[2, 3], 60.0, 24.0),
+            (&[1, 1, 1, 1, 2], 30.0, 25.0),
+        ] {
+            let mut repeats = vec![false];
+            for i in 0..60 {
+                let stored: usize = pattern[i % pattern.len()];
+                repeats.extend((1..=stored).map(|k| k < stored));
+            }
+            let stamps: Vec<f64> = (0..repeats.len()).map(|i| i as f64 / stored_hz).collect();
+            // One repeat that nothing shows, as of a ball at rest.
+            let hidden = repeats.iter().skip(40).position(|&r| r).unwrap() + 40;
+            let truth = repeats.clone();
+            repeats[hidden] = false;
+            let base = TimeBase::new(&stamps, &repeats, None);
+            let (even, repeated) = base.evenly(&stamps, &repeats).unwrap();
+            let (mut k, first) = (0, even.times_s[0]);
+            assert!(first == 0.0 && even.evened);
+            for i in 1..truth.len() {
+                k += usize::from(!truth[i]);
+                let off = (even.times_s[i] - k as f64 / true_hz).abs();
+                assert!(off < 1e-9 || (i == hidden && off < 1.01 / true_hz), "{i}: {off}");
+            }
+            assert_eq!(
+                repeated.iter().filter(|r| **r).count(),
+                truth.iter().filter(|r| **r).count()
+            );
+        }
+        // Every frame twice is even as it stands; repeats here and there have no pattern.
+        let stamps: Vec<f64> = (0..40).map(f64::from).collect();
+        for repeats in [
+            (0..40).map(|i| i % 2 == 1).collect::<Vec<bool>>(),
+            (0..40).map(|i| [3, 4, 11, 26, 31].contains(&i)).collect(),
+        ] {
+            assert_eq!(
+                TimeBase::new(&stamps, &repeats, None).evenly(&stamps, &repeats),
+                None
+            );
+        }
     }
 
     #[test]

@@ -217,14 +217,37 @@ impl<'a> Work<'a> {
         let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
         work.repeats = repeats.frames;
         work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
+        if calibration.frame_rate_hz.is_none() {
+            work.even_clock();
+        }
         let skips = work.base.interval_s.map_or_else(Vec::new, |interval_s| {
-            let found = flight::skips::find(&work.first_spots(), interval_s);
-            found.iter().map(|s| (s.frame, s.missing)).collect()
+            pairs(&flight::skips::find(&work.first_spots(), interval_s))
         });
         work.base = work.base.with_skips(&skips);
-        work.warnings = warn::file(&work.seen, &work.base, &work.repeats, calibration);
-        work.warnings.extend(warn::perspective(calibration));
+        work.note_file();
         work
+    }
+
+    /// Where repeats come regularly, the clock of distinct frames may be even, and the stamps be those of another: the one
+    /// that the ball's places suit counts.
+    fn even_clock(&mut self) {
+        let Some((even, repeats)) = self.base.evenly(&self.seen.stamps_s, &self.repeats) else {
+            return;
+        };
+        let by_stamps = self.first_spots();
+        let before = (
+            std::mem::replace(&mut self.base, even),
+            std::mem::replace(&mut self.repeats, repeats),
+        );
+        if !flight::clock::suits_better(&self.first_spots(), &by_stamps) {
+            (self.base, self.repeats) = before;
+        }
+    }
+
+    /// What is odd about the file and its clock.
+    fn note_file(&mut self) {
+        self.warnings = warn::file(&self.seen, &self.base, &self.repeats, self.calibration);
+        self.warnings.extend(warn::perspective(self.calibration));
     }
 
     fn falls(&self) -> bool {
@@ -256,8 +279,32 @@ impl<'a> Work<'a> {
             .collect()
     }
 
-    /// The flight: first with centres found freely, then with what the recording has in common held.
+    /// The flight, with the time of frames that its impacts show to be missing.
     fn find_flight(&mut self) -> Result<Flight, NoFlight> {
+        let flight = self.find_flight_as_timed()?;
+        let skips = flight::skips::at_impacts(&flight);
+        if skips.is_empty() {
+            return Ok(flight);
+        }
+        let before = (self.base.clone(), self.found.clone(), self.shared.clone());
+        self.base = self.base.clone().with_skips(&pairs(&skips));
+        self.found.clear();
+        let moved = self.find_flight_as_timed();
+        // Where that is what was missing, the impacts are where they were, and their arcs meet.
+        match moved {
+            Ok(moved) if moved.used() >= flight.used() && flight::skips::at_impacts(&moved).is_empty() => {
+                self.note_file();
+                Ok(moved)
+            }
+            _ => {
+                (self.base, self.found, self.shared) = before;
+                Ok(flight)
+            }
+        }
+    }
+
+    /// The flight: first with centres found freely, then with what the recording has in common held.
+    fn find_flight_as_timed(&mut self) -> Result<Flight, NoFlight> {
         let spots = self.first_spots();
         let forces = if self.falls() {
             Forces::Fall
@@ -621,6 +668,11 @@ fn is_as_full(better: &Flight, first: &Flight) -> bool {
     let (from, to) = better.time_span();
     let within = |p: &&flight::FlightPoint| is_used(p.use_) && p.spot.time_s >= from && p.spot.time_s <= to;
     better.used() as f64 >= KEPT_PART * first.points.iter().filter(within).count() as f64
+}
+
+/// The first frame after each gap, and the frames missing in it.
+fn pairs(skips: &[flight::skips::Skip]) -> Vec<(usize, usize)> {
+    skips.iter().map(|s| (s.frame, s.missing)).collect()
 }
 
 /// Used for an arc?

@@ -130,6 +130,8 @@ fn repeated(
     let rate = base.interval_s.map_or(String::new(), |i| {
         let told = if calibration.frame_rate_hz.is_some() {
             "by the calibration"
+        } else if base.evened {
+            "evenly, as the ball's motion shows, not by the stamps"
         } else {
             "by the stamps"
         };
