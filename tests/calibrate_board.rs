@@ -8,14 +8,16 @@
 )]
 
 mod boards;
+mod rendered;
 
 use assert_cmd::Command;
 use boards::{Board, Camera, Gaussian, Look, Pose, careful_views, render, write_png};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use predicates::prelude::*;
 use predicates::str::contains;
+use rendered::{Rendered, standard};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::OnceLock;
 use tempfile::tempdir;
 use track::calibration::{Calibration, Scale};
@@ -235,29 +237,9 @@ fn scene(seed: u64, oblique: bool) -> Value {
     })
 }
 
-/// A rendered scene with its own calibration and truth.
-struct Rendered {
-    video: PathBuf,
-    own: Calibration,
-    truth: Value,
-    _dir: tempfile::TempDir,
-}
-
-fn rendered(scene: &Value) -> Rendered {
-    let dir = tempdir().unwrap();
-    let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
-    let written = track::simulate::write(&recording, "scene", dir.path(), |_| {}).unwrap();
-    Rendered {
-        own: Calibration::read(&written.calib).unwrap(),
-        truth: serde_json::from_str(&std::fs::read_to_string(&written.truth).unwrap()).unwrap(),
-        video: written.video,
-        _dir: dir,
-    }
-}
-
 /// Errors of e, mu and both angles (degrees) of the first bounce.
 fn errors(r: &Rendered, calibration: &Calibration) -> [f64; 4] {
-    let m = measure(&r.video, calibration, "calib", Accuracy::Standard, &mut |_| {}).unwrap();
+    let m = standard(&r.video, calibration);
     assert_eq!(m.outcome, Outcome::Measured);
     let (b, t) = (&m.bounces[0], &r.truth["bounces"][0]);
     let degrees = |q: Option<Quantity>| q.unwrap().value.to_degrees();
@@ -330,11 +312,14 @@ fn make_oblique_calibration(dir: &Path) -> (Calibration, Value) {
 /// board, and what these two are apart.
 fn rms_errors(seeds: u64, board: &Calibration) -> [[f64; 4]; 4] {
     let of_seed = |seed: u64| {
-        let (straight, oblique) = (rendered(&scene(seed, false)), rendered(&scene(seed, true)));
-        let exact = errors(&oblique, &oblique.own);
+        let (straight, oblique) = (
+            Rendered::new(&scene(seed, false)),
+            Rendered::new(&scene(seed, true)),
+        );
+        let exact = errors(&oblique, &oblique.calibration);
         let found = errors(&oblique, board);
         let apart = std::array::from_fn(|i| found[i] - exact[i]);
-        [errors(&straight, &straight.own), exact, found, apart]
+        [errors(&straight, &straight.calibration), exact, found, apart]
     };
     let seeds: Vec<u64> = (0..seeds).collect();
     let each: Vec<[[f64; 4]; 4]> = std::thread::scope(|scope| {
@@ -381,7 +366,7 @@ fn an_oblique_recording_through_a_barrel_lens_is_nearly_as_good_as_a_straight_on
 
 /// Root mean square distance of the centres used from the truth, px.
 fn centre_error_px(r: &Rendered, accuracy: Accuracy) -> f64 {
-    let m = measure(&r.video, &r.own, "calib", accuracy, &mut |_| {}).unwrap();
+    let m = measure(&r.video, &r.calibration, "calib", accuracy, &mut |_| {}).unwrap();
     let used = m
         .track
         .points
@@ -407,7 +392,7 @@ fn a_drawn_out_ball_has_its_centre_where_a_round_one_has_it_at_every_accuracy() 
         scene["camera"]["codec"] = json!("lossless");
         scene["ball"]["radius_m"] = json!(0.024);
         scene["camera"]["origin_px"] = json!([120, 690]);
-        rendered(&scene)
+        Rendered::new(&scene)
     };
     let (straight, oblique) = (clear(false), clear(true));
     for accuracy in [Accuracy::Fast, Accuracy::Standard, Accuracy::Fine] {

@@ -64,7 +64,7 @@ fn scene(seed: u64) -> Value {
         even(((speed_m_s * fall_s * (1.0 + 2.2 * e) + 6.0 * radius_m) / m_per_px).min(640.0)).max(160.0);
     let height = even((drop_m + 5.0 * radius_m) / m_per_px).max(120.0);
     let density_kg_m3 = dice.one_of(&[7800.0, 1200.0, 1100.0]);
-    json!({
+    let mut scene = json!({
         "schema": "track.scene/1", "seed": seed,
         "ball": {"radius_m": radius_m, "mass_kg": density_kg_m3 * 4.19 * radius_m.powi(3), "inertia_factor": 0.4},
         "contact": contact,
@@ -79,7 +79,18 @@ fn scene(seed: u64) -> Value {
         // Real air is there however little it does.
         "effects": {"drag": "on", "magnus": "on", "buoyancy": "on", "contact_time": "on"},
         "stop": {"bounces": 2, "tail_s": 0.06}
-    })
+    });
+    // What is known of no ball exactly: hard floors, surfaces, air.
+    let ball = scene["ball"].as_object_mut().unwrap();
+    let modulus_pa = dice.between(3.5e10_f64.ln(), 1.4e11_f64.ln()).exp();
+    for (name, value) in [
+        ("contact_modulus_pa", modulus_pa),
+        ("drag_factor", dice.between(0.83, 1.17)),
+        ("lift_factor", dice.between(0.65, 1.4)),
+    ] {
+        ball.insert(name.to_owned(), json!(value));
+    }
+    scene
 }
 
 /// Error and stated standard uncertainty of each of [`NAMES`]; `None` where it was not given.

@@ -14,7 +14,8 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use noise::Noise;
 use track::bounce::relations::Crossing;
 use track::calibration::{Calibration, Scale, ScaleEvidence};
-use track::flight::fit::{ARCS, DRAG, GRAVITY, meeting, motion, return_time};
+use track::flight::drag::DragLaw;
+use track::flight::planar::{ARCS, DRAG, GRAVITY, Planar};
 use track::geometry::PixelPoint;
 use track::models::{Motion, Regime, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
 
@@ -503,23 +504,28 @@ fn parabolas_their_meeting_and_their_return() {
                 &a[3] - &(g * &dt),
             )
         };
-        let m = motion(&p, &times, 0, t);
+        let planar = Planar {
+            parameters: &p,
+            times: &times,
+            law: DragLaw::default(),
+        };
+        let m = planar.motion(0, t);
         let at = |x: &[N]| from(x, 0, &x[ARCS + 10]);
         right.compare(&inputs, m.r, |x| at(x).0);
         height.compare(&inputs, m.h, |x| at(x).1);
         rise.compare(&inputs, m.vh, |x| at(x).2);
         // Least distance of the two: −(D · V)/V² from any time on.
-        meets.compare(&inputs, meeting(&p, &times, 0, 1).unwrap().0, |x| {
+        meets.compare(&inputs, planar.meeting(0, 1).unwrap().0, |x| {
             let zero = x[ARCS + 8].clone();
             let ((r, h, v), (s, k, w)) = (from(x, 0, &zero), from(x, 1, &zero));
             let (dr, dh, dvr, dvh) = (s - r, k - h, &x[ARCS + 5] - &x[ARCS + 1], w - v);
             let square = &dvr * &dvr + &dvh * &dvh;
             zero - (dr * &dvr + dh * &dvh) / square
         });
-        let up = motion(&p, &times, 1, hit).vh;
+        let up = planar.motion(1, hit).vh;
         if up > 0.0 {
             let inputs = [&p[..], &times[..], &[hit]].concat();
-            returns.compare(&inputs, return_time(&p, &times, 1, hit), |x| {
+            returns.compare(&inputs, planar.return_time(1, hit), |x| {
                 n(2.0) * from(x, 1, &x[ARCS + 10]).2 / &x[GRAVITY]
             });
         }

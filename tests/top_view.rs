@@ -4,49 +4,22 @@
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 #![allow(clippy::print_stdout)] // the figures, with --nocapture
 
+mod rendered;
+
 use assert_cmd::Command;
+use rendered::{Rendered, standard};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use track::bounce::Bounce;
 use track::calibration::{Calibration, Lens, Scale};
-use track::detect::centre::Accuracy;
-use track::frames::{self, Coding, VideoWriter};
-use track::geometry::PixelPoint;
-use track::measure::{Measurement, Outcome, measure};
+use track::measure::{Measurement, Outcome};
 use track::quantity::Quantity;
-use track::simulate::{Recording, Scene, write};
 
 /// Half of the 95 % interval is two of them; of a dozen comparisons none is beyond three.
 const MOST_SIGMAS: f64 = 3.0;
 
 /// Asked for, degrees.
 const AZIMUTH_LIMIT_DEG: f64 = 0.2;
-
-struct Rendered {
-    video: PathBuf,
-    calibration_file: PathBuf,
-    calibration: Calibration,
-    truth: Value,
-    dir: tempfile::TempDir,
-}
-
-fn render(scene: &Value) -> Rendered {
-    let dir = tempfile::tempdir().unwrap();
-    let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
-    let written = write(&recording, "top", dir.path(), |_| {}).unwrap();
-    Rendered {
-        calibration: Calibration::read(&written.calib).unwrap(),
-        calibration_file: written.calib,
-        truth: serde_json::from_str(&std::fs::read_to_string(&written.truth).unwrap()).unwrap(),
-        video: written.video,
-        dir,
-    }
-}
-
-fn measured(video: &Path, calibration: &Calibration) -> Measurement {
-    measure(video, calibration, "calib.json", Accuracy::Standard, &mut |_| {}).unwrap()
-}
 
 /// A launch seen from above: small pictures, a shaded ball of 8 px with its shadow.
 struct Top {
@@ -108,14 +81,14 @@ fn usual() -> &'static Rendered {
             spin: [-1.0, 0.0, 0.0],
             origin_px: [60.0, 220.0],
         };
-        render(&top.scene(1))
+        Rendered::new(&top.scene(1))
     })
 }
 
 /// What is measured on it.
 fn usual_measured() -> &'static Measurement {
     static MEASURED: OnceLock<Measurement> = OnceLock::new();
-    MEASURED.get_or_init(|| measured(&usual().video, &usual().calibration))
+    MEASURED.get_or_init(|| standard(&usual().video, &usual().calibration))
 }
 
 fn azimuth_deg(bounce: &Bounce) -> Quantity {
@@ -221,8 +194,8 @@ fn any_launch(seed: usize) -> Value {
 fn near_cameras(seeds: std::ops::Range<usize>) {
     for seed in seeds {
         let scene = any_launch(seed);
-        let r = render(&scene);
-        let m = measured(&r.video, &r.calibration);
+        let r = Rendered::new(&scene);
+        let m = standard(&r.video, &r.calibration);
         let what = format!("scene {seed}, {:.2} m", scene["camera"]["distance_m"]);
         assert_first_bounce(&m, &r.truth, &what);
         assert_no_heights(&m.bounces[0]);
@@ -246,8 +219,8 @@ fn the_sample_scene_is_measured() {
     let scene: Value =
         serde_json::from_str(&std::fs::read_to_string("fixtures/scenes/top_sidespin.scene.json").unwrap())
             .unwrap();
-    let r = render(&scene);
-    let m = measured(&r.video, &r.calibration);
+    let r = Rendered::new(&scene);
+    let m = standard(&r.video, &r.calibration);
     assert_first_bounce(&m, &r.truth, "top_sidespin");
 }
 
@@ -299,7 +272,7 @@ fn what_needs_the_height_stays_unknown() {
 
 #[test]
 fn a_camera_far_away_with_its_distance_is_as_good() {
-    let r = render(
+    let r = Rendered::new(
         &Top {
             distance_m: 40.0,
             contact: e_e(0.9, 0.4, 0.4),
@@ -310,7 +283,7 @@ fn a_camera_far_away_with_its_distance_is_as_good() {
         }
         .scene(2),
     );
-    let m = measured(&r.video, &r.calibration);
+    let m = standard(&r.video, &r.calibration);
     assert_first_bounce(&m, &r.truth, "from 40 m");
     assert_no_heights(&m.bounces[0]);
 }
@@ -320,7 +293,7 @@ fn without_the_distance_the_perspective_is_named_as_a_limit() {
     let r = usual();
     let mut unknown = r.calibration.clone();
     unknown.distance_m = None;
-    let m = measured(&r.video, &unknown);
+    let m = standard(&r.video, &unknown);
     let named = m
         .warnings
         .iter()
@@ -346,7 +319,7 @@ fn a_wrong_distance_is_noticed() {
     let r = usual();
     let mut wrong = r.calibration.clone();
     wrong.distance_m = Some(2.3);
-    let m = measured(&r.video, &wrong);
+    let m = standard(&r.video, &wrong);
     let told = m.warnings.iter().find(|w| w.code == "distance_mismatch").unwrap();
     // "... as for a camera 1.99 ± 0.03 m above the floor ..."
     let after = told.message.split("camera ").nth(1).unwrap();
@@ -368,7 +341,7 @@ fn a_distance_beyond_reason_says_what_to_check() {
     let mut wrong = r.calibration.clone();
     // Millimetres for metres: nothing falls as slowly as that camera would see.
     wrong.distance_m = Some(0.05);
-    let m = measured(&r.video, &wrong);
+    let m = standard(&r.video, &wrong);
     let Outcome::Rejected { reason } = &m.outcome else {
         panic!("{:?}", m.bounces);
     };
@@ -380,27 +353,11 @@ fn a_distance_beyond_reason_says_what_to_check() {
 }
 
 /// Every frame and the calibration's origin, mirrored.
-fn mirrored(r: &Rendered) -> (PathBuf, Calibration) {
-    let path = r.dir.path().join("mirrored.mkv");
-    let mut source = frames::open(&r.video).unwrap();
-    let (w, h) = (source.info().width_px, source.info().height_px);
-    let mut writer = VideoWriter::create(&path, w, h, 240.0, Coding::Lossless).unwrap();
-    while let Some(mut frame) = source.next_frame().unwrap() {
-        frame.luma.data.chunks_exact_mut(w).for_each(<[u8]>::reverse);
-        writer.write(&frame.luma).unwrap();
-    }
-    writer.finish().unwrap();
-    let mut calibration = r.calibration.clone();
-    let origin = calibration.origin_px.unwrap();
-    calibration.origin_px = Some(PixelPoint::new(w as f64 - 1.0 - origin.u_px, origin.v_px));
-    (path, calibration)
-}
-
 #[test]
 fn a_mirrored_launch_deviates_to_the_other_side() {
     let r = usual();
-    let (video, calibration) = mirrored(r);
-    let (right, left) = (usual_measured(), &measured(&video, &calibration));
+    let (video, calibration) = r.mirrored();
+    let (right, left) = (usual_measured(), &standard(&video, &calibration));
     let (a, b) = (azimuth_deg(&right.bounces[0]), azimuth_deg(&left.bounces[0]));
     let std = a.std_uncertainty.unwrap();
     assert!(
@@ -420,7 +377,7 @@ fn other_scales_and_less_knowledge_of_the_ball_give_the_same() {
     let r = usual();
     let mut by_ball = r.calibration.clone();
     by_ball.scale = Scale::Ball;
-    let m = measured(&r.video, &by_ball);
+    let m = standard(&r.video, &by_ball);
     assert_first_bounce(&m, &r.truth, "scaled by the ball");
     // The same picture by a homography, in metres.
     let origin = r.calibration.origin_px.unwrap();
@@ -429,18 +386,18 @@ fn other_scales_and_less_knowledge_of_the_ball_give_the_same() {
     let mut by_homography = r.calibration.clone();
     by_homography.scale = Scale::Homography(matrix.into());
     by_homography.origin_px = None;
-    let m = measured(&r.video, &by_homography);
+    let m = standard(&r.video, &by_homography);
     assert_first_bounce(&m, &r.truth, "by a homography");
     let mut unknown_ball = r.calibration.clone();
     (unknown_ball.ball.radius_m, unknown_ball.ball.mass_kg) = (None, None);
-    let m = measured(&r.video, &unknown_ball);
+    let m = standard(&r.video, &unknown_ball);
     assert_first_bounce(&m, &r.truth, "ball unknown");
 }
 
 #[test]
 fn a_ball_off_the_axis_of_a_side_view_is_where_its_centre_is() {
     // A large ball by a near camera: its outline's centre is 0.3 px farther from the axis than its own.
-    let r = render(&json!({
+    let r = Rendered::new(&json!({
         "schema": "track.scene/1", "seed": 5,
         "ball": {"radius_m": 0.025, "mass_kg": 0.5, "inertia_factor": 0.4},
         "contact": mu_e(0.8, 0.1),
@@ -454,7 +411,7 @@ fn a_ball_off_the_axis_of_a_side_view_is_where_its_centre_is() {
     far.distance_m = None;
     // Mean error away from the axis of the points far from it, px.
     let outward = |calibration: &Calibration| {
-        let m = measured(&r.video, calibration);
+        let m = standard(&r.video, calibration);
         assert_eq!(m.outcome, Outcome::Measured);
         let errors: Vec<f64> = m
             .track

@@ -4,14 +4,14 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
+mod rendered;
+
+use rendered::Rendered;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use track::calibration::Calibration;
-use track::detect::centre::Accuracy;
-use track::frames::{self, Coding, VideoWriter};
-use track::measure::{Measurement, Outcome, measure};
+use track::measure::{Measurement, Outcome};
 use track::quantity::Quantity;
-use track::simulate::{Recording, Scene, write};
 
 /// A scene of the reference kind: 1280 × 720, 240 Hz, 0.8 mm/px, crf 14, noise 2, shaded with a highlight, R 15 px.
 fn scene(seed: u64, contact: &Value, drop_m: f64, speed_m_s: f64, spin: f64) -> Value {
@@ -44,27 +44,8 @@ fn busy(mut scene: Value) -> Value {
     scene
 }
 
-struct Rendered {
-    video: PathBuf,
-    calibration: Calibration,
-    truth: Value,
-    _dir: tempfile::TempDir,
-}
-
-fn render(scene: &Value) -> Rendered {
-    let dir = tempfile::tempdir().unwrap();
-    let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
-    let written = write(&recording, "scene", dir.path(), |_| {}).unwrap();
-    Rendered {
-        calibration: Calibration::read(&written.calib).unwrap(),
-        truth: serde_json::from_str(&std::fs::read_to_string(&written.truth).unwrap()).unwrap(),
-        video: written.video,
-        _dir: dir,
-    }
-}
-
 fn measured(video: &Path, calibration: &Calibration) -> Measurement {
-    let m = measure(video, calibration, "calib.json", Accuracy::Standard, &mut |_| {}).unwrap();
+    let m = rendered::standard(video, calibration);
     assert_eq!(m.outcome, Outcome::Measured);
     m
 }
@@ -121,7 +102,7 @@ fn rendered_recordings_are_measured_within_the_figures_asked_for() {
     ];
     let (mut inside, mut all) = (0, 0);
     for (i, s) in scenes.iter().enumerate() {
-        let r = render(s);
+        let r = Rendered::new(s);
         let m = measured(&r.video, &r.calibration);
         assert!(m.bounces.len() >= 2, "scene {i}: {} bounces", m.bounces.len());
         for (name, q, truth, most) in compare(&m, &r.truth) {
@@ -149,11 +130,44 @@ fn rendered_recordings_are_measured_within_the_figures_asked_for() {
 }
 
 #[test]
+fn lift_and_drag_of_a_light_ball_shift_no_impact() {
+    // 8 g at 2.4 m/s with the spin of its first bounce: lift alone moves the ends of the second arc by 0.1 px.
+    let contact = json!({"model": "mu_e", "restitution": 0.8, "friction": 0.15});
+    let mut s = scene(5, &contact, 0.25, 0.9, 0.0);
+    s["ball"]["mass_kg"] = json!(0.008);
+    let camera = s["camera"].as_object_mut().unwrap();
+    for (name, value) in [
+        ("image_size_px", json!([640, 320])),
+        ("metres_per_pixel", json!(0.0012)),
+        ("origin_px", json!([40, 285])),
+        ("noise_grey", json!(0.7)),
+        ("codec", json!("lossless")),
+    ] {
+        camera.insert(name.to_owned(), value);
+    }
+    s["effects"] = json!({"drag": "on", "magnus": "on", "buoyancy": "on", "contact_time": "on"});
+    let r = Rendered::new(&s);
+    let m = measured(&r.video, &r.calibration);
+    let truth = |k: usize, name: &str| r.truth["bounces"][k][name].as_f64().unwrap();
+    for k in 0..2 {
+        let b = &m.bounces[k];
+        let late_s = b.time_s.unwrap().value - truth(k, "time_s");
+        let beyond_m = b.x_m.unwrap().value - truth(k, "x_m");
+        assert!(late_s.abs() < 8e-6, "bounce {k}: {late_s:e} s");
+        assert!(beyond_m.abs() < 1.5e-5, "bounce {k}: {beyond_m:e} m");
+    }
+    for (name, found, of, _) in compare(&m, &r.truth) {
+        let off = (found.value - of) / found.std_uncertainty.unwrap();
+        assert!(off.abs() < 2.0, "{name}: {off} standard uncertainties");
+    }
+}
+
+#[test]
 fn the_models_are_told_apart_where_the_bounces_tell() {
     use track::bounce::{EERegime, MuERegime, Preferred};
     let grips = json!({"model": "e_e", "restitution": 0.9, "tangential_restitution_x": 0.5,
                        "tangential_restitution_y": 0.5});
-    let r = render(&scene(11, &grips, 0.3, 0.7, 0.0));
+    let r = Rendered::new(&scene(11, &grips, 0.3, 0.7, 0.0));
     let readings = measured(&r.video, &r.calibration).readings.unwrap();
     assert_eq!(
         (readings.e_e_regime, readings.preferred),
@@ -161,38 +175,17 @@ fn the_models_are_told_apart_where_the_bounces_tell() {
     );
     assert!(readings.friction.is_none());
     let slides = json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07});
-    let r = render(&scene(12, &slides, 0.15, 1.1, 0.0));
+    let r = Rendered::new(&scene(12, &slides, 0.15, 1.1, 0.0));
     let readings = measured(&r.video, &r.calibration).readings.unwrap();
     assert_eq!(readings.mu_e_regime, MuERegime::Sliding);
     assert_eq!(readings.preferred, Preferred::MuE);
 }
 
-/// Mirrors every frame and the calibration's origin.
-fn mirrored(r: &Rendered, dir: &Path) -> (PathBuf, Calibration) {
-    let path = dir.join("mirrored.mkv");
-    let mut source = frames::open(&r.video).unwrap();
-    let (w, h) = (source.info().width_px, source.info().height_px);
-    let mut writer = VideoWriter::create(&path, w, h, 240.0, Coding::Lossless).unwrap();
-    while let Some(mut frame) = source.next_frame().unwrap() {
-        frame.luma.data.chunks_exact_mut(w).for_each(<[u8]>::reverse);
-        writer.write(&frame.luma).unwrap();
-    }
-    writer.finish().unwrap();
-    let mut calibration = r.calibration.clone();
-    let origin = calibration.origin_px.unwrap();
-    calibration.origin_px = Some(track::geometry::PixelPoint::new(
-        w as f64 - 1.0 - origin.u_px,
-        origin.v_px,
-    ));
-    (path, calibration)
-}
-
 #[test]
 fn leftward_is_as_good_as_rightward() {
     let slides = json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07});
-    let r = render(&scene(21, &slides, 0.2, 1.0, 0.0));
-    let dir = tempfile::tempdir().unwrap();
-    let (video, calibration) = mirrored(&r, dir.path());
+    let r = Rendered::new(&scene(21, &slides, 0.2, 1.0, 0.0));
+    let (video, calibration) = r.mirrored();
     let (right, left) = (measured(&r.video, &r.calibration), measured(&video, &calibration));
     for ((name, a, truth, most), (_, b, ..)) in compare(&right, &r.truth)
         .into_iter()
@@ -220,7 +213,7 @@ fn leftward_is_as_good_as_rightward() {
 #[test]
 fn a_wrong_frame_rate_shows_in_gravity() {
     let slides = json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07});
-    let r = render(&scene(31, &slides, 0.2, 1.0, 0.0));
+    let r = Rendered::new(&scene(31, &slides, 0.2, 1.0, 0.0));
     let mut slow = r.calibration.clone();
     slow.frame_rate_hz = Some(60.0);
     let m = measured(&r.video, &slow);
@@ -245,7 +238,7 @@ fn a_top_view_gives_the_azimuth() {
         "camera": {"view": "top", "origin_px": [100, 420], "distance_m": null},
         "look": {"floor_grey": 80, "texture_grey": 2}
     });
-    let r = render(&scene);
+    let r = Rendered::new(&scene);
     let m = measured(&r.video, &r.calibration);
     let b = &m.bounces[0];
     let azimuth_deg = b.azimuth_rad.unwrap().value.to_degrees();
@@ -257,7 +250,7 @@ fn a_top_view_gives_the_azimuth() {
 #[test]
 fn an_edge_that_the_flight_cannot_come_from_gives_no_x0() {
     let slides = json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07});
-    let r = render(&scene(51, &slides, 0.2, 1.0, 0.0));
+    let r = Rendered::new(&scene(51, &slides, 0.2, 1.0, 0.0));
     let mut far = r.calibration.clone();
     far.launch.edge_x_m = Some(-0.5);
     let m = measured(&r.video, &far);

@@ -10,29 +10,15 @@
 //! ball's by a third (and turn round near the drag crisis, far above these speeds): that doubt is in [`Lift::doubt`].
 
 use crate::flight::Flight;
-use crate::flight::fit::{DRAG, Motion, pushed_by};
+use crate::flight::planar::{DRAG, Motion, Planar};
 use nalgebra::DVector;
-
-/// Air at 20 °C and sea level, kg/m³.
-pub const AIR_DENSITY_KG_M3: f64 = 1.204;
-
-/// The same air's viscosity, Pa s.
-const AIR_VISCOSITY_PA_S: f64 = 1.81e-5;
-
-/// Drag coefficient of a smooth sphere of `radius_m` at `speed_m_s`: within 4 % for Reynolds numbers below 2·10⁵, where
-/// balls of 1 to 10 cm at 0.5 to 20 m/s are (Brown and Lawler 2003, J. Environ. Eng. 129, 222).
-#[must_use]
-pub fn sphere_drag(radius_m: f64, speed_m_s: f64) -> f64 {
-    let reynolds = 2.0 * radius_m * speed_m_s * AIR_DENSITY_KG_M3 / AIR_VISCOSITY_PA_S;
-    24.0 / reynolds * (1.0 + 0.15 * reynolds.powf(0.681)) + 0.407 / (1.0 + 8710.0 / reynolds)
-}
 
 /// Drag coefficient at usual speeds, where only its order counts.
 const USUAL_DRAG: f64 = 0.42;
 
 /// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
-/// and 1.4 times a tennis ball's.
-const KNOWN_SPIN_DOUBT: f64 = 0.35;
+/// and 1.4 times a tennis ball's, and a range of that width has this standard deviation.
+const KNOWN_SPIN_DOUBT: f64 = 0.22;
 
 /// Lift over drag that a ball may have which is said not to spin.
 const LEAST_DOUBT: f64 = 0.03;
@@ -53,16 +39,22 @@ impl Lift {
         Self { spins }
     }
 
+    /// Whether there is lift on any arc.
+    #[must_use]
+    pub fn acts(&self) -> bool {
+        self.spins.iter().flatten().any(|&s| s != 0.0)
+    }
+
     fn spin(&self, arc: usize) -> Option<f64> {
         self.spins.get(arc).copied().flatten()
     }
 
     /// What lift adds to the motion on `arc` from the arc's mean time to `t`.
     #[must_use]
-    pub fn motion(&self, parameters: &[f64], times: &[f64], arc: usize, t: f64) -> Motion {
+    pub fn motion(&self, planar: &Planar<'_>, arc: usize, t: f64) -> Motion {
         let spin = self.spin(arc).unwrap_or(0.0);
-        let over_drag = parameters[DRAG] / USUAL_DRAG;
-        pushed_by(parameters, times, arc, t, |vr, vh| {
+        let over_drag = planar.parameters[DRAG] / planar.law.usual().unwrap_or(USUAL_DRAG);
+        planar.pushed_by(arc, t, |vr, vh| {
             let speed = vr.hypot(vh);
             let share = speed + 2.0 * spin.abs();
             if spin == 0.0 || !(share > 0.0) {
@@ -77,14 +69,15 @@ impl Lift {
     #[must_use]
     pub fn response(&self, flight: &Flight) -> Option<DVector<f64>> {
         let fit = &flight.fit;
-        if fit.drag() == 0.0 || self.spins.iter().flatten().all(|&s| s == 0.0) {
+        if fit.drag() == 0.0 || !self.acts() {
             return None;
         }
         let points = flight.fit_points();
+        let planar = fit.planar(fit.parameters.as_slice());
         let shifts: Vec<(f64, f64)> = points
             .iter()
             .map(|p| {
-                let m = self.motion(fit.parameters.as_slice(), &fit.times, p.arc, p.sample.t);
+                let m = self.motion(&planar, p.arc, p.sample.t);
                 (-m.r, -m.h)
             })
             .collect();
@@ -108,27 +101,22 @@ impl Lift {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn val_drag_of_a_sphere_is_the_standard_curves() {
-        // Reynolds number and C_D: Lapple's table in Clift, Grace and Weber 1978.
-        for (reynolds, expected) in [(100.0, 1.09), (1e3, 0.46), (3e3, 0.40), (1e4, 0.41), (1e5, 0.48)] {
-            let speed_m_s = reynolds * AIR_VISCOSITY_PA_S / (2.0 * 0.01 * AIR_DENSITY_KG_M3);
-            let found = sphere_drag(0.01, speed_m_s);
-            assert!((found / expected - 1.0).abs() < 0.1, "{reynolds}: {found}");
-        }
-    }
+    use crate::flight::drag::DragLaw;
 
     #[test]
     fn topspin_pushes_a_rising_ball_forward_and_down() {
         // g, drag, then r, vr, h, vh.
-        let rising = [9.81, 0.02, 0.0, 1.0, 0.0, 2.0];
+        let rising = Planar {
+            parameters: &[9.81, 0.02, 0.0, 1.0, 0.0, 2.0],
+            times: &[0.0],
+            law: DragLaw::default(),
+        };
         let lift = Lift::new(vec![Some(1.0)]);
-        let m = lift.motion(&rising, &[0.0], 0, 0.05);
+        let m = lift.motion(&rising, 0, 0.05);
         assert!(m.vr > 0.0 && m.vh < 0.0 && m.r > 0.0 && m.h < 0.0, "{m:?}");
-        let back = Lift::new(vec![Some(-1.0)]).motion(&rising, &[0.0], 0, 0.05);
+        let back = Lift::new(vec![Some(-1.0)]).motion(&rising, 0, 0.05);
         assert!((m.vr + back.vr).abs() < 1e-15 && (m.h + back.h).abs() < 1e-15);
-        let none = Lift::new(vec![None]).motion(&rising, &[0.0], 0, 0.05);
+        let none = Lift::new(vec![None]).motion(&rising, 0, 0.05);
         assert_eq!((none.r, none.vr, none.h, none.vh), (0.0, 0.0, 0.0, 0.0));
         assert!(Lift::new(vec![None]).doubt(0, 2.0) > lift.doubt(0, 20.0));
     }

@@ -1,12 +1,14 @@
 //! From fitted arcs and the calibration to bounces and distances, with uncertainties.
 
-use super::air::{AIR_DENSITY_KG_M3, Lift};
+use super::air::Lift;
 use super::propagate::{Evidence, Outputs};
 use super::relations::Crossing;
 use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
 use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
-use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion, return_time};
+use crate::flight::drag::AIR_DENSITY_KG_M3;
+use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion};
+use crate::flight::planar::closest;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
@@ -46,9 +48,12 @@ const DRAG_IN: usize = 7;
 const DRAG_OUT: usize = 8;
 const PLACES: usize = 9;
 
-/// The fitted drag goes as the square of the speed; a sphere's coefficient changes by about this part over the speeds
-/// of an arc (0.39 to 0.45 between Reynolds numbers of 1500 and 50 000: Brown and Lawler 2003).
-const DRAG_LAW_STD: f64 = 0.07;
+/// Where the ball is not known the fitted drag goes as the square of the speed; a sphere's coefficient changes by about
+/// this part over the speeds of an arc (0.39 to 0.45 between Reynolds numbers of 1500 and 50 000: Brown and Lawler 2003).
+const SQUARE_LAW_STD: f64 = 0.07;
+
+/// Where it is known, formulas for that change differ by this part (Clift and Gauvin 1970 against Brown and Lawler 2003).
+const SPHERE_LAW_STD: f64 = 0.03;
 
 /// How well the picture tells places.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +66,7 @@ pub struct Picture {
 }
 
 /// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
-const PLACES_STD_PX: f64 = 0.02;
+const PLACES_STD_PX: f64 = 0.01;
 
 /// Time from the touch to where the arcs meet, s, of a ball of unknown size or mass: half of a small hard ball's contact.
 const TOUCH_S: f64 = 3.5e-5;
@@ -70,9 +75,9 @@ const TOUCH_STD_S: f64 = 3e-5;
 
 /// Effective modulus of a hard ball on a hard floor, Pa: between steel on stone (45 GPa) and steel on steel (115 GPa).
 const HARD_MODULUS_PA: f64 = 7e10;
-/// Relative doubt of the contact time from that: a factor of 3 in the modulus is one of 1.55 in time. What a soft ball
-/// takes more is not contained.
-const CONTACT_DOUBT: f64 = 0.5;
+/// Relative standard uncertainty of the contact time from that range of moduli, of which it goes as E^(-2/5). What a soft
+/// ball takes more is not contained.
+const CONTACT_DOUBT: f64 = 0.2;
 
 /// Time from the touch to the deepest point, s, with its standard deviation: half of Hertz's contact time
 /// 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
@@ -142,6 +147,10 @@ impl<'a> Scene<'a> {
             Scale::Gravity => calibration.gravity_std_m_s2.map(|s| s / calibration.gravity_m_s2),
             _ => metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value),
         };
+        let drag_law = match fit.forces.drag_law().usual() {
+            Some(_) => SPHERE_LAW_STD,
+            None => SQUARE_LAW_STD,
+        };
         let common = common_std_px * units_per_px;
         let origin = calibration.origin_std_px.unwrap_or(0.0) * units_per_px;
         for (i, std) in [
@@ -152,8 +161,8 @@ impl<'a> Scene<'a> {
             // In units of the doubt of each arc's lift.
             (LIFT_IN, 1.0),
             (LIFT_OUT, 1.0),
-            (DRAG_IN, DRAG_LAW_STD),
-            (DRAG_OUT, DRAG_LAW_STD),
+            (DRAG_IN, drag_law),
+            (DRAG_OUT, drag_law),
             (PLACES, PLACES_STD_PX * units_per_px),
         ] {
             covariance[(n + i, n + i)] = std * std;
@@ -249,19 +258,21 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
-    fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
-        let times = &self.flight.fit.times;
-        let (free, lift) = (
-            self.flight.fit.in_plane(p, k, t),
-            self.lift.motion(p, times, k, t),
-        );
-        let m = Motion {
+    /// Motion on arc `k` at `t` with lift, plane units.
+    fn in_plane(&self, p: &[f64], k: usize, t: f64) -> Motion {
+        let fit = &self.flight.fit;
+        let (free, lift) = (fit.in_plane(p, k, t), self.lift.motion(&fit.planar(p), k, t));
+        Motion {
             r: free.r + lift.r,
             h: free.h + lift.h,
             vr: free.vr + lift.vr,
             vh: free.vh + lift.vh,
-        };
+        }
+    }
+
+    /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
+    fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
+        let m = self.in_plane(p, k, t);
         let s = self.scale(p);
         let extras = &p[p.len() - EXTRAS..];
         let (sin, cos) = extras[UP].sin_cos();
@@ -276,8 +287,16 @@ impl<'a> Scene<'a> {
         }
     }
 
+    /// When arcs `k` and `k + 1` meet, lift included, s.
     fn impact_time(&self, p: &[f64], k: usize) -> f64 {
-        self.flight.fit.impact_time(p, k).unwrap_or(f64::NAN)
+        let Some(mut t) = self.flight.fit.impact_time(p, k) else {
+            return f64::NAN;
+        };
+        for _ in 0..if self.lift.acts() { 3 } else { 0 } {
+            let step = closest(&self.in_plane(p, k, t), &self.in_plane(p, k + 1, t));
+            t += step.map_or(0.0, |s| s.0);
+        }
+        t
     }
 
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
@@ -537,7 +556,7 @@ impl<'a> Scene<'a> {
 
     /// When arc `k`, rising at `t`, is back at its height of then, lift included.
     fn back_at(&self, p: &[f64], k: usize, t: f64) -> f64 {
-        let mut down = t + return_time(p, &self.flight.fit.times, k, t);
+        let mut down = t + self.flight.fit.planar(p).return_time(k, t);
         let height = self.world(p, k, t).h;
         for _ in 0..3 {
             let m = self.world(p, k, down);

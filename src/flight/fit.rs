@@ -4,15 +4,18 @@
 //! r'' = -β |v| r'          h'' = -g - β |v| h'          |v| = √(r'² + h'²)
 //! ```
 //!
-//! with place and velocity of arc k at its mean time t_k. Without drag (β = 0) that is the exact parabola and the fit
-//! is linear. With drag (Newton's, β = ρ C_d π R² / 2m) the motion is integrated by Runge-Kutta of fourth order and the
-//! fit is Gauss-Newton; drag is a small part, so three steps settle it. β comes with a prior where the ball's mass and
-//! size are known; otherwise it is fitted where the flight shows it, and zero elsewhere.
+//! with place and velocity of arc k at its mean time t_k ([`Planar`]). Without drag (β = 0) that is the exact parabola and
+//! the fit is linear. With drag (β = ρ C_D π R² / 2m) the fit is Gauss-Newton; drag is a small part, so three steps settle
+//! it. β comes with a prior, and with the way it changes with the speed, where the ball's mass and size are known; otherwise
+//! it is the same at all speeds, fitted where the flight shows it, and zero elsewhere.
 //!
 //! Weighted least squares by QR of the whitened rows; times are centred, so nothing is lost at late times. The
 //! covariance is that of the QR, times the excess of the residuals over the stated uncertainties (never below 1).
 
+use super::drag::{Drag, DragLaw};
 use super::overhead::{self, Overhead};
+use super::planar::Planar;
+pub use super::planar::{ARCS, DRAG, GRAVITY, Motion};
 use super::segment::Sample;
 use nalgebra::{DMatrix, DVector};
 
@@ -25,26 +28,13 @@ pub struct FitPoint {
     pub sample: Sample,
 }
 
-/// State of a free flight at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
-    /// Plane units.
-    pub r: f64,
-    /// Plane units.
-    pub h: f64,
-    /// Plane units a second.
-    pub vr: f64,
-    /// Plane units a second.
-    pub vh: f64,
-}
-
 /// What is known of the forces on the ball in flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Forces {
     /// Gravity is fitted; drag where the flight shows it.
     Fall,
-    /// Gravity is fitted; drag β is known to be this ± that, 1 / plane unit.
-    FallWithDrag(f64, f64),
+    /// Gravity is fitted; this is known of drag.
+    FallWithDrag(Drag),
     /// None that shows: a top view from far away.
     None,
     /// Towards the floor, which a camera above sees by perspective.
@@ -55,16 +45,18 @@ impl Forces {
     /// Whether gravity acts in the plane.
     #[must_use]
     pub fn falls(self) -> bool {
-        matches!(self, Self::Fall | Self::FallWithDrag(..))
+        matches!(self, Self::Fall | Self::FallWithDrag(_))
+    }
+
+    /// How drag changes with the speed.
+    #[must_use]
+    pub fn drag_law(&self) -> DragLaw {
+        match self {
+            Self::FallWithDrag(drag) => drag.law,
+            _ => DragLaw::default(),
+        }
     }
 }
-
-/// Index of gravity in the parameters.
-pub const GRAVITY: usize = 0;
-/// Index of drag in the parameters.
-pub const DRAG: usize = 1;
-/// Index of the first arc's place in the parameters; four an arc: r, vr, h, vh at the arc's mean time.
-pub const ARCS: usize = 2;
 
 /// The fitted arcs.
 #[derive(Debug, Clone)]
@@ -99,7 +91,7 @@ impl ArcFit {
         let plain = Self::with(points, arcs, forces, None)?;
         match forces {
             Forces::None | Forces::Overhead(_) => Some(plain),
-            Forces::FallWithDrag(..) => Self::with(points, arcs, forces, Some(&plain)),
+            Forces::FallWithDrag(_) => Self::with(points, arcs, forces, Some(&plain)),
             Forces::Fall => {
                 let dragged = Self::with(points, arcs, forces, Some(&plain));
                 let shows = |f: &Self| {
@@ -208,7 +200,17 @@ impl ArcFit {
                 &self.times,
                 &overhead::flying(known, p, &self.times, k, t),
             ),
-            _ => motion(p, &self.times, k, t),
+            _ => self.planar(p).motion(k, t),
+        }
+    }
+
+    /// The motion of any parameters of this fit's layout, seen from the side.
+    #[must_use]
+    pub fn planar<'a>(&'a self, parameters: &'a [f64]) -> Planar<'a> {
+        Planar {
+            parameters,
+            times: &self.times,
+            law: self.forces.drag_law(),
         }
     }
 
@@ -219,7 +221,7 @@ impl ArcFit {
         match &self.forces {
             Forces::Overhead(known) => known.speed(&overhead::flying(known, p, &self.times, k, t)),
             _ => {
-                let m = motion(p, &self.times, k, t);
+                let m = self.planar(p).motion(k, t);
                 m.vr.hypot(m.vh)
             }
         }
@@ -231,7 +233,7 @@ impl ArcFit {
     pub fn in_plane(&self, parameters: &[f64], k: usize, t: f64) -> Motion {
         match &self.forces {
             Forces::Overhead(known) => overhead::flying(known, parameters, &self.times, k, t).ground,
-            _ => motion(parameters, &self.times, k, t),
+            _ => self.planar(parameters).motion(k, t),
         }
     }
 
@@ -244,7 +246,7 @@ impl ArcFit {
         }
         match &self.forces {
             Forces::Overhead(_) => Some(parameters[overhead::Layout::new(self.arcs()).impact(k)]),
-            _ => meeting(parameters, &self.times, k, k + 1).map(|m| m.0),
+            _ => self.planar(parameters).meeting(k, k + 1).map(|m| m.0),
         }
     }
 }
@@ -300,8 +302,13 @@ fn system(
     held: [bool; 2],
 ) -> (DMatrix<f64>, DVector<f64>) {
     let prior = match forces {
-        Forces::FallWithDrag(value, std) if !held[DRAG] => Some((value, std)),
+        Forces::FallWithDrag(drag) if !held[DRAG] => Some((drag.beta, drag.std)),
         _ => None,
+    };
+    let planar = Planar {
+        parameters: parameters.as_slice(),
+        times,
+        law: forces.drag_law(),
     };
     let extra = held.iter().filter(|&&h| h).count() + usize::from(prior.is_some());
     let rows = 2 * points.len() + extra;
@@ -311,7 +318,7 @@ fn system(
         let t = p.sample.t - times[p.arc];
         let w = p.sample.weight.sqrt();
         let c = ARCS + 4 * p.arc;
-        let m = motion(parameters.as_slice(), times, p.arc, p.sample.t);
+        let m = planar.motion(p.arc, p.sample.t);
         right[2 * i] = w * (p.sample.r - m.r);
         right[2 * i + 1] = w * (p.sample.h - m.h);
         matrix[(2 * i, c)] = w;
@@ -322,7 +329,7 @@ fn system(
             matrix[(2 * i + 1, GRAVITY)] = -0.5 * w * t * t;
         }
         if !held[DRAG] {
-            let (dr, dh) = drag_shift(parameters.as_slice(), times, p.arc, p.sample.t);
+            let (dr, dh) = planar.drag_shift(p.arc, p.sample.t);
             matrix[(2 * i, DRAG)] = w * dr;
             matrix[(2 * i + 1, DRAG)] = w * dh;
         }
@@ -345,155 +352,6 @@ fn keep(step: &mut DVector<f64>, held: [bool; 2]) {
     for (i, _) in held.iter().enumerate().filter(|(_, held)| **held) {
         step[i] = 0.0;
     }
-}
-
-/// Shift of the place at `t` by a unit of drag, to first order.
-fn drag_shift(parameters: &[f64], times: &[f64], k: usize, t: f64) -> (f64, f64) {
-    let m = pushed_by(parameters, times, k, t, |vr, vh| {
-        let speed = vr.hypot(vh);
-        (-speed * vr, -speed * vh)
-    });
-    (m.r, m.h)
-}
-
-/// What an acceleration `field` of the velocity (along r and h) adds to the motion on arc `k` from its mean time to `t`,
-/// to first order: its integrals along the parabola.
-#[must_use]
-pub fn pushed_by(
-    parameters: &[f64],
-    times: &[f64],
-    k: usize,
-    t: f64,
-    field: impl Fn(f64, f64) -> (f64, f64),
-) -> Motion {
-    const PARTS: usize = 12;
-    let (g, a) = (parameters[GRAVITY], &parameters[ARCS + 4 * k..ARCS + 4 * k + 4]);
-    let dt = (t - times[k]) / PARTS as f64;
-    let mut sum = Motion {
-        r: 0.0,
-        h: 0.0,
-        vr: 0.0,
-        vh: 0.0,
-    };
-    // ∫∫ f = ∫ (t - s) f(s) ds: Simpson's rule needs no second integration.
-    for i in 0..=PARTS {
-        let (fr, fh) = field(a[1], a[3] - g * i as f64 * dt);
-        let weight = match i {
-            0 | PARTS => 1.0,
-            _ if i % 2 == 1 => 4.0,
-            _ => 2.0,
-        } * dt
-            / 3.0;
-        let lever = (PARTS - i) as f64 * dt;
-        sum.r += weight * lever * fr;
-        sum.h += weight * lever * fh;
-        sum.vr += weight * fr;
-        sum.vh += weight * fh;
-    }
-    sum
-}
-
-/// Motion on arc `k` at time `t` for any parameter vector of [`ArcFit`]'s layout.
-#[must_use]
-pub fn motion(parameters: &[f64], times: &[f64], k: usize, t: f64) -> Motion {
-    let (g, beta) = (parameters[GRAVITY], parameters[DRAG]);
-    let a = &parameters[ARCS + 4 * k..ARCS + 4 * k + 4];
-    let dt = t - times[k];
-    if beta == 0.0 {
-        return Motion {
-            r: a[0] + a[1] * dt,
-            h: a[2] + (a[3] - 0.5 * g * dt) * dt,
-            vr: a[1],
-            vh: a[3] - g * dt,
-        };
-    }
-    integrate(
-        Motion {
-            r: a[0],
-            vr: a[1],
-            h: a[2],
-            vh: a[3],
-        },
-        g,
-        beta,
-        dt,
-    )
-}
-
-/// Runge-Kutta of fourth order over `dt` in eight steps: with drag a tenth of gravity the error is below 1e-7 of the
-/// way.
-fn integrate(start: Motion, g: f64, beta: f64, dt: f64) -> Motion {
-    const PARTS: usize = 8;
-    let rate = |m: &Motion| {
-        let speed = m.vr.hypot(m.vh);
-        Motion {
-            r: m.vr,
-            h: m.vh,
-            vr: -beta * speed * m.vr,
-            vh: -g - beta * speed * m.vh,
-        }
-    };
-    let along = |m: &Motion, d: &Motion, s: f64| Motion {
-        r: m.r + s * d.r,
-        h: m.h + s * d.h,
-        vr: m.vr + s * d.vr,
-        vh: m.vh + s * d.vh,
-    };
-    let s = dt / PARTS as f64;
-    let mut m = start;
-    for _ in 0..PARTS {
-        let a = rate(&m);
-        let b = rate(&along(&m, &a, 0.5 * s));
-        let c = rate(&along(&m, &b, 0.5 * s));
-        let d = rate(&along(&m, &c, s));
-        for (part, slope) in [(1.0, &a), (2.0, &b), (2.0, &c), (1.0, &d)] {
-            m = along(&m, slope, s * part / 6.0);
-        }
-    }
-    m
-}
-
-/// When and how closely arcs `a` and `b` meet, for any parameter vector: (time, distance there). `None` when the two
-/// have the same velocity.
-///
-/// With one gravity and no drag the difference of two arcs is linear in time, so the time of least distance is a
-/// quotient, without a root; drag is settled by repeating it.
-#[must_use]
-pub fn meeting(parameters: &[f64], times: &[f64], a: usize, b: usize) -> Option<(f64, f64)> {
-    let mut t = 0.5 * (times[a] + times[b]);
-    let rounds = if parameters[DRAG] == 0.0 { 1 } else { 6 };
-    let mut gap = f64::NAN;
-    for _ in 0..rounds {
-        let (p, q) = (motion(parameters, times, a, t), motion(parameters, times, b, t));
-        let (dr, dh) = (q.r - p.r, q.h - p.h);
-        let (dvr, dvh) = (q.vr - p.vr, q.vh - p.vh);
-        let speed2 = dvr * dvr + dvh * dvh;
-        if !(speed2 > 0.0) {
-            return None;
-        }
-        let step = -(dr * dvr + dh * dvh) / speed2;
-        gap = (dr + dvr * step).hypot(dh + dvh * step);
-        t += step;
-    }
-    (t.is_finite() && gap.is_finite()).then_some((t, gap))
-}
-
-/// Time after `t` at which arc `k`, rising at `t`, is back at its height of then; NaN when it does not rise.
-#[must_use]
-pub fn return_time(parameters: &[f64], times: &[f64], k: usize, t: f64) -> f64 {
-    let start = motion(parameters, times, k, t);
-    let g = parameters[GRAVITY];
-    if !(g > 0.0 && start.vh > 0.0) {
-        return f64::NAN;
-    }
-    let mut duration = 2.0 * start.vh / g;
-    if parameters[DRAG] != 0.0 {
-        for _ in 0..6 {
-            let m = motion(parameters, times, k, t + duration);
-            duration -= (m.h - start.h) / m.vh;
-        }
-    }
-    duration
 }
 
 /// Least squares by QR with scaled columns; the parameters and (AᵀA)⁻¹. `None` when rank-deficient: what is not

@@ -11,16 +11,18 @@
 //! ball's. From a camera whose height is known they bend; that is [`overhead`].
 
 pub mod clock;
+pub mod drag;
 pub mod fit;
 pub mod linking;
 pub mod overhead;
+pub mod planar;
 pub mod repeats;
 pub mod scatter;
 pub mod segment;
 pub mod skips;
 
 use crate::quantity;
-use fit::{ArcFit, FitPoint, Forces, meeting};
+use fit::{ArcFit, FitPoint, Forces};
 use linking::{Spot, Track};
 use scatter::{Distance, Extra};
 use segment::{Fall, Sample, own_fall};
@@ -295,7 +297,7 @@ fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
 fn with_continuations(spots: &[Spot], tracks: &[Track], best: &Candidate, forces: Forces) -> Track {
     let mut whole = best.track.clone();
     match forces {
-        Forces::Fall | Forces::FallWithDrag(..) => {}
+        Forces::Fall | Forces::FallWithDrag(_) => {}
         Forces::Overhead(_) => return overhead::find::with_continuations(spots, tracks, whole),
         Forces::None => return whole,
     }
@@ -691,7 +693,10 @@ impl Flight {
     fn lands_again(&self) -> Option<(f64, f64, f64)> {
         let last = self.fit.arcs() - 1;
         let t = (*self.impacts.last()?)?;
-        let up = fit::return_time(self.fit.parameters.as_slice(), &self.fit.times, last, t);
+        let up = self
+            .fit
+            .planar(self.fit.parameters.as_slice())
+            .return_time(last, t);
         let speed = self.fit.motion(last, t + up).vh.abs();
         (speed > 0.0).then(|| (t + up, self.fit.motion(last, t).h, speed))
     }
@@ -1125,7 +1130,7 @@ fn impact_between(fit: &ArcFit, spans: &[(f64, f64)], a: usize, b: usize, interv
     if let Forces::Overhead(known) = &fit.forces {
         return overhead::find::impact_between(fit, known, spans, a, interval_s);
     }
-    let (t, gap) = meeting(fit.parameters.as_slice(), &fit.times, a, b)?;
+    let (t, gap) = fit.planar(fit.parameters.as_slice()).meeting(a, b)?;
     let slack = 1.5 * interval_s;
     let in_between = t > spans[a].1 - slack && t < spans[b].0 + slack;
     let m = fit.motion(a, t);

@@ -10,7 +10,8 @@
 //! whole frames is of frames that are missing; where the ball falls straight down, v × v' is 0 and nothing shows.
 
 use super::linking::{Spot, link};
-use super::{Flight, SpotUse, fit};
+use super::planar::Planar;
+use super::{Flight, SpotUse};
 
 /// A place where frames are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,7 +112,7 @@ fn late(flight: &Flight, k: usize) -> Option<(f64, f64)> {
     if !(m.vh < 0.0 && n.vh > 0.0) {
         return None;
     }
-    let late_at = |p: &[f64]| meets_after(p, &fit.times, k, t);
+    let late_at = |p: &[f64]| meets_after(&fit.planar(p), k, t);
     let mut at = fit.parameters.clone();
     let late_s = late_at(at.as_slice());
     let slopes = nalgebra::DVector::from_iterator(
@@ -137,13 +138,10 @@ fn late(flight: &Flight, k: usize) -> Option<(f64, f64)> {
 }
 
 /// τ such that arc k at some time is where arc k + 1 is τ earlier, from near `t`; NaN where their velocities have one direction.
-fn meets_after(p: &[f64], times: &[f64], k: usize, t: f64) -> f64 {
+fn meets_after(arcs: &Planar<'_>, k: usize, t: f64) -> f64 {
     let (mut at, mut late) = (t, 0.0);
     for _ in 0..STEPS {
-        let (m, n) = (
-            fit::motion(p, times, k, at),
-            fit::motion(p, times, k + 1, at - late),
-        );
+        let (m, n) = (arcs.motion(k, at), arcs.motion(k + 1, at - late));
         let (dr, dh) = (n.r - m.r, n.h - m.h);
         // Newton: d + (v' − v) δt − v' δτ = 0.
         let (jr, jh) = (n.vr - m.vr, n.vh - m.vh);

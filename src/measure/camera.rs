@@ -2,9 +2,9 @@
 //! against which it is seen. Also drag, which the same facts of the ball tell.
 
 use super::{Work, refine};
-use crate::bounce::air::{AIR_DENSITY_KG_M3, sphere_drag};
 use crate::calibration::{Optics, ScaleEvidence, Silhouettes, View, Viewpoint};
 use crate::detect::centre::Centre;
+use crate::flight::drag::Drag;
 use crate::flight::fit::Forces;
 use crate::flight::linking::Spot;
 use crate::flight::overhead::Overhead;
@@ -15,8 +15,9 @@ use crate::quantity::Quantity;
 /// A ball's speed where nothing is seen of it yet, m/s: drag hardly depends on it.
 const USUAL_SPEED_M_S: f64 = 2.0;
 
-/// Relative doubt of a sphere's drag: felt, seams, slower or smaller balls, thinner air.
-const SPHERE_DRAG_DOUBT: f64 = 0.15;
+/// Relative standard uncertainty of a smooth sphere's drag: formulas agree within 4 %, the air's density changes by more with
+/// weather and height. Where felt or seams make more of it, the flight shows that.
+const SPHERE_DRAG_DOUBT: f64 = 0.1;
 
 /// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
@@ -81,17 +82,15 @@ impl Work<'_> {
         Some(Spot { std, ..spot })
     }
 
-    /// Drag β and its standard uncertainty, 1 / plane unit, where the ball's size and mass tell it.
-    /// `speed` is that of the flight, plane units a second.
-    pub(super) fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<(f64, f64)> {
+    /// Drag, where the ball's size and mass tell it. `speed` is that of the flight, plane units a second.
+    pub(super) fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<Drag> {
         let (ball, scale) = (&self.calibration.ball, metres_per_unit?);
-        let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
-        let coefficient = sphere_drag(radius_m, speed * scale);
-        let beta =
-            AIR_DENSITY_KG_M3 * coefficient * std::f64::consts::PI * radius_m * radius_m / (2.0 * mass_kg);
-        // Metres a unit turn 1/m into 1/unit.
-        let per_unit = beta * scale;
-        Some((per_unit, SPHERE_DRAG_DOUBT * per_unit))
+        Some(Drag::of_sphere(
+            (ball.radius_m?, ball.mass_kg?),
+            scale,
+            speed,
+            SPHERE_DRAG_DOUBT,
+        ))
     }
 
     /// The camera above the floor, where its distance is known; without `metres_per_unit` as far as other scales tell.

@@ -448,7 +448,7 @@ impl<'a> Work<'a> {
                 .map_or(Forces::None, Forces::Overhead);
         }
         self.drag(scale, flight.usual_speed())
-            .map_or(Forces::Fall, |(drag, std)| Forces::FallWithDrag(drag, std))
+            .map_or(Forces::Fall, Forces::FallWithDrag)
     }
 
     fn spots_of(&self, found: &[Found]) -> Vec<Spot> {

@@ -30,6 +30,12 @@ pub(super) const NOT_NEGATIVE: Accept = Accept {
     test: |x| (0.0..=1e15).contains(&x),
     hint: "give 0 to leave it out",
 };
+pub(super) const FACTOR: Accept = Accept {
+    words: "a number from 0 to 10",
+    test: |x| (0.0..=10.0).contains(&x),
+    hint: "1 is the law as it stands",
+};
+
 pub(super) const ANY: Accept = Accept {
     words: calibration::FINITE.accepted,
     test: calibration::FINITE.holds,

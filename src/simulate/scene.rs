@@ -1,7 +1,9 @@
 //! A scene: a ball, a floor, a launch, a camera. The JSON of `contract.md`, checked.
 
 use super::effects;
-use super::reader::{ANY, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown};
+use super::reader::{
+    ANY, FACTOR, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown,
+};
 use crate::calibration::INERTIA;
 use crate::models::{Motion, Regime, e_e, grip_slide, mu_e};
 use serde_json::Value;
@@ -134,6 +136,10 @@ pub struct Ball {
     /// Effective Young's modulus E* of ball and floor, Pa: 1/E* = (1 − ν₁²)/E₁ + (1 − ν₂²)/E₂. 7e10 is steel on
     /// ceramic; 1e7 a superball on anything.
     pub contact_modulus_pa: f64,
+    /// Drag over that of a smooth sphere: felt and seams have more.
+    pub drag_factor: f64,
+    /// Magnus lift over that of a tennis ball.
+    pub lift_factor: f64,
 }
 
 /// The rebound model and its coefficients.
@@ -502,7 +508,14 @@ fn check_schema(root: &Section<'_>) -> Result<(), SceneError> {
 fn read_ball(root: &Section<'_>) -> Result<Ball, SceneError> {
     let s = root.section(
         "ball",
-        &["radius_m", "mass_kg", "inertia_factor", "contact_modulus_pa"],
+        &[
+            "radius_m",
+            "mass_kg",
+            "inertia_factor",
+            "contact_modulus_pa",
+            "drag_factor",
+            "lift_factor",
+        ],
     )?;
     Ok(Ball {
         radius_m: s.number("radius_m", 0.0125, POSITIVE)?,
@@ -517,6 +530,8 @@ fn read_ball(root: &Section<'_>) -> Result<Ball, SceneError> {
             },
         )?,
         contact_modulus_pa: s.number("contact_modulus_pa", 7e10, POSITIVE)?,
+        drag_factor: s.number("drag_factor", 1.0, FACTOR)?,
+        lift_factor: s.number("lift_factor", 1.0, FACTOR)?,
     })
 }
 

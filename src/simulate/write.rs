@@ -2,7 +2,8 @@
 
 use super::Recording;
 use super::camera::{axis_m, axis_px};
-use super::scene::{Scene, SceneError, View};
+use super::scene::{SceneError, View};
+use super::truth::BounceTruth;
 use crate::frames::encode::{Coding, EncodeError, VideoWriter};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Map, Value, json};
@@ -165,7 +166,7 @@ pub fn calibration(recording: &Recording) -> Value {
     );
     calib.insert(
         "launch".into(),
-        json!({"edge_x_m": 0.0, "spin_ratio": spin_ratio(scene)}),
+        json!({"edge_x_m": 0.0, "spin_ratio": spin_ratio(recording)}),
     );
     Value::Object(calib)
 }
@@ -202,11 +203,14 @@ fn origin_px(recording: &Recording) -> [f64; 2] {
     [seen.u_px, seen.v_px]
 }
 
-/// R ω_oy / u_o; a ball that is only dropped has none.
-fn spin_ratio(scene: &Scene) -> f64 {
-    if scene.launch.speed_m_s > 0.0 {
-        scene.launch.spin_ratio[1]
-    } else {
-        0.0
+/// R ω_oy / u_o at the first impact, where the air has slowed the ball and not its spin; a ball that is only dropped has none.
+fn spin_ratio(recording: &Recording) -> f64 {
+    let launch = &recording.scene().launch;
+    if launch.speed_m_s == 0.0 {
+        return 0.0;
     }
+    let truth = recording.truth();
+    let of_bounce = |b: &BounceTruth| b.spin_in_m_s / b.incident.vx_m_s;
+    let ratio = truth.bounces.first().map(of_bounce).filter(|r| r.is_finite());
+    ratio.unwrap_or(launch.spin_ratio[1])
 }

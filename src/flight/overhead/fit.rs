@@ -65,7 +65,7 @@ const LIGHTEST_DRAG: f64 = 0.0024;
 #[must_use]
 pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead) -> Option<Fitted> {
     if let Some(drag) = known.drag {
-        return fit_with(points, arcs, known, drag, drag.0);
+        return fit_with(points, arcs, known, (drag.beta, drag.std), drag.beta);
     }
     let light = LIGHTEST_DRAG / known.radius();
     let open = fit_with(points, arcs, known, (0.0, light), light)?;
@@ -128,7 +128,7 @@ pub fn response(
     shifts: &[(f64, f64)],
 ) -> Option<DVector<f64>> {
     let light = LIGHTEST_DRAG / known.radius();
-    let drag = known.drag.unwrap_or((0.0, light));
+    let drag = known.drag.map_or((0.0, light), |d| (d.beta, d.std));
     let moved: Vec<FitPoint> = points
         .iter()
         .zip(shifts)
@@ -147,7 +147,7 @@ pub fn response(
             parameters,
             known
                 .drag
-                .map_or(parameters[DRAG].clamp(0.1 * light, light), |d| d.0),
+                .map_or(parameters[DRAG].clamp(0.1 * light, light), |d| d.beta),
         );
         Some(job.system(parameters))
     };

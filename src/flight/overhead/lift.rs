@@ -98,6 +98,7 @@ fn spins(known: &Overhead, parameters: &[f64], times: &[f64], k: usize) -> [[f64
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::drag::{Drag, DragLaw};
     use super::*;
     use crate::geometry::PlanePoint;
 
@@ -110,7 +111,11 @@ mod tests {
             fall_relative_std: 0.01,
             height: Some(2000.0),
             contact: Some(0.005),
-            drag: Some((1e-5, 1e-6)),
+            drag: Some(Drag {
+                beta: 1e-5,
+                std: 1e-6,
+                law: DragLaw::default(),
+            }),
             inertia_factor: 0.4,
         };
         let times = [0.1, 0.3];

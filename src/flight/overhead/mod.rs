@@ -25,6 +25,7 @@ mod lift;
 mod seen;
 pub mod segment;
 
+use super::drag::{Drag, DragLaw};
 use super::fit::{ARCS, DRAG, Motion};
 use crate::geometry::PlanePoint;
 
@@ -43,8 +44,8 @@ pub struct Overhead {
     pub height: Option<f64>,
     /// R/D; `None` where only the picture tells R.
     pub contact: Option<f64>,
-    /// β and its standard uncertainty, 1 / plane unit, where the ball's mass and size are known.
-    pub drag: Option<(f64, f64)>,
+    /// Drag, where the ball's mass and size are known.
+    pub drag: Option<Drag>,
     /// I/(m R²).
     pub inertia_factor: f64,
 }
@@ -214,6 +215,7 @@ pub fn flying(known: &Overhead, parameters: &[f64], times: &[f64], k: usize, t: 
     let l = layout.lift(k);
     let air = Air {
         drag: parameters[DRAG],
+        law: known.drag.map(|d| d.law).unwrap_or_default(),
         lift: [parameters[l], parameters[l + 1], parameters[l + 2]],
         height: known.camera_height(),
     };
@@ -234,6 +236,7 @@ pub fn flying(known: &Overhead, parameters: &[f64], times: &[f64], k: usize, t: 
 /// What the air does: β, s, and D to make lengths of ζ.
 struct Air {
     drag: f64,
+    law: DragLaw,
     lift: [f64; 3],
     height: f64,
 }
@@ -268,7 +271,8 @@ pub fn foot(parameters: &[f64], times: &[f64]) -> PlanePoint {
 fn integrate(start: Flying, fall: f64, air: &Air, dt: f64) -> Flying {
     const PARTS: usize = 4;
     let rate = |m: &Flying| {
-        let slow = -air.drag * m.speed(air.height);
+        let speed = m.speed(air.height);
+        let slow = -air.drag * air.law.at(speed) * speed;
         let (vr, vh, vz) = (m.ground.vr, m.ground.vh, m.rate * air.height);
         let [sr, sh, sz] = air.lift;
         Flying {

@@ -31,7 +31,11 @@ fn known(height: f64) -> Overhead {
         fall_relative_std: 0.01,
         height: Some(height),
         contact: Some(12.0 / height),
-        drag: Some((2e-6, 4e-7)),
+        drag: Some(Drag {
+            beta: 2e-6,
+            std: 4e-7,
+            law: DragLaw::default(),
+        }),
         inertia_factor: 0.4,
     }
 }

@@ -50,6 +50,8 @@ struct Law {
     mass_kg: f64,
     density_kg_m3: f64,
     viscosity_pa_s: f64,
+    /// Times the law of a smooth sphere.
+    factor: f64,
 }
 
 impl Law {
@@ -59,6 +61,7 @@ impl Law {
             mass_kg: scene.ball.mass_kg,
             density_kg_m3: scene.air.density_kg_m3,
             viscosity_pa_s: scene.air.viscosity_pa_s,
+            factor: scene.ball.drag_factor,
         }
     }
 
@@ -71,7 +74,7 @@ impl Law {
         let reynolds = self.reynolds(speed_m_s);
         let viscous = 6.0 * PI * self.viscosity_pa_s * self.radius_m * (1.0 + 0.15 * reynolds.powf(0.687));
         let area_m2 = PI * self.radius_m.powi(2);
-        viscous + 0.5 * self.density_kg_m3 * area_m2 * speed_m_s * inertial_part(reynolds)
+        self.factor * (viscous + 0.5 * self.density_kg_m3 * area_m2 * speed_m_s * inertial_part(reynolds))
     }
 }
 

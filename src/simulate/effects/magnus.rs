@@ -39,15 +39,19 @@ impl Effect for Magnus {
 }
 
 struct Law {
-    /// ½ ρ π R², kg/m.
-    half_density_area: f64,
+    /// ½ ρ π R² times the ball's factor, kg/m.
+    strength_kg_m: f64,
     mass_kg: f64,
 }
 
 impl Law {
     fn new(scene: &Scene) -> Self {
         Self {
-            half_density_area: 0.5 * scene.air.density_kg_m3 * PI * scene.ball.radius_m.powi(2),
+            strength_kg_m: scene.ball.lift_factor
+                * 0.5
+                * scene.air.density_kg_m3
+                * PI
+                * scene.ball.radius_m.powi(2),
             mass_kg: scene.ball.mass_kg,
         }
     }
@@ -58,7 +62,7 @@ impl Law {
         if share == 0.0 {
             return Vector3::zeros();
         }
-        spin_m_s.cross(&state.velocity_m_s) * (self.half_density_area * speed / share)
+        spin_m_s.cross(&state.velocity_m_s) * (self.strength_kg_m * speed / share)
     }
 }
 
