@@ -34,7 +34,7 @@ pub struct Scene<'a> {
 }
 
 /// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
-/// time from touch to meeting, lift before and after, drag beyond its law before and after, centre errors that differ
+/// half the time of contact, lift before and after, drag beyond its law before and after, centre errors that differ
 /// between two impacts.
 const EXTRAS: usize = 10;
 const SCALE: usize = 0;
@@ -68,10 +68,10 @@ pub struct Picture {
 /// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
 const PLACES_STD_PX: f64 = 0.01;
 
-/// Time from the touch to where the arcs meet, s, of a ball of unknown size or mass: half of a small hard ball's contact.
-const TOUCH_S: f64 = 3.5e-5;
+/// Half the time of contact, s, of a ball of unknown size or mass: that of a small hard ball.
+const HALF_CONTACT_S: f64 = 3.5e-5;
 /// Standard deviation of that from ball to ball, s.
-const TOUCH_STD_S: f64 = 3e-5;
+const HALF_CONTACT_STD_S: f64 = 3e-5;
 
 /// Effective modulus of a hard ball on a hard floor, Pa: between steel on stone (45 GPa) and steel on steel (115 GPa).
 const HARD_MODULUS_PA: f64 = 7e10;
@@ -79,16 +79,16 @@ const HARD_MODULUS_PA: f64 = 7e10;
 /// ball takes more is not contained.
 const CONTACT_DOUBT: f64 = 0.2;
 
-/// Time from the touch to the deepest point, s, with its standard deviation: half of Hertz's contact time
-/// 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
-fn touch_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
+/// Half of the time of contact, s, with its standard deviation: by Hertz
+/// T = 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
+fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
     match (ball.radius_m, ball.mass_kg) {
         (Some(radius_m), Some(mass_kg)) if speed_m_s > 0.0 => {
             let stiffness = radius_m * HARD_MODULUS_PA.powi(2) * speed_m_s;
             let half_s = 0.5 * 2.87 * (mass_kg * mass_kg / stiffness).powf(0.2);
             (half_s, CONTACT_DOUBT * half_s)
         }
-        _ => (TOUCH_S, TOUCH_STD_S),
+        _ => (HALF_CONTACT_S, HALF_CONTACT_STD_S),
     }
 }
 
@@ -205,9 +205,9 @@ impl<'a> Scene<'a> {
         self.contact_speed_m_s = impacts
             .map(|k| self.impact(p, k).1.vh.abs())
             .find(|&v| v.is_finite() && v > 0.0);
-        let (touch_s, std_s) = touch_s(&self.calibration.ball, self.contact_speed_m_s.unwrap_or(0.0));
+        let (half_s, std_s) = half_contact_s(&self.calibration.ball, self.contact_speed_m_s.unwrap_or(0.0));
         let i = self.evidence.values.len() - EXTRAS + CONTACT;
-        self.evidence.values[i] = touch_s;
+        self.evidence.values[i] = half_s;
         self.evidence.covariance[(i, i)] = std_s * std_s;
         self
     }
@@ -302,12 +302,14 @@ impl<'a> Scene<'a> {
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
-        let touch_s = p[p.len() - EXTRAS + CONTACT] * self.slower_contact(self.world(p, k, t).vh.abs());
+        let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
+        let half_s = p[p.len() - EXTRAS + CONTACT] * self.slower_contact(down.abs());
+        // A ball that touches at 0 and leaves at T with e of its speed has arcs that meet at e T/(1 + e).
+        let kept = (-up / down).clamp(0.0, 1.0);
+        let told = kept.is_finite() && self.calibration.view == View::Side;
+        let kept = if told { kept } else { 1.0 };
+        let (touch_s, release_s) = (2.0 * half_s * kept / (1.0 + kept), 2.0 * half_s / (1.0 + kept));
         let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - touch_s));
-        // What comes back more slowly takes longer to let go, up to twice as long.
-        let slower = (-before.vh / self.world(p, k + 1, t).vh).clamp(1.0, 2.0);
-        let told = slower.is_finite() && self.calibration.view == View::Side;
-        let release_s = touch_s * if told { slower } else { 1.0 };
         let after = self.pushed(
             p,
             k + 1,

@@ -322,8 +322,8 @@ mod tests {
             let (even, repeated) = base.evenly(&stamps, &repeats).unwrap();
             let (mut k, first) = (0, even.times_s[0]);
             assert!(first == 0.0 && even.evened);
-            for i in 1..truth.len() {
-                k += usize::from(!truth[i]);
+            for (i, &repeat) in truth.iter().enumerate().skip(1) {
+                k += usize::from(!repeat);
                 let off = (even.times_s[i] - k as f64 / true_hz).abs();
                 assert!(off < 1e-9 || (i == hidden && off < 1.01 / true_hz), "{i}: {off}");
             }
