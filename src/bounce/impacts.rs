@@ -68,7 +68,7 @@ pub struct Picture {
 /// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
 const PLACES_STD_PX: f64 = 0.01;
 
-/// Half the time of contact, s, of a ball of unknown size or mass: that of a small hard ball.
+/// Half the time of a contact without loss, s, of a ball of unknown size or mass: that of a small hard ball.
 const HALF_CONTACT_S: f64 = 3.5e-5;
 /// Standard deviation of that from ball to ball, s.
 const HALF_CONTACT_STD_S: f64 = 3e-5;
@@ -79,7 +79,7 @@ const HARD_MODULUS_PA: f64 = 7e10;
 /// ball takes more is not contained.
 const CONTACT_DOUBT: f64 = 0.2;
 
-/// Half of the time of contact, s, with its standard deviation: by Hertz
+/// Half of the time of a contact without loss, s, with its standard deviation: by Hertz
 /// T = 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
 fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
     match (ball.radius_m, ball.mass_kg) {
@@ -304,11 +304,13 @@ impl<'a> Scene<'a> {
         let t = self.impact_time(p, k);
         let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
         let half_s = p[p.len() - EXTRAS + CONTACT] * self.slower_contact(down.abs());
-        // A ball that touches at 0 and leaves at T with e of its speed has arcs that meet at e T/(1 + e).
         let kept = (-up / down).clamp(0.0, 1.0);
         let told = kept.is_finite() && self.calibration.view == View::Side;
         let kept = if told { kept } else { 1.0 };
-        let (touch_s, release_s) = (2.0 * half_s * kept / (1.0 + kept), 2.0 * half_s / (1.0 + kept));
+        // What comes back more slowly takes longer to let go, up to twice as long; and a ball that touches at 0 and leaves at
+        // T with e of its speed has arcs that meet at e T/(1 + e): from e = 1/2 up just half of a contact without loss.
+        let contact_s = half_s * (1.0 + (1.0 / kept).min(2.0));
+        let (touch_s, release_s) = (contact_s * kept / (1.0 + kept), contact_s / (1.0 + kept));
         let before = self.pushed(p, k, (LIFT_IN, DRAG_IN), self.world(p, k, t - touch_s));
         let after = self.pushed(
             p,
