@@ -362,3 +362,24 @@ fn a_grazing_touch_is_measured_or_refused() {
     let found = Clip::of(&launched(scene(512), 0.001, 1.0)).measured();
     assert_rejected(&found, "nothing falls freely", "1 mm");
 }
+
+#[test]
+fn a_soft_ball_is_said_to_have_a_contact_of_unknown_time() {
+    // A golf ball that is a thousand times softer than metal: it stays down for 0.8 ms in place of 0.05 ms.
+    let golf = with(
+        scene(530),
+        "ball",
+        json!({"radius_m": 0.0213, "mass_kg": 0.0459, "contact_modulus_pa": 5e7}),
+    );
+    let clip = Clip::of(&with(golf, "effects", json!({"contact_time": "on"})));
+    let found = clip.measured();
+    assert!(found.warns("contact_time_unknown"));
+    // The warning's bounds hold: 1.3 ms and 2 g times that over the speed.
+    let (bounce, truth) = (&found.found.as_ref().unwrap().bounces[0], &clip.truth.bounces[0]);
+    let late_s = bounce.time_s.unwrap().value - truth.time_s;
+    assert!((1e-4..1.3e-3).contains(&late_s), "{late_s}");
+    let off = bounce.restitution.unwrap().value / truth.restitution.unwrap() - 1.0;
+    assert!(off.abs() < 2.0 * 9.81 * 1.3e-3 / 1.9, "{off}");
+    // Steel is as hard as it is taken for.
+    assert!(!usual().measured().warns("contact_time_unknown"));
+}

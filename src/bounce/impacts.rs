@@ -92,6 +92,23 @@ fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
     }
 }
 
+/// A ball of less density than this may be rubber, plastic or hollow, kg/m³; metal, glass and stone are above.
+const SOFT_DENSITY_KG_M3: f64 = 2000.0;
+
+/// Effective modulus of a soft ball, Pa: a superball's. A golf ball has ten times that, a tennis ball a fifth.
+const SOFT_MODULUS_PA: f64 = 1e7;
+
+/// A ball that may be soft, for which the time of contact does not stand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SoftBall {
+    /// Density, kg/m³.
+    pub density_kg_m3: f64,
+    /// How much earlier than said a superball of its size and mass would touch, s.
+    pub earlier_s: f64,
+    /// By what part its restitution would then be off, at most.
+    pub restitution_part: f64,
+}
+
 /// What kind of impact lies between two arcs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImpactKind {
@@ -210,6 +227,25 @@ impl<'a> Scene<'a> {
         self.evidence.values[i] = half_s;
         self.evidence.covariance[(i, i)] = std_s * std_s;
         self
+    }
+
+    /// What changes if the ball is soft; `None` where it is too dense for that, is not known, or seen from above.
+    #[must_use]
+    pub fn may_be_soft(&self) -> Option<SoftBall> {
+        let ball = &self.calibration.ball;
+        let (radius_m, mass_kg) = (ball.radius_m?, ball.mass_kg?);
+        let speed_m_s = self
+            .contact_speed_m_s
+            .filter(|_| self.calibration.view == View::Side)?;
+        let density_kg_m3 = mass_kg / (4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3));
+        let (hard_s, _) = half_contact_s(ball, speed_m_s);
+        // T goes as E^(-2/5).
+        let earlier_s = hard_s * ((HARD_MODULUS_PA / SOFT_MODULUS_PA).powf(0.4) - 1.0);
+        (density_kg_m3 < SOFT_DENSITY_KG_M3).then(|| SoftBall {
+            density_kg_m3,
+            earlier_s,
+            restitution_part: 2.0 * self.calibration.gravity_m_s2 * earlier_s / speed_m_s,
+        })
     }
 
     /// The same with the lift that the bounces' spins make.

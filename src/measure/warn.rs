@@ -4,7 +4,7 @@
 use super::observe::Observation;
 use super::result::Warning;
 use crate::bounce::Bounce;
-use crate::bounce::impacts::Scene;
+use crate::bounce::impacts::{Scene, SoftBall};
 use crate::calibration::{Calibration, Scale, View};
 use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
@@ -260,6 +260,7 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
             format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.excess()),
         ));
     }
+    out.extend(j.scene.may_be_soft().map(soft));
     if j.scene.metres_per_unit.std_uncertainty.is_none() {
         let key = match j.calibration.scale {
             Scale::Homography(_) => "scale.relative_std",
@@ -271,6 +272,19 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
         ));
     }
     out
+}
+
+/// That the ball may be softer than its times and restitution are for.
+fn soft(ball: SoftBall) -> Warning {
+    warning(
+        "contact_time_unknown",
+        format!(
+            "a ball of {:.2} g/cm³ may be soft, and nothing tells how long it stays on the floor. Times, restitution and their uncertainties are those of a ball as hard as metal or glass; one as soft as a superball touches {:.1} ms earlier than said, and its restitution is off by up to {:.1} %.",
+            ball.density_kg_m3 / 1000.0,
+            1000.0 * ball.earlier_s,
+            100.0 * ball.restitution_part,
+        ),
+    )
 }
 
 /// That another method had to be used than was asked for.
