@@ -95,7 +95,7 @@ fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
 /// A ball of less density than this may be rubber, plastic or hollow, kg/m³; metal, glass and stone are above.
 const SOFT_DENSITY_KG_M3: f64 = 2000.0;
 
-/// Effective modulus of a soft ball, Pa: a superball's. A golf ball has ten times that, a tennis ball a fifth.
+/// Effective modulus of a soft ball, Pa: a superball's. A golf ball has twenty times that, a tennis ball a fifth.
 const SOFT_MODULUS_PA: f64 = 1e7;
 
 /// A ball that may be soft, for which the time of contact does not stand.

@@ -286,7 +286,12 @@ impl<'a> Work<'a> {
         if skips.is_empty() {
             return Ok(flight);
         }
-        let before = (self.base.clone(), self.found.clone(), self.shared.clone());
+        let before = (
+            self.base.clone(),
+            self.found.clone(),
+            self.shared.clone(),
+            self.optics,
+        );
         self.base = self.base.clone().with_skips(&pairs(&skips));
         self.found.clear();
         let moved = self.find_flight_as_timed();
@@ -297,7 +302,7 @@ impl<'a> Work<'a> {
                 Ok(moved)
             }
             _ => {
-                (self.base, self.found, self.shared) = before;
+                (self.base, self.found, self.shared, self.optics) = before;
                 Ok(flight)
             }
         }

@@ -35,7 +35,6 @@ pub(super) const FACTOR: Accept = Accept {
     test: |x| (0.0..=10.0).contains(&x),
     hint: "1 is the law as it stands",
 };
-
 pub(super) const ANY: Accept = Accept {
     words: calibration::FINITE.accepted,
     test: calibration::FINITE.holds,

@@ -2,8 +2,8 @@
 
 use super::Recording;
 use super::camera::{axis_m, axis_px};
+use super::flight::Impact;
 use super::scene::{SceneError, View};
-use super::truth::BounceTruth;
 use crate::frames::encode::{Coding, EncodeError, VideoWriter};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Map, Value, json};
@@ -209,8 +209,8 @@ fn spin_ratio(recording: &Recording) -> f64 {
     if launch.speed_m_s == 0.0 {
         return 0.0;
     }
-    let truth = recording.truth();
-    let of_bounce = |b: &BounceTruth| b.spin_in_m_s / b.incident.vx_m_s;
-    let ratio = truth.bounces.first().map(of_bounce).filter(|r| r.is_finite());
+    let of_impact = |i: &Impact| i.incident.surface_spin_m_s.y / i.incident.velocity_m_s.x;
+    let impacts = recording.trajectory().impacts();
+    let ratio = impacts.first().map(of_impact).filter(|r| r.is_finite());
     ratio.unwrap_or(launch.spin_ratio[1])
 }

@@ -98,8 +98,8 @@ fn spins(known: &Overhead, parameters: &[f64], times: &[f64], k: usize) -> [[f64
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::drag::{Drag, DragLaw};
     use super::*;
+    use crate::flight::drag::{Drag, DragLaw};
     use crate::geometry::PlanePoint;
 
     #[test]
