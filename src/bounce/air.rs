@@ -5,11 +5,12 @@
 //! (h', −r'): topspin pushes a rising ball forward and a falling one back, so that an arc fitted without it is too fast
 //! along x at both of its ends.
 //!
-//! The arcs are fitted without lift. Here each point is moved back by what lift did to it, the arcs follow by the same
-//! least squares, to first order, and lift is added to their motion again. A smooth ball's lift can differ from a tennis
-//! ball's by a third (and turn round near the drag crisis, far above these speeds): that doubt is in [`Lift::doubt`].
+//! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again (they
+//! now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth ball's lift can differ from a tennis
+//! ball's by a third (and turn round near the drag crisis, far above these speeds): that doubt is [`KNOWN_SPIN_DOUBT`].
 
 use crate::flight::Flight;
+use crate::flight::fit::FitPoint;
 use crate::flight::planar::{DRAG, Motion, Planar};
 use nalgebra::DVector;
 
@@ -18,7 +19,7 @@ const USUAL_DRAG: f64 = 0.42;
 
 /// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
 /// and 1.4 times a tennis ball's, and a range of that width has this standard deviation.
-const KNOWN_SPIN_DOUBT: f64 = 0.22;
+pub const KNOWN_SPIN_DOUBT: f64 = 0.22;
 
 /// Lift over drag that a ball may have which is said not to spin.
 const LEAST_DOUBT: f64 = 0.03;
@@ -65,7 +66,21 @@ impl Lift {
         })
     }
 
-    /// How the arcs' parameters change when the points are moved back by what lift did; `None` without lift.
+    /// `flight` with its points moved back by what lift did to them; `None` where those have no arcs.
+    #[must_use]
+    pub fn taken_from(&self, flight: &Flight) -> Option<Flight> {
+        let fit = &flight.fit;
+        if fit.drag() == 0.0 || !self.acts() {
+            return Some(flight.clone());
+        }
+        let planar = fit.planar(fit.parameters.as_slice());
+        flight.moved(|spot, arc| {
+            let m = self.motion(&planar, arc, spot.time_s);
+            (-m.r, -m.h)
+        })
+    }
+
+    /// How the arcs' parameters change when the points are moved back once more; `None` where nothing is to be moved.
     #[must_use]
     pub fn response(&self, flight: &Flight) -> Option<DVector<f64>> {
         let fit = &flight.fit;
@@ -74,27 +89,19 @@ impl Lift {
         }
         let points = flight.fit_points();
         let planar = fit.planar(fit.parameters.as_slice());
-        let shifts: Vec<(f64, f64)> = points
-            .iter()
-            .map(|p| {
-                let m = self.motion(&planar, p.arc, p.sample.t);
-                (-m.r, -m.h)
-            })
-            .collect();
+        let back = |p: &FitPoint| {
+            let m = self.motion(&planar, p.arc, p.sample.t);
+            (-m.r, -m.h)
+        };
+        let shifts: Vec<(f64, f64)> = points.iter().map(back).collect();
         fit.response(&points, &shifts)
     }
 
-    /// Standard uncertainty of lift over drag on `arc` at `speed`, plane units/s.
+    /// Standard uncertainty of lift over drag on `arc`, beyond that of the lift that a known spin makes
+    /// ([`KNOWN_SPIN_DOUBT`]).
     #[must_use]
-    pub fn doubt(&self, arc: usize, speed: f64) -> f64 {
-        match self.spin(arc) {
-            Some(spin) => {
-                let share = USUAL_DRAG * (speed + 2.0 * spin.abs());
-                let over_drag = if share > 0.0 { spin.abs() / share } else { 0.0 };
-                LEAST_DOUBT.hypot(KNOWN_SPIN_DOUBT * over_drag)
-            }
-            None => UNKNOWN_SPIN_DOUBT,
-        }
+    pub fn doubt(&self, arc: usize) -> f64 {
+        self.spin(arc).map_or(UNKNOWN_SPIN_DOUBT, |_| LEAST_DOUBT)
     }
 }
 
@@ -118,6 +125,6 @@ mod tests {
         assert!((m.vr + back.vr).abs() < 1e-15 && (m.h + back.h).abs() < 1e-15);
         let none = Lift::new(vec![None]).motion(&rising, 0, 0.05);
         assert_eq!((none.r, none.vr, none.h, none.vh), (0.0, 0.0, 0.0, 0.0));
-        assert!(Lift::new(vec![None]).doubt(0, 2.0) > lift.doubt(0, 20.0));
+        assert!(Lift::new(vec![None]).doubt(0) > lift.doubt(0));
     }
 }

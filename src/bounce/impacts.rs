@@ -1,6 +1,6 @@
 //! From fitted arcs and the calibration to bounces and distances, with uncertainties.
 
-use super::air::Lift;
+use super::air::{KNOWN_SPIN_DOUBT, Lift};
 use super::propagate::{Evidence, Outputs};
 use super::relations::Crossing;
 use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
@@ -23,6 +23,8 @@ pub struct Scene<'a> {
     /// +1 when the launch goes to the right in the picture, −1 to the left.
     pub x_sign: f64,
     lift: Lift,
+    /// How the arcs' parameters follow where lift is twice as much.
+    by_lift: Option<DVector<f64>>,
     /// Speed of the first impact, for which the time of contact stands, m/s.
     contact_speed_m_s: Option<f64>,
     /// Whether the first arc may be the one that began at the launch, whose spin the calibration has.
@@ -35,8 +37,8 @@ pub struct Scene<'a> {
 
 /// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
 /// half the time of contact, lift before and after, drag beyond its law before and after, centre errors that differ
-/// between two impacts.
-const EXTRAS: usize = 10;
+/// between two impacts, by what part all lift of known spins is more.
+const EXTRAS: usize = 11;
 const SCALE: usize = 0;
 const UP: usize = 1;
 const ZERO_RIGHT: usize = 2;
@@ -47,6 +49,7 @@ const LIFT_OUT: usize = 6;
 const DRAG_IN: usize = 7;
 const DRAG_OUT: usize = 8;
 const PLACES: usize = 9;
+const LIFT_PART: usize = 10;
 
 /// Where the ball is not known the fitted drag goes as the square of the speed; a sphere's coefficient changes by about
 /// this part over the speeds of an arc (0.39 to 0.45 between Reynolds numbers of 1500 and 50 000: Brown and Lawler 2003).
@@ -63,10 +66,9 @@ pub struct Picture {
     /// Standard deviation of a centre's error that all frames share (the light's side, the edge's shape), px: it does not
     /// average out.
     pub common_std_px: f64,
+    /// Standard deviation of what differs of that error between the places of two impacts, px.
+    pub places_std_px: f64,
 }
-
-/// What of that error differs between the places of two impacts (uneven light, another direction of motion), px.
-const PLACES_STD_PX: f64 = 0.01;
 
 /// Half the time of a contact without loss, s, of a ball of unknown size or mass: that of a small hard ball.
 const HALF_CONTACT_S: f64 = 3.5e-5;
@@ -75,9 +77,9 @@ const HALF_CONTACT_STD_S: f64 = 3e-5;
 
 /// Effective modulus of a hard ball on a hard floor, Pa: between steel on stone (45 GPa) and steel on steel (115 GPa).
 const HARD_MODULUS_PA: f64 = 7e10;
-/// Relative standard uncertainty of the contact time from that range of moduli, of which it goes as E^(-2/5). What a soft
-/// ball takes more is not contained.
-const CONTACT_DOUBT: f64 = 0.2;
+/// Relative standard uncertainty of the contact time, which goes as E^(-2/5), if the modulus may as well be half or twice as
+/// large (a rectangular distribution of its logarithm). What a soft ball takes more is not contained.
+const CONTACT_DOUBT: f64 = 0.16;
 
 /// Half of the time of a contact without loss, s, with its standard deviation: by Hertz
 /// T = 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
@@ -140,7 +142,8 @@ const SLIP_SIGMAS: f64 = 3.0;
 const NO_E_X_STD: f64 = 1.0;
 
 impl<'a> Scene<'a> {
-    /// The scene of `flight`; `first_right` is where the ball was first seen.
+    /// The scene of `flight`, whose points `lift` was [taken from](Lift::taken_from); `first_right` is where the ball was first
+    /// seen.
     #[must_use]
     pub fn new(
         flight: &'a Flight,
@@ -148,10 +151,12 @@ impl<'a> Scene<'a> {
         metres_per_unit: Quantity,
         picture: Picture,
         first_right: f64,
+        lift: Lift,
     ) -> Self {
         let Picture {
             units_per_px,
             common_std_px,
+            places_std_px,
         } = picture;
         let fit = &flight.fit;
         let n = fit.parameters.len();
@@ -180,7 +185,8 @@ impl<'a> Scene<'a> {
             (LIFT_OUT, 1.0),
             (DRAG_IN, drag_law),
             (DRAG_OUT, drag_law),
-            (PLACES, PLACES_STD_PX * units_per_px),
+            (PLACES, places_std_px * units_per_px),
+            (LIFT_PART, KNOWN_SPIN_DOUBT),
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
@@ -192,18 +198,19 @@ impl<'a> Scene<'a> {
         } else {
             first_right
         };
-        let unlifted = Self {
+        let scene = Self {
             flight,
             calibration,
             evidence: Evidence { values, covariance },
             x_sign,
-            lift: Lift::default(),
+            by_lift: lift.response(flight),
+            lift,
             contact_speed_m_s: None,
             launch_seen: true,
             metres_per_unit,
             zero_right,
         };
-        unlifted.in_contact().since_launch().lifted()
+        scene.in_contact().since_launch()
     }
 
     /// The same with whether the first arc can have begun at the launch: after an impact that was missed the spin is no
@@ -248,15 +255,15 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// The same with the lift that the bounces' spins make.
-    fn lifted(mut self) -> Self {
+    /// The flight with its points moved back by what the lift of the bounces' spins did to them, and that lift. Where those have
+    /// no arcs it stays in the flight.
+    #[must_use]
+    pub fn without_lift(&self) -> (Flight, Lift) {
         let lift = Lift::new(self.spins());
-        if let Some(change) = lift.response(self.flight) {
-            let mut arcs = self.evidence.values.rows_mut(0, change.len());
-            arcs += change;
+        match lift.taken_from(self.flight) {
+            Some(free) => (free, lift),
+            None => (self.flight.clone(), Lift::default()),
         }
-        self.lift = lift;
-        self
     }
 
     /// Spin R ω on each arc, plane units/s, positive where it rolls along +r: the launch's, and what each bounce on the
@@ -297,12 +304,28 @@ impl<'a> Scene<'a> {
     /// Motion on arc `k` at `t` with lift, plane units.
     fn in_plane(&self, p: &[f64], k: usize, t: f64) -> Motion {
         let fit = &self.flight.fit;
-        let (free, lift) = (fit.in_plane(p, k, t), self.lift.motion(&fit.planar(p), k, t));
+        let more = p[p.len() - EXTRAS + LIFT_PART];
+        let mut moved = Vec::new();
+        let arcs = match &self.by_lift {
+            Some(by_lift) if more != 0.0 => {
+                moved.extend_from_slice(p);
+                for (m, change) in moved.iter_mut().zip(by_lift.iter()) {
+                    *m += more * change;
+                }
+                &moved
+            }
+            _ => p,
+        };
+        let (free, lift) = (
+            fit.in_plane(arcs, k, t),
+            self.lift.motion(&fit.planar(arcs), k, t),
+        );
+        let lifted = 1.0 + more;
         Motion {
-            r: free.r + lift.r,
-            h: free.h + lift.h,
-            vr: free.vr + lift.vr,
-            vh: free.vh + lift.vh,
+            r: free.r + lifted * lift.r,
+            h: free.h + lifted * lift.h,
+            vr: free.vr + lifted * lift.vr,
+            vh: free.vh + lifted * lift.vh,
         }
     }
 
@@ -379,7 +402,7 @@ impl<'a> Scene<'a> {
         let speed = m.vr.hypot(m.vh);
         let push = drag_per_m * speed * (to - from) / 4.0;
         let extras = &p[p.len() - EXTRAS..];
-        let lift = extras[lift] * self.lift.doubt(arc, speed / self.scale(p));
+        let lift = extras[lift] * self.lift.doubt(arc);
         Motion {
             vr: m.vr + push * (lift * speed - extras[drag] * m.vr),
             vh: m.vh - push * extras[drag] * m.vh,

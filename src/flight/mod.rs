@@ -573,6 +573,15 @@ impl Flight {
         variance(spot, &self.extra).sqrt()
     }
 
+    /// What the used centres scatter by beyond what their own pixels tell, plane units: how far a codec or a shaking camera
+    /// displaces the ball.
+    #[must_use]
+    pub fn displaced_std(&self) -> f64 {
+        let used = self.points.iter().filter(|p| matches!(p.use_, SpotUse::Used(_)));
+        let mut beyond: Vec<f64> = used.map(|p| self.extra.more(p.spot.coded).sqrt()).collect();
+        median(&mut beyond)
+    }
+
     /// How many times more the used centres scatter than their own pixels tell.
     #[must_use]
     pub fn excess(&self) -> f64 {
@@ -607,6 +616,31 @@ impl Flight {
         });
         used.map(|(arc, spot)| fit_point(spot, arc, &self.extra))
             .collect()
+    }
+
+    /// The same points, each in use moved by what `shift` says of it and its arc (along right and up, plane units), with the
+    /// arcs and the centres' scatter found anew. `None` where the points do not determine them.
+    #[must_use]
+    pub fn moved(&self, shift: impl Fn(&Spot, usize) -> (f64, f64)) -> Option<Self> {
+        let mut points = self.points.clone();
+        for p in &mut points {
+            if let SpotUse::Used(arc) = p.use_ {
+                let (right, up) = shift(&p.spot, arc);
+                p.spot.place.right += right;
+                p.spot.place.up += up;
+            }
+        }
+        let spots: Vec<Spot> = points.iter().map(|p| p.spot).collect();
+        let uses: Vec<SpotUse> = points.iter().map(|p| p.use_).collect();
+        let track: Track = (0..spots.len()).collect();
+        let (arcs, forces) = (self.fit.arcs(), self.fit.forces);
+        let (fit, extra) = settled(&spots, &track, &uses, arcs, forces, self.extra)?;
+        Some(Self {
+            points,
+            fit,
+            extra,
+            ..self.clone()
+        })
     }
 
     /// Number of points in use.
@@ -939,7 +973,19 @@ fn fit_and_set_aside(
             break;
         }
     }
-    // The last verdicts enter, and what is left tells its own scatter.
+    // The last verdicts enter.
+    settled(spots, track, uses, arcs, forces, extra)
+}
+
+/// The fit to the points in use, which tell their own scatter.
+fn settled(
+    spots: &[Spot],
+    track: &Track,
+    uses: &[SpotUse],
+    arcs: usize,
+    forces: Forces,
+    mut extra: Extra,
+) -> Option<(ArcFit, Extra)> {
     let mut fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
     for _ in 0..4 {
         extra = Extra::efficient(&distances(spots, track, uses, &fit, &extra));
@@ -1019,7 +1065,7 @@ const LEAST_FIT_POINTS: usize = 3;
 
 /// Variance of a coordinate of a spot, plane units².
 fn variance(spot: &Spot, extra: &Extra) -> f64 {
-    spot.std * spot.std + extra.of(spot.coded)
+    extra.variance(spot.std * spot.std, spot.coded)
 }
 
 /// The used points' distances to their arcs. An arc of n points with weights w follows each by about 2 w/Σw (two

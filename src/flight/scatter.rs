@@ -5,6 +5,9 @@
 //! the distances to the arcs, and it has nothing to do with the pixels' noise, so it is a variance to add, not a factor.
 //! Frames that are coded differently have each their own: interpolated (B) frames are displaced by several times what
 //! predicted (P) frames are, those by more than whole ones, and the arcs should lean on the better.
+//!
+//! Centres may also be better than they say (what is not known of the light beforehand enters each one's uncertainty,
+//! and may turn out to be the same in all). Then the distances to the arcs say by how much.
 
 use crate::frames::Coded;
 
@@ -21,12 +24,30 @@ pub struct Distance {
     pub leverage: f64,
 }
 
-/// Variances that add to the centres' own, plane units².
+/// The centres' variances by what they scatter, for each kind of frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Extra {
-    whole: f64,
-    predicted: f64,
-    interpolated: f64,
+    whole: Seen,
+    predicted: Seen,
+    interpolated: Seen,
+}
+
+/// What the distances of one kind show.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Seen {
+    /// Part of the centres' own variance, at most 1.
+    own_part: f64,
+    /// Variance beyond their own, plane units².
+    more: f64,
+}
+
+impl Default for Seen {
+    fn default() -> Self {
+        Self {
+            own_part: 1.0,
+            more: 0.0,
+        }
+    }
 }
 
 /// Fewer points of a kind do not tell its variance; that of all kinds together has to do.
@@ -36,9 +57,20 @@ const LEAST_POINTS: usize = 12;
 const MEDIAN_SQUARE: f64 = 2.0 * std::f64::consts::LN_2;
 
 impl Extra {
-    /// The variance to add to that of a centre's coordinate.
+    /// The variance of a centre's coordinate whose own is `own`, plane units².
     #[must_use]
-    pub fn of(&self, coded: Coded) -> f64 {
+    pub fn variance(&self, own: f64, coded: Coded) -> f64 {
+        let seen = self.of(coded);
+        seen.own_part * own + seen.more
+    }
+
+    /// The variance beyond the own one, of frames of a kind, plane units².
+    #[must_use]
+    pub fn more(&self, coded: Coded) -> f64 {
+        self.of(coded).more
+    }
+
+    fn of(&self, coded: Coded) -> Seen {
         match coded {
             Coded::Whole => self.whole,
             Coded::Predicted => self.predicted,
@@ -49,7 +81,7 @@ impl Extra {
     /// By medians: right also when a quarter of the points are somewhere else.
     #[must_use]
     pub fn robust(distances: &[Distance]) -> Self {
-        Self::by_kind(distances, |part, extra| {
+        Self::by_kind(distances, false, |part, extra| {
             let mut squares: Vec<f64> = part
                 .iter()
                 .map(|d| d.square / ((1.0 - d.leverage) * (d.own + extra)))
@@ -61,7 +93,7 @@ impl Extra {
     /// By mean squares: the most exact, once what is somewhere else has been set aside.
     #[must_use]
     pub fn efficient(distances: &[Distance]) -> Self {
-        Self::by_kind(distances, |part, extra| {
+        Self::by_kind(distances, true, |part, extra| {
             let sum: f64 = part
                 .iter()
                 .map(|d| d.square / (2.0 * (1.0 - d.leverage) * (d.own + extra)))
@@ -70,15 +102,24 @@ impl Extra {
         })
     }
 
-    /// For each kind the variance for which `ratio` (of seen to expected squares) is 1.
-    fn by_kind(distances: &[Distance], ratio: impl Fn(&[Distance], f64) -> f64) -> Self {
-        let all = balance(distances, &ratio);
+    /// For each kind the variances for which `ratio` (of seen to expected squares) is 1. `all_count`: whether all distances
+    /// enter it, so that it also tells of centres that are better than they say.
+    fn by_kind(distances: &[Distance], all_count: bool, ratio: impl Fn(&[Distance], f64) -> f64) -> Self {
+        let seen = |part: &[Distance]| Seen {
+            own_part: if all_count {
+                better(ratio(part, 0.0), part.len())
+            } else {
+                1.0
+            },
+            more: balance(part, &ratio),
+        };
+        let all = seen(distances);
         let of = |coded: Coded| {
             let part: Vec<Distance> = distances.iter().filter(|d| d.coded == coded).copied().collect();
             if part.len() < LEAST_POINTS {
                 all
             } else {
-                balance(&part, &ratio)
+                seen(&part)
             }
         };
         Self {
@@ -88,6 +129,16 @@ impl Extra {
         }
     }
 }
+
+/// The part of their own variance that `count` centres have, by the `ratio` of seen to expected squares: a mean of 2 n squares
+/// is itself uncertain by its 1/√n, and what it could be by that is believed.
+fn better(ratio: f64, count: usize) -> f64 {
+    let doubt = 1.0 / (count.max(1) as f64).sqrt();
+    (ratio * (1.0 + doubt)).clamp(LEAST_PART, 1.0)
+}
+
+/// No centre is better than by this part of its own variance.
+const LEAST_PART: f64 = 0.25;
 
 /// The least variance of at least 0 for which `ratio`, which falls as it grows, is no more than 1.
 fn balance(part: &[Distance], ratio: impl Fn(&[Distance], f64) -> f64) -> f64 {
@@ -152,9 +203,12 @@ mod tests {
         let true_extra = |c: Coded| if c == Coded::Predicted { 0.5 } else { 4.0 };
         let seen = distances(3000, 0.1, true_extra);
         for found in [Extra::robust(&seen), Extra::efficient(&seen)] {
-            assert!((found.of(Coded::Predicted) / 0.5 - 1.0).abs() < 0.15, "{found:?}");
             assert!(
-                (found.of(Coded::Interpolated) / 4.0 - 1.0).abs() < 0.15,
+                (found.more(Coded::Predicted) / 0.5 - 1.0).abs() < 0.15,
+                "{found:?}"
+            );
+            assert!(
+                (found.more(Coded::Interpolated) / 4.0 - 1.0).abs() < 0.15,
                 "{found:?}"
             );
         }
@@ -165,9 +219,22 @@ mod tests {
         let seen = distances(3000, 1.0, |_| 0.0);
         let found = Extra::efficient(&seen);
         assert!(
-            found.of(Coded::Predicted) < 0.1 && found.of(Coded::Interpolated) < 0.1,
+            found.more(Coded::Predicted) < 0.1 && found.more(Coded::Interpolated) < 0.1,
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn centres_that_are_better_than_they_say_are_believed_to_be_so() {
+        let mut seen = distances(400, 1.0, |_| 0.0);
+        for d in &mut seen {
+            d.square *= 0.6;
+        }
+        let variance = Extra::efficient(&seen).variance(1.0, Coded::Interpolated);
+        assert!((0.55..0.75).contains(&variance), "{variance}");
+        // The fewer they are, the more is left for chance.
+        assert!(better(0.6, 12) > better(0.6, 400) && better(0.6, 400) > 0.6);
+        assert_eq!(Extra::robust(&seen).variance(1.0, Coded::Predicted), 1.0);
     }
 
     #[test]
@@ -176,7 +243,7 @@ mod tests {
         for d in seen.iter_mut().step_by(5) {
             d.square = 1e6;
         }
-        assert!(Extra::robust(&seen).of(Coded::Interpolated) < 1.0);
+        assert!(Extra::robust(&seen).more(Coded::Interpolated) < 1.0);
     }
 
     #[test]

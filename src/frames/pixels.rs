@@ -56,6 +56,7 @@ impl Orientation {
     /// Copies the `width * height` stored bytes that `row` gives into `out`, upright.
     fn place<'a>(self, (width, height): (usize, usize), row: impl Fn(usize) -> &'a [u8], out: &mut Vec<u8>) {
         out.clear();
+        out.reserve_exact(width * height);
         if self == Self::default() {
             (0..height).for_each(|y| out.extend_from_slice(&row(y)[..width]));
         } else if self.transposed {

@@ -17,24 +17,34 @@ use std::path::Path;
 /// # Errors
 /// Whatever makes the recording unreadable, as for [`open`](super::open).
 pub fn open_sparse(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
+    match open_sparse_at_once(path, at_most)? {
+        Some(frames) => Ok(frames),
+        None => all_frames(path, at_most),
+    }
+}
+
+/// The same where it takes no pass over all frames; `None` where it would.
+///
+/// # Errors
+/// As for [`open_sparse`].
+pub fn open_sparse_at_once(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameError> {
     if at_most == 0 {
-        return Ok(Vec::new());
+        return Ok(Some(Vec::new()));
     }
     if path.is_dir() {
         let listing = Listing::of(path)?;
-        return evenly(listing.len(), at_most)
-            .into_iter()
+        let chosen = evenly(listing.len(), at_most).into_iter();
+        return chosen
             .map(|i| listing.frame(i))
-            .collect();
+            .collect::<Result<_, _>>()
+            .map(Some);
     }
-    if let Some(frames) = key_frames(path, at_most)? {
-        return Ok(frames);
-    }
-    all_frames(path, at_most)
+    key_frames(path, at_most)
 }
 
 /// `at_most` of the numbers below `count`, evenly spread, first and last included where there are two.
-fn evenly(count: usize, at_most: usize) -> Vec<usize> {
+#[must_use]
+pub fn evenly(count: usize, at_most: usize) -> Vec<usize> {
     let taken = at_most.min(count);
     match taken {
         0 => Vec::new(),
@@ -138,10 +148,10 @@ fn spread_in_time(stamps: &[i64], last: i64, at_most: usize) -> Vec<i64> {
 fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
     let (input, _) = open_input(path)?;
     let mut collector = Collector::open(path, input, true)?;
-    let mut kept = Reservoir::new(at_most);
+    let mut kept = Spread::new(at_most);
     let mut index = 0;
     while collector.stream.next() {
-        if kept.wants(index) {
+        if kept.wants_next() {
             let time_s = collector
                 .stream
                 .picture
@@ -216,45 +226,61 @@ impl<'a> Collector<'a> {
     }
 }
 
-/// Keeps items evenly spread over a stream of unknown length: every `stride`-th, where the stride doubles whenever
+/// Keeps frames evenly spread over a stream of unknown length: every `stride`-th, where the stride doubles whenever
 /// twice the wanted number is reached.
-struct Reservoir {
+#[derive(Debug)]
+pub struct Spread {
     at_most: usize,
     stride: usize,
-    kept: Vec<Frame>,
+    offered: usize,
+    /// With their number among those offered.
+    kept: Vec<(usize, Frame)>,
 }
 
-impl Reservoir {
-    fn new(at_most: usize) -> Self {
+impl Spread {
+    /// For `at_most` frames in the end, and less than twice as many meanwhile.
+    #[must_use]
+    pub fn new(at_most: usize) -> Self {
         Self {
             at_most,
             stride: 1,
+            offered: 0,
             kept: Vec::new(),
         }
     }
 
-    fn wants(&self, index: usize) -> bool {
-        index.is_multiple_of(self.stride)
+    /// Counts one more frame that could be had; whether it is to be added.
+    pub fn wants_next(&mut self) -> bool {
+        self.offered += 1;
+        (self.offered - 1).is_multiple_of(self.stride)
     }
 
-    fn add(&mut self, frame: Frame) {
-        self.kept.push(frame);
+    /// Adds the frame that was wanted.
+    pub fn add(&mut self, frame: Frame) {
+        self.kept.push((self.offered.saturating_sub(1), frame));
         if self.kept.len() >= 2 * self.at_most {
             self.stride *= 2;
             let stride = self.stride;
-            self.kept.retain(|f| f.index.is_multiple_of(stride));
+            self.kept.retain(|(number, _)| number.is_multiple_of(stride));
         }
     }
 
-    /// At most as many as wanted.
-    fn into_frames(mut self) -> Vec<Frame> {
+    /// Those kept, at most as many as wanted.
+    #[must_use]
+    pub fn frames(&self) -> Vec<&Frame> {
+        let chosen = evenly(self.kept.len(), self.at_most).into_iter();
+        chosen.map(|i| &self.kept[i].1).collect()
+    }
+
+    /// The same for good.
+    #[must_use]
+    pub fn into_frames(self) -> Vec<Frame> {
         let chosen = evenly(self.kept.len(), self.at_most);
-        let mut position = 0;
-        self.kept.retain(|_| {
-            position += 1;
-            chosen.binary_search(&(position - 1)).is_ok()
-        });
-        self.kept
+        let positions = self.kept.into_iter().enumerate();
+        positions
+            .filter(|(position, _)| chosen.binary_search(position).is_ok())
+            .map(|(_, (_, frame))| frame)
+            .collect()
     }
 }
 
@@ -271,11 +297,11 @@ mod tests {
     }
 
     #[test]
-    fn a_reservoir_stays_even_and_small() {
+    fn a_spread_stays_even_and_small() {
         for (total, at_most) in [(1, 8), (15, 8), (16, 8), (1000, 8), (1001, 1), (777, 20)] {
-            let mut kept = Reservoir::new(at_most);
-            for index in (0..total).filter(|_| true) {
-                if kept.wants(index) {
+            let mut kept = Spread::new(at_most);
+            for index in 0..total {
+                if kept.wants_next() {
                     let luma = Luma {
                         width: 0,
                         height: 0,

@@ -14,6 +14,7 @@ mod world;
 
 pub use result::*;
 
+use crate::bounce::air::Lift;
 use crate::bounce::impacts::{ImpactKind, Picture, Scene};
 use crate::bounce::reading;
 use crate::calibration::{Calibration, CalibrationError, Optics, Rectification, ScaleEvidence};
@@ -497,24 +498,15 @@ impl<'a> Work<'a> {
 
     fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
         let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
-        let flight = &doubt::widened(flight, self.calibration, &self.map);
-        let first = match flight.fit.forces {
-            Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
-            _ => flight.points.first(),
+        let (free, lift) = self
+            .scene(flight, metres_per_unit, Lift::default())
+            .without_lift();
+        let flight = &Flight {
+            extra: free.extra,
+            ..flight.clone()
         };
-        let first_right = first
-            .and_then(|p| in_plane(flight, p))
-            .map_or(0.0, |place| place.right);
-        let scene = Scene::new(
-            flight,
-            self.calibration,
-            metres_per_unit,
-            Picture {
-                units_per_px: self.units_per_px(),
-                common_std_px: refine::common_std_px(self.shared.as_ref()),
-            },
-            first_right,
-        );
+        let free = doubt::widened(&free, self.calibration, &self.map);
+        let scene = self.scene(&free, metres_per_unit, lift);
         let bounces = scene.bounces();
         let distances = scene.distances(&bounces);
         let gravity = scene.gravity_m_s2();
@@ -563,6 +555,32 @@ impl<'a> Work<'a> {
             strobe: Some(drawing::strobe(&self.seen, &self.found, flight)),
             warnings: self.warnings,
         })
+    }
+
+    /// The flight in metres; `lift` is what its points were taken from.
+    fn scene<'f>(&'f self, flight: &'f Flight, metres_per_unit: Quantity, lift: Lift) -> Scene<'f> {
+        let first = match flight.fit.forces {
+            Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
+            _ => flight.points.first(),
+        };
+        let first_right = first
+            .and_then(|p| in_plane(flight, p))
+            .map_or(0.0, |place| place.right);
+        let units_per_px = self.units_per_px();
+        let displaced_px = flight.displaced_std() / units_per_px;
+        let picture = Picture {
+            units_per_px,
+            common_std_px: refine::common_std_px(self.shared.as_ref(), displaced_px),
+            places_std_px: refine::places_std_px(displaced_px),
+        };
+        Scene::new(
+            flight,
+            self.calibration,
+            metres_per_unit,
+            picture,
+            first_right,
+            lift,
+        )
     }
 
     /// That the light changes during the flight.

@@ -33,18 +33,35 @@ impl Shared {
     }
 }
 
-/// Standard deviation of the error that all centres share, px.
+/// Standard deviation of the error that all centres share, px, where a codec or a shaking camera displaces each by
+/// `displaced_px`.
 #[must_use]
-pub fn common_std_px(shared: Option<&Shared>) -> f64 {
+pub fn common_std_px(shared: Option<&Shared>, displaced_px: f64) -> f64 {
     shared
         .and_then(|s| s.appearance.as_ref())
         .map_or(OUTLINE_COMMON_STD_PX, |a| {
-            a.shift_std_px.hypot(LEARNED_COMMON_STD_PX)
+            a.shift_std_px
+                .hypot(LEARNED_COMMON_STD_PX)
+                .hypot(LASTING_PART * displaced_px)
         })
 }
 
 /// What the model of the ball leaves out (a highlight's shape, the optics' real blur) shifts all centres by this, px.
-const LEARNED_COMMON_STD_PX: f64 = 0.01;
+const LEARNED_COMMON_STD_PX: f64 = 0.005;
+
+/// Part of what a codec displaces each centre by that lasts: it leaves the ball where it was predicted, in one direction while
+/// the ball flies in one.
+const LASTING_PART: f64 = 0.15;
+
+/// Standard deviation of what differs of that error between the places of two impacts (uneven light, another direction of
+/// motion), px.
+#[must_use]
+pub fn places_std_px(displaced_px: f64) -> f64 {
+    PLACES_STD_PX.hypot(LASTING_PART * displaced_px)
+}
+
+/// The same where nothing displaces the centres, px.
+const PLACES_STD_PX: f64 = 0.004;
 
 /// A shaded ball's outline is off towards the light by about this, px.
 const OUTLINE_COMMON_STD_PX: f64 = 0.1;

@@ -6,6 +6,7 @@
 mod noise;
 
 use noise::Noise;
+use track::bounce::air::Lift;
 use track::bounce::impacts::{Picture, Scene};
 use track::bounce::reading;
 use track::bounce::{Bounce, Distances, Readings};
@@ -227,6 +228,7 @@ impl Film {
 const PICTURE: Picture = Picture {
     units_per_px: 1.0,
     common_std_px: 0.03,
+    places_std_px: 0.01,
 };
 
 /// What the numeric layer makes of spots.
@@ -251,7 +253,9 @@ pub fn measured(
 fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) -> Measured {
     let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
     let scale = Quantity::new(metres_per_unit, 1e-9 * metres_per_unit).unwrap();
-    let scene = Scene::new(&flight, calibration, scale, PICTURE, first_right);
+    let lifted = Scene::new(&flight, calibration, scale, PICTURE, first_right, Lift::default());
+    let (free, lift) = lifted.without_lift();
+    let scene = Scene::new(&free, calibration, scale, PICTURE, first_right, lift);
     let indexed = scene.bounces();
     let distances = scene.distances(&indexed);
     let gravity_m_s2 = scene.gravity_m_s2();

@@ -113,6 +113,25 @@ impl RadialTable {
         }
         (value, slope)
     }
+
+    /// Values alone.
+    #[inline]
+    fn value_at(&self, r: f64) -> [f64; RADIAL] {
+        let x = (r - self.first_px) * self.steps_a_px;
+        let last = self.rows.len() - 2;
+        let mut value = [0.0; RADIAL];
+        if x > last as f64 {
+            return value;
+        }
+        let i = ((x + 0.5).max(1.0) as usize).min(last);
+        let t = x - i as f64;
+        let (a, b, c) = (&self.rows[i - 1], &self.rows[i], &self.rows[i + 1]);
+        let (before, behind) = (0.5 * t * (t - 1.0), 0.5 * t * (t + 1.0));
+        for k in 0..RADIAL {
+            value[k] = before * a[k] + (1.0 - t * t) * b[k] + behind * c[k];
+        }
+        value
+    }
 }
 
 /// The profiles at r: ∫ f(ρ) N(r - ρR'; σ) dρR' over the disc. With ρ = sin θ the root of ζ at the rim becomes smooth,
@@ -237,28 +256,43 @@ pub fn light(table: &RadialTable, pose: &Pose, offset: (f64, f64)) -> Light {
     }
 }
 
-/// Each term's share in a pixel `offset` from the middle of the path, averaged over it. `profiles` by
-/// [`RadialTable::profiles`].
-pub fn term_shares(profiles: &RadialTable, pose: &Pose, offset: (f64, f64), out: &mut [f64]) {
+/// The covered part and the light by each of `tables` ([`RadialTable::of_ball`]) of a pixel `offset` from the middle of the
+/// path, averaged over it; and, in `terms`, each term's share by `profiles` ([`RadialTable::profiles`]).
+pub fn shares<const N: usize>(
+    tables: [&RadialTable; N],
+    profiles: &RadialTable,
+    pose: &Pose,
+    offset: (f64, f64),
+    terms: &mut [f64],
+) -> [[f64; 2]; N] {
     let Pose {
         larger_px,
         swept_px,
         points,
         ..
     } = *pose;
-    out.fill(0.0);
+    terms.fill(0.0);
+    let mut sums = [[0.0; 2]; N];
     let n = 1.0 / points as f64;
     for k in 0..points {
         let s = (k as f64 + 0.5) / points as f64 - 0.5;
         let x = offset.0 - s * swept_px[0];
         let y = offset.1 - s * swept_px[1];
         let r = (x * x + y * y).sqrt().max(1e-6);
-        let (f, _) = profiles.at(r - larger_px);
         let h = harmonics(x / r, y / r);
-        for (i, o) in out.iter_mut().enumerate() {
+        let f = profiles.value_at(r - larger_px);
+        for (i, o) in terms.iter_mut().enumerate() {
             *o += n * f[PROFILE[i]] * h[HARMONIC[i]];
         }
+        for (sum, table) in sums.iter_mut().zip(tables) {
+            let f = table.value_at(r - larger_px);
+            sum[0] += n * f[0];
+            for i in 0..HARMONICS {
+                sum[1] += n * f[1 + i] * h[i];
+            }
+        }
     }
+    sums
 }
 
 /// Points along the swept path: midpoints of equal parts, so short that the blur hides the steps.

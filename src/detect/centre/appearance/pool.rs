@@ -115,7 +115,8 @@ impl Pool {
             shift_std_px: equations
                 .std(0)
                 .zip(equations.std(1))
-                .map_or(UNKNOWN_SHIFT_STD_PX, |(u, v)| (0.5 * (u * u + v * v)).sqrt()),
+                .map_or(UNKNOWN_SHIFT_STD_PX, |(u, v)| (0.5 * (u * u + v * v)).sqrt())
+                .hypot(equations.shift_std_by_radius()),
             radius_std_px: if shared.radius_held {
                 Some(OUTLINE_STD_PX)
             } else {
@@ -260,6 +261,8 @@ struct Equations {
     scale: f64,
     /// Each frame's pull, for the uncertainty: residuals of a frame are not independent.
     pulls: Vec<DVector<f64>>,
+    /// The column of a radius that is held.
+    by_radius: Option<DVector<f64>>,
 }
 
 /// One frame's share in them.
@@ -301,8 +304,7 @@ impl Part {
         let mut row = vec![0.0; n];
         for p in pixels {
             let at = ball::offset(disc.centre, p);
-            let see = |t: &RadialTable| ball::light(t, &pose, at);
-            let l = see(&tables.table);
+            let l = ball::light(&tables.table, &pose, at);
             let tilt = frame.departures[1] * l.dipole[0] + frame.departures[2] * l.dipole[1];
             let residual = p.grey - (p.background * (1.0 - l.cover) + strength * l.ball + tilt);
             part.residuals.push(residual);
@@ -313,18 +315,22 @@ impl Part {
             let weight = (1.0 - x * x).powi(2);
             row[0] = p.background * l.cover_slope[0] - strength * l.ball_slope[0];
             row[1] = p.background * l.cover_slope[1] - strength * l.ball_slope[1];
-            let slope = |other: &RadialTable| {
-                let o = see(other);
-                (strength * (o.ball - l.ball) - p.background * (o.cover - l.cover)) / step_px
-            };
-            row[RADIUS] = slope(&tables.wider);
-            row[BLUR] = slope(&tables.softer);
+            let others = ball::shares(
+                [&tables.wider, &tables.softer],
+                &tables.profiles,
+                &pose,
+                at,
+                &mut row[TERMS..],
+            );
+            let [wider, softer] = others.map(|[cover, ball]| {
+                (strength * (ball - l.ball) - p.background * (cover - l.cover)) / step_px
+            });
+            (row[RADIUS], row[BLUR]) = (wider, softer);
             row[EXPOSURE] = if shared.exposure_s > 0.0 {
                 (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
             } else {
                 0.0
             };
-            ball::term_shares(&tables.profiles, &pose, at, &mut row[TERMS..]);
             for share in &mut row[TERMS..] {
                 *share *= strength;
             }
@@ -382,6 +388,7 @@ impl Equations {
             weighed_at: scale,
             scale: own_scale.max(ROUNDING_STD_GREY),
             pulls,
+            by_radius: None,
         }
     }
 
@@ -389,9 +396,24 @@ impl Equations {
         if shared.exposure_s == 0.0 {
             self.hold(&[EXPOSURE]);
         }
-        if shared.radius_held {
+        if shared.radius_held && self.by_radius.is_none() {
+            self.by_radius = Some(self.normal.column(RADIUS).clone_owned());
             self.hold(&[RADIUS]);
         }
+    }
+
+    /// What the held radius' own doubt does to the shift, px, root mean square of the two coordinates: where the ball's far
+    /// side does not stand out from the wall, the near one places the centre at the radius' distance.
+    fn shift_std_by_radius(&self) -> f64 {
+        let Some(column) = &self.by_radius else {
+            return 0.0;
+        };
+        let mut column = column.clone();
+        column[RADIUS] = 0.0;
+        let response = self.inverse(LEAST_DAMPING).map(|inverse| inverse * column);
+        response.map_or(UNKNOWN_SHIFT_STD_PX, |r| {
+            OUTLINE_STD_PX * (0.5 * (r[0] * r[0] + r[1] * r[1])).sqrt()
+        })
     }
 
     /// Keeps these unknowns as they are.
