@@ -144,8 +144,8 @@ impl Plan {
         Self {
             looks: vec![Look::Flat, Look::Coded],
             noises_grey: vec![2.0],
-            radii_px: vec![4.0, 10.0],
-            repeats: 3,
+            radii_px: vec![4.0, 8.0],
+            repeats: 2,
         }
     }
 
