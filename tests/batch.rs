@@ -153,14 +153,7 @@ fn write_noise(path: &Path) {
     let mut writer = VideoWriter::create_with(path, 64, 48, &VideoOptions::new(30.0, coding)).unwrap();
     let mut state = 1;
     for _ in 0..30 {
-        let data = (0..64 * 48)
-            .map(|_| (100.0 + 8.0 * uniform(&mut state)) as u8)
-            .collect();
-        let frame = Luma {
-            width: 64,
-            height: 48,
-            data,
-        };
+        let frame = Luma::from_fn(64, 48, |_, _| (100.0 + 8.0 * uniform(&mut state)) as u8);
         writer.write(&frame).unwrap();
     }
     writer.finish().unwrap();

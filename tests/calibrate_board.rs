@@ -568,11 +568,7 @@ fn pictures_that_give_no_lens_are_told_what_to_do() {
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let pattern = ["--pattern", "9x6", "--square-m", "0.025"];
     // No board.
-    let empty = Luma {
-        width: 480,
-        height: 320,
-        data: (0..480 * 320).map(|k| (k % 251) as u8).collect(),
-    };
+    let empty = Luma::from_fn(480, 320, |u, v| ((v * 480 + u) % 251) as u8);
     write_png(&empty, Path::new(&path("empty.png")));
     refused(
         &[&[path("empty.png").as_str()][..], &pattern].concat(),

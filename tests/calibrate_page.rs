@@ -46,21 +46,13 @@ fn clip(dir: &Path) -> PathBuf {
     let path = dir.join("clip.mp4");
     let mut writer = VideoWriter::create(&path, SIZE.0, SIZE.1, 30.0, Coding::Lossless).unwrap();
     for frame in 0..10 {
-        let data = (0..SIZE.0 * SIZE.1)
-            .map(|k| {
-                let (u, v) = (k % SIZE.0, k / SIZE.0);
-                if (u / 8 + v / 8) % 2 == 0 {
-                    60 + 10 * frame
-                } else {
-                    180
-                }
-            })
-            .collect();
-        let luma = Luma {
-            width: SIZE.0,
-            height: SIZE.1,
-            data,
-        };
+        let luma = Luma::from_fn(SIZE.0, SIZE.1, |u, v| {
+            if (u / 8 + v / 8) % 2 == 0 {
+                60 + 10 * frame
+            } else {
+                180
+            }
+        });
         writer.write(&luma).unwrap();
     }
     writer.finish().unwrap();

@@ -123,18 +123,13 @@ fn refused_calib(text: &str, words: &[&str]) {
 fn noise(width: usize, height: usize, seed: u64) -> Luma {
     // Knuth's MMIX generator; four of its bytes make a hump about as wide as a camera's noise.
     let mut state = seed;
-    let data = (0..width * height).map(|_| {
+    Luma::from_fn(width, height, |_, _| {
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
         let sum: u32 = state.to_be_bytes()[..4].iter().map(|&b| u32::from(b)).sum();
         (100 + sum / 64) as u8
-    });
-    Luma {
-        width,
-        height,
-        data: data.collect(),
-    }
+    })
 }
 
 fn write_video(path: &Path, frames: &[Luma], rate_hz: f64, coding: Coding, index_first: bool) {

@@ -338,11 +338,7 @@ fn an_edit_list_that_starts_inside_a_group_gives_the_frames_it_shows() {
 fn lossless_video_keeps_every_value_and_its_rate_beyond_the_milliseconds_of_matroska() {
     let dir = tempdir().unwrap();
     let path = dir.path().join("a.mkv");
-    let grey = |i: usize| Luma {
-        width: 37,
-        height: 23,
-        data: (0..37 * 23).map(|k| ((k * 7 + i) % 256) as u8).collect(),
-    };
+    let grey = |i: usize| Luma::from_fn(37, 23, |u, v| (((v * 37 + u) * 7 + i) % 256) as u8);
     let mut writer = VideoWriter::create(&path, 37, 23, 240.0, Coding::Lossless).unwrap();
     (0..50).for_each(|i| writer.write(&grey(i)).unwrap());
     writer.finish().unwrap();
@@ -400,12 +396,7 @@ fn a_rotation_tag_turns_the_picture_the_way_players_do() {
     let dir = tempdir().unwrap();
     // Four grey quarters, as stored: 40 100 / 160 220.
     let quarter = |u: usize, v: usize| [[40, 100], [160, 220]][v / 24][u / 32];
-    let data = (0..48 * 64).map(|k| quarter(k % 64, k / 64)).collect();
-    let stored = Luma {
-        width: 64,
-        height: 48,
-        data,
-    };
+    let stored = Luma::from_fn(64, 48, quarter);
     for (clockwise, size, shown) in [
         (0.0, (64, 48), [40, 100, 160, 220]),
         (90.0, (48, 64), [160, 40, 220, 100]),
@@ -465,11 +456,7 @@ fn a_rotation_that_is_no_right_angle_is_told_and_left_alone() {
 fn grey_of_full_range_survives_h264() {
     let dir = tempdir().unwrap();
     let path = dir.path().join("ramp.mp4");
-    let ramp = Luma {
-        width: 256,
-        height: 32,
-        data: (0..256 * 32).map(|k| (k % 256) as u8).collect(),
-    };
+    let ramp = Luma::from_fn(256, 32, |u, _| u as u8);
     let mut writer = VideoWriter::create(
         &path,
         256,
@@ -655,13 +642,7 @@ fn damage_in_the_middle_is_counted_and_reading_goes_on() {
         },
     );
     let mut writer = VideoWriter::create_with(&path, 64, 48, &options).unwrap();
-    let noise = |i: usize| Luma {
-        width: 64,
-        height: 48,
-        data: (0..64 * 48)
-            .map(|k: usize| ((k * 7919 + i * 104_729) % 251) as u8)
-            .collect(),
-    };
+    let noise = |i: usize| Luma::from_fn(64, 48, |u, v| (((v * 64 + u) * 7919 + i * 104_729) % 251) as u8);
     (0..25).for_each(|i| writer.write(&noise(i)).unwrap());
     writer.finish().unwrap();
     let mut bytes = fs::read(&path).unwrap();

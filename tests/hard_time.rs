@@ -139,15 +139,7 @@ fn slow_and_fast_cameras_are_alike() {
         let near = with(near, "ball", json!({"radius_m": 0.001_28, "mass_kg": 6.8e-5}));
         let near = with(near, "stop", json!({"bounces": 1, "tail_s": 0.01}));
         let clip = Clip::of(&at_rate(launched(near, 0.01, 0.1), rate_hz));
-        let measured = clip.measured();
-        if rate_hz < 5000.0 {
-            assert_true(&measured, 1, &format!("{rate_hz} Hz"));
-        } else {
-            // What a codec does to hundreds of frames on the way of one diameter hangs together for longer than successive
-            // residuals tell: right to the figure asked for, but not to the stated uncertainty (docs/hard_cases.md).
-            let e = measured.found.unwrap().bounces[0].restitution.unwrap();
-            assert!((e.value - 0.78).abs() < 0.001, "{rate_hz} Hz: {e:?}");
-        }
+        assert_true(&clip.measured(), 1, &format!("{rate_hz} Hz"));
     }
 }
 

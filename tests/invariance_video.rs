@@ -160,12 +160,7 @@ fn a_camera_on_its_side_sees_the_same() {
     // pixels of large outlines; a ball of 8 px has all of them.
     let mut turned = redrawn(
         &usual(),
-        |f| {
-            let (width, height) = (f.height, f.width);
-            let at = |u: usize, v: usize| f.data[(f.height - 1 - u) * f.width + v];
-            let data = (0..width * height).map(|i| at(i % width, i / width)).collect();
-            Luma { width, height, data }
-        },
+        |f| Luma::from_fn(f.height, f.width, |u, v| f.data[(f.height - 1 - u) * f.width + v]),
         |p| PixelPoint::new(239.0 - p.v_px, p.u_px),
     );
     turned.calibration.up_px = [1.0, 0.0];
@@ -180,7 +175,6 @@ fn a_tilted_camera_sees_the_same() {
     let angle = 10_f64.to_radians();
     let (sin, cos) = angle.sin_cos();
     let (middle_u, middle_v) = (159.5, 119.5);
-    let (width, height) = (400, 320);
     let turn = |p: PixelPoint| {
         let (x, y) = (p.u_px - middle_u, p.v_px - middle_v);
         PixelPoint::new(199.5 + cos * x - sin * y, 159.5 + sin * x + cos * y)
@@ -192,13 +186,10 @@ fn a_tilted_camera_sees_the_same() {
                 let (x, y) = (u - 199.5, v - 159.5);
                 (middle_u + cos * x + sin * y, middle_v - sin * x + cos * y)
             };
-            let data = (0..width * height)
-                .map(|i| {
-                    let (u, v) = back((i % width) as f64, (i / width) as f64);
-                    hard::bilinear(f, u, v).unwrap_or(60.0).round() as u8
-                })
-                .collect();
-            Luma { width, height, data }
+            Luma::from_fn(400, 320, |u, v| {
+                let (u, v) = back(u as f64, v as f64);
+                hard::bilinear(f, u, v).unwrap_or(60.0).round() as u8
+            })
         },
         turn,
     );

@@ -5,12 +5,12 @@
 //! (h', −r'): topspin pushes a rising ball forward and a falling one back, so that an arc fitted without it is too fast
 //! along x at both of its ends.
 //!
-//! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again (they
-//! now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth ball's lift can differ from a tennis
-//! ball's by a third (and turn round near the drag crisis, far above these speeds): that doubt is [`KNOWN_SPIN_DOUBT`].
+//! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
+//! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth
+//! ball's lift can differ from a tennis ball's by a third (and turn round near the drag crisis, far above these speeds):
+//! that doubt is [`KNOWN_SPIN_DOUBT`].
 
 use crate::flight::Flight;
-use crate::flight::fit::FitPoint;
 use crate::flight::planar::{DRAG, Motion, Planar};
 use nalgebra::DVector;
 
@@ -69,32 +69,29 @@ impl Lift {
     /// `flight` with its points moved back by what lift did to them; `None` where those have no arcs.
     #[must_use]
     pub fn taken_from(&self, flight: &Flight) -> Option<Flight> {
-        let fit = &flight.fit;
-        if fit.drag() == 0.0 || !self.acts() {
-            return Some(flight.clone());
+        match self.way_back(flight) {
+            Some(back) => flight.moved(|spot, arc| back(arc, spot.time_s)),
+            None => Some(flight.clone()),
         }
-        let planar = fit.planar(fit.parameters.as_slice());
-        flight.moved(|spot, arc| {
-            let m = self.motion(&planar, arc, spot.time_s);
-            (-m.r, -m.h)
-        })
     }
 
     /// How the arcs' parameters change when the points are moved back once more; `None` where nothing is to be moved.
     #[must_use]
     pub fn response(&self, flight: &Flight) -> Option<DVector<f64>> {
-        let fit = &flight.fit;
-        if fit.drag() == 0.0 || !self.acts() {
-            return None;
-        }
+        let back = self.way_back(flight)?;
         let points = flight.fit_points();
+        let shifts: Vec<(f64, f64)> = points.iter().map(|p| back(p.arc, p.sample.t)).collect();
+        flight.fit.response(&points, &shifts)
+    }
+
+    /// By what a point of an arc is moved back at a time, plane units; `None` where there is no lift.
+    fn way_back(&self, flight: &Flight) -> Option<impl Fn(usize, f64) -> (f64, f64)> {
+        let fit = &flight.fit;
         let planar = fit.planar(fit.parameters.as_slice());
-        let back = |p: &FitPoint| {
-            let m = self.motion(&planar, p.arc, p.sample.t);
+        (fit.drag() != 0.0 && self.acts()).then_some(move |arc, time_s| {
+            let m = self.motion(&planar, arc, time_s);
             (-m.r, -m.h)
-        };
-        let shifts: Vec<(f64, f64)> = points.iter().map(back).collect();
-        fit.response(&points, &shifts)
+        })
     }
 
     /// Standard uncertainty of lift over drag on `arc`, beyond that of the lift that a known spin makes

@@ -24,6 +24,9 @@ pub fn block_side_px(width: usize, height: usize) -> usize {
 pub struct Background {
     /// Median of the survey, in the reference frame's picture.
     pub luma: Luma,
+    /// The same to fractions of a grey level, row by row: where the camera is fixed the mean of the frames in which nothing
+    /// covers the pixel, since the median leans towards the ball wherever that lingers.
+    pub scene_grey: Vec<f32>,
     /// Standard deviation of a single pixel's noise, grey levels.
     pub noise_grey: f64,
     /// Side of a block, px.
@@ -97,8 +100,16 @@ impl Background {
         let block_px = block_side_px(luma.width, luma.height);
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
+        let noise_grey = pixel_noise_grey(&luma, survey, &registrations);
+        let scene_grey = if fixed {
+            uncovered_mean(&luma, survey, &registrations, noise_grey)
+        } else {
+            // A hand also turns the camera: edges far from the middle do not quite meet, and a mean would smear them.
+            luma.data.iter().map(|&p| f32::from(p)).collect()
+        };
         let mut background = Self {
-            noise_grey: pixel_noise_grey(&luma, survey, &registrations),
+            noise_grey,
+            scene_grey,
             luma,
             block_px,
             blocks,
@@ -200,28 +211,17 @@ pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<i32> {
     let mut sums = Vec::with_capacity(columns * rows);
     for row in 0..rows {
         let line = |v: usize| &luma.row(row * side + v)[..columns * side];
-        match side {
-            4 => {
-                let [a, b, c, d] = [0, 1, 2, 3].map(|v| line(v).as_chunks::<4>().0);
-                let blocks = a.iter().zip(b).zip(c).zip(d);
-                sums.extend(
-                    blocks.map(|(((a, b), c), d)| sum_of_lanes([a, b, c, d].map(|p| u32::from_le_bytes(*p)))),
-                );
-            }
-            2 => {
-                let [a, b] = [0, 1].map(|v| line(v).as_chunks::<2>().0);
-                sums.extend(a.iter().zip(b).map(|(a, b)| {
-                    [a, b]
-                        .iter()
-                        .flat_map(|p| p.iter())
-                        .map(|&p| i32::from(p))
-                        .sum::<i32>()
-                }));
-            }
-            _ => sums.extend((0..columns).map(|u| {
+        if side == 4 {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|v| line(v).as_chunks::<4>().0);
+            let blocks = a.iter().zip(b).zip(c).zip(d);
+            sums.extend(
+                blocks.map(|(((a, b), c), d)| sum_of_lanes([a, b, c, d].map(|p| u32::from_le_bytes(*p)))),
+            );
+        } else {
+            sums.extend((0..columns).map(|u| {
                 let pixels = (0..side).flat_map(|v| &line(v)[u * side..(u + 1) * side]);
                 pixels.map(|&p| i32::from(p)).sum::<i32>()
-            })),
+            }));
         }
     }
     sums
@@ -352,6 +352,40 @@ fn median_of(frames: &[&Luma]) -> Luma {
     Luma { width, height, data }
 }
 
+/// Per-pixel mean of `frames`, in the light and at the place of their `median`, without those that depart from it by more
+/// than the noise does: a thing that covers the pixel is not part of the scene, and pulls nothing.
+fn uncovered_mean(
+    median: &Luma,
+    frames: &[&Luma],
+    registrations: &[Registration],
+    noise_grey: f64,
+) -> Vec<f32> {
+    /// Where half of the frames are covered, the median is the outermost of the others: 1.5 standard deviations of the
+    /// noise from their mean, whose other side must still be within reach.
+    const REACH_SIGMAS: f64 = 4.0;
+    let reach = (REACH_SIGMAS * noise_grey) as f32;
+    let width = median.width;
+    let mut scene = vec![0.0; median.data.len()];
+    let rows = scene.par_chunks_mut(width.max(1)).enumerate();
+    rows.for_each(|(v, row)| {
+        let mut counts = vec![0.0_f32; width];
+        for (frame, r) in frames.iter().zip(registrations) {
+            let (scale, offset) = ((1.0 / r.gain) as f32, r.offset_grey as f32);
+            let pixels = frame.row(v).iter().zip(median.row(v));
+            for ((&p, &m), (sum, count)) in pixels.zip(row.iter_mut().zip(&mut counts)) {
+                let departs = (f32::from(p) - offset) * scale - f32::from(m);
+                let counts = if departs.abs() <= reach { 1.0 } else { 0.0 };
+                *sum += counts * departs;
+                *count += counts;
+            }
+        }
+        for ((sum, count), &m) in row.iter_mut().zip(counts).zip(median.row(v)) {
+            *sum = f32::from(m) + *sum / count.max(1.0);
+        }
+    });
+    scene
+}
+
 /// Batcher's odd-even merge sort for any `n`: pairs (low, high) to compare and swap, in order.
 /// Source: Knuth, The Art of Computer Programming 3, 5.2.2, algorithm M.
 fn sorting_network(n: usize) -> Vec<(usize, usize)> {
@@ -400,17 +434,13 @@ mod tests {
     #[test]
     fn a_thing_that_covers_a_pixel_in_few_frames_is_not_background() {
         let frame = |x: usize| {
-            let mut data = vec![50_u8; 64 * 48];
-            for v in 10..20 {
-                for u in x..x + 8 {
-                    data[v * 64 + u] = 200;
+            Luma::from_fn(64, 48, |u, v| {
+                if (10..20).contains(&v) && (x..x + 8).contains(&u) {
+                    200
+                } else {
+                    50
                 }
-            }
-            Luma {
-                width: 64,
-                height: 48,
-                data,
-            }
+            })
         };
         let survey: Vec<Luma> = (0..9).map(|i| frame(i * 6)).collect();
         let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
@@ -419,12 +449,45 @@ mod tests {
     }
 
     #[test]
-    fn block_sums_are_sums() {
-        let luma = Luma {
-            width: 10,
-            height: 6,
-            data: (0..60).collect(),
+    fn a_thing_that_lingers_pulls_the_median_but_not_the_scene() {
+        const SIZE: (usize, usize) = (64, 48);
+        let mut seed = 7_u32;
+        // Noise of standard deviation 2.2 grey levels; a light thing covers 16 by 16 px in 7 of 15 frames.
+        let reached = |u: usize, v: usize| u < 16 && v < 16;
+        let mut throw = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 30) as u8
         };
+        let mut frame = |i: usize| {
+            Luma::from_fn(SIZE.0, SIZE.1, |u, v| {
+                let noise: u8 = (0..4).map(|_| throw()).sum();
+                if i % 2 == 1 && reached(u, v) {
+                    200
+                } else {
+                    50 + noise
+                }
+            })
+        };
+        let survey: Vec<Luma> = (0..15).map(&mut frame).collect();
+        let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
+        let mean = |grey: &dyn Fn(usize) -> f64, covered: bool| {
+            let chosen: Vec<f64> = (0..SIZE.0 * SIZE.1)
+                .filter(|&k| reached(k % SIZE.0, k / SIZE.0) == covered)
+                .map(grey)
+                .collect();
+            chosen.iter().sum::<f64>() / chosen.len() as f64
+        };
+        let scene = |k: usize| f64::from(background.scene_grey[k]);
+        let median = |k: usize| f64::from(background.luma.data[k]);
+        // Four throws of 0 to 3 have the mean 6.
+        assert!((mean(&scene, false) - 56.0).abs() < 0.1);
+        assert!((mean(&scene, true) - 56.0).abs() < 0.3, "{}", mean(&scene, true));
+        assert!(mean(&median, true) > 58.0, "{}", mean(&median, true));
+    }
+
+    #[test]
+    fn block_sums_are_sums() {
+        let luma = Luma::from_fn(10, 6, |u, v| (v * 10 + u) as u8);
         let sums = sum_blocks(&luma, 4);
         assert_eq!(sums.len(), 2);
         let expected: i32 = (0..4).flat_map(|v| (0..4).map(move |u| v * 10 + u)).sum();

@@ -278,37 +278,38 @@ fn outline(background: &Background, frame: &Luma, registration: &Registration, b
 /// Differences of a crop's pixels from the background as `registration` sees it, grey levels, row by row.
 #[must_use]
 pub fn pixel_changes(background: &Background, registration: &Registration, crop: &Crop) -> Vec<f32> {
-    background_of(background, registration, crop)
+    behind(&background.luma.data, background.luma.width, registration, crop)
         .iter()
         .zip(&crop.luma.data)
         .map(|(&b, &i)| f32::from(i) - b)
         .collect()
 }
 
-/// The background behind a crop as `registration` sees it, grey levels, row by row.
+/// What is behind a crop as `registration` sees it, grey levels, row by row, by a `scene` of rows of this width.
 #[must_use]
-pub fn background_of(background: &Background, registration: &Registration, crop: &Crop) -> Vec<f32> {
+pub fn behind<T: Copy + Into<f32>>(
+    scene: &[T],
+    width: usize,
+    registration: &Registration,
+    crop: &Crop,
+) -> Vec<f32> {
     let (gain, offset) = (registration.gain as f32, registration.offset_grey as f32);
-    let width = background.luma.width;
     let mut values = Vec::with_capacity(crop.luma.data.len());
     if registration.is_still() {
         for v in 0..crop.luma.height {
             let start = (crop.v + v) * width + crop.u;
-            let row = &background.luma.data[start..start + crop.luma.width];
-            values.extend(row.iter().map(|&p| gain * f32::from(p) + offset));
+            let row = &scene[start..start + crop.luma.width];
+            values.extend(row.iter().map(|&p| gain * p.into() + offset));
         }
         return values;
     }
-    let (w, h) = ((width - 1) as f64, (background.luma.height - 1) as f64);
+    let (w, h) = ((width - 1) as f64, (scene.len() / width - 1) as f64);
     for v in 0..crop.luma.height {
         for u in 0..crop.luma.width {
             let here = PixelPoint::new((crop.u + u) as f64, (crop.v + v) as f64);
             let there = registration.reference_from_frame(here);
-            let value = super::registration::bilinear(
-                &background.luma,
-                there.u_px.clamp(0.0, w),
-                there.v_px.clamp(0.0, h),
-            );
+            let (u, v) = (there.u_px.clamp(0.0, w), there.v_px.clamp(0.0, h));
+            let value = super::registration::bilinear(scene, width, u, v);
             values.push(gain * value.map_or(0.0, |b| b as f32) + offset);
         }
     }

@@ -115,9 +115,20 @@ impl Detector {
     /// The patch of a blob, ready for a centre method.
     #[must_use]
     pub fn patch<'a>(&self, crop: &'a blobs::Crop, registration: &Registration) -> Patch<'a> {
+        let scene = &self.background.scene_grey;
+        self.patch_before(scene, crop, registration)
+    }
+
+    /// The same before this `scene`.
+    fn patch_before<'a, T: Copy + Into<f32>>(
+        &self,
+        scene: &[T],
+        crop: &'a blobs::Crop,
+        registration: &Registration,
+    ) -> Patch<'a> {
         Patch {
             crop,
-            background: blobs::background_of(&self.background, registration, crop),
+            background: blobs::behind(scene, self.background.luma.width, registration, crop),
             noise_grey: self.background.noise_grey,
             drawn_out: None,
         }
@@ -127,7 +138,8 @@ impl Detector {
     /// through its outline; or, where the region is a full oval that no circle fits (a ball smeared by its motion),
     /// the middle of the oval.
     fn first_centre(&self, blob: &Blob, registration: &Registration) -> Option<Centre> {
-        let patch = self.patch(&blob.crop, registration);
+        // The median is the rougher picture of the scene, but that of one light where the light changes.
+        let patch = self.patch_before(&self.background.luma.data, &blob.crop, registration);
         let round = outline::find(&patch, blob.centroid, None)
             .filter(|o| o.agreement >= LEAST_AGREEMENT)
             .map(|o| rough(blob, o.disc, o.agreement));

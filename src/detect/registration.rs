@@ -385,8 +385,13 @@ impl Registrar {
             residuals.clear();
             for s in &self.samples {
                 residuals.push(
-                    bilinear(frame, s.u + now.shift_u_px, s.v + now.shift_v_px)
-                        .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32),
+                    bilinear(
+                        &frame.data,
+                        frame.width,
+                        s.u + now.shift_u_px,
+                        s.v + now.shift_v_px,
+                    )
+                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32),
                 );
             }
             let mut magnitudes: Vec<f32> = residuals
@@ -607,15 +612,16 @@ const LEAST_GRADIENT_GREY: f64 = 3.0;
 
 /// Bilinear value at (u, v); `None` outside.
 #[must_use]
-pub fn bilinear(luma: &Luma, u: f64, v: f64) -> Option<f64> {
-    let inside = u >= 0.0 && v >= 0.0 && u <= (luma.width - 1) as f64 && v <= (luma.height - 1) as f64;
+pub fn bilinear<T: Copy + Into<f32>>(rows: &[T], width: usize, u: f64, v: f64) -> Option<f64> {
+    let height = rows.len() / width;
+    let inside = u >= 0.0 && v >= 0.0 && u <= (width - 1) as f64 && v <= (height - 1) as f64;
     if !inside {
         return None;
     }
     let (iu, iv) = (u as usize, v as usize);
-    let (ju, jv) = ((iu + 1).min(luma.width - 1), (iv + 1).min(luma.height - 1));
+    let (ju, jv) = ((iu + 1).min(width - 1), (iv + 1).min(height - 1));
     let (fu, fv) = (u - iu as f64, v - iv as f64);
-    let at = |a: usize, b: usize| f64::from(luma.data[b * luma.width + a]);
+    let at = |a: usize, b: usize| f64::from(rows[b * width + a].into());
     let top = at(iu, iv) * (1.0 - fu) + at(ju, iv) * fu;
     let bottom = at(iu, jv) * (1.0 - fu) + at(ju, jv) * fu;
     Some(top * (1.0 - fv) + bottom * fv)
@@ -651,7 +657,6 @@ mod tests {
     use super::*;
 
     fn textured(shift: (f64, f64), gain: f64) -> Luma {
-        let (width, height) = (480, 360);
         let value = |u: f64, v: f64| {
             let (u, v) = (u - shift.0, v - shift.1);
             // Waves of many lengths and directions: no shift but the true one makes them agree.
@@ -664,14 +669,9 @@ mod tests {
                 .sum();
             gain * (100.0 + 30.0 * waves)
         };
-        let data = (0..width * height)
-            .map(|i| {
-                value((i % width) as f64, (i / width) as f64)
-                    .round()
-                    .clamp(0.0, 255.0) as u8
-            })
-            .collect();
-        Luma { width, height, data }
+        Luma::from_fn(480, 360, |u, v| {
+            value(u as f64, v as f64).round().clamp(0.0, 255.0) as u8
+        })
     }
 
     #[test]
@@ -764,11 +764,7 @@ mod tests {
                 seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                 (seed >> 60) as u8
             };
-            Luma {
-                width: 320,
-                height: 240,
-                data: (0..320 * 240).map(|_| 60 + noise()).collect(),
-            }
+            Luma::from_fn(320, 240, |_, _| 60 + noise())
         };
         let registrar = Registrar::of_fixed(&wall(), 4.6);
         let mut r = Registration::IDENTITY;

@@ -1,7 +1,7 @@
 //! Centres on synthetic balls drawn by brute force: 16 × 16 samples a pixel, nothing shared with the model.
 
 use super::blobs::Crop;
-use super::centre::appearance::{Example, Lesson, learn};
+use super::centre::appearance::{Example, Lesson, Radius, learn};
 use super::centre::known_ball::{self, Appearance, Effort};
 use super::centre::{Centre, Disc, Patch, fast, fine, outline, standard};
 use crate::frames::Luma;
@@ -174,7 +174,7 @@ impl Trial {
                 magnification: 1.0,
             })
             .collect();
-        learn(&examples, 2.0 * EXPOSURE_S, lesson).expect("an appearance")
+        learn(&examples, 2.0 * EXPOSURE_S, lesson, Radius::Fitted).expect("an appearance")
     }
 
     fn errors(&self, lesson: &Lesson, effort: &Effort) -> Errors {

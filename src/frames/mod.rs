@@ -48,6 +48,16 @@ pub struct Luma {
 }
 
 impl Luma {
+    /// The picture that has `grey(u, v)` at column u of row v; asked row by row.
+    #[must_use]
+    pub fn from_fn(width: usize, height: usize, mut grey: impl FnMut(usize, usize) -> u8) -> Self {
+        let mut data = Vec::with_capacity(width * height);
+        for v in 0..height {
+            data.extend((0..width).map(|u| grey(u, v)));
+        }
+        Self { width, height, data }
+    }
+
     /// Row `v` as a slice.
     #[must_use]
     pub fn row(&self, v: usize) -> &[u8] {

@@ -18,6 +18,7 @@ use crate::bounce::air::Lift;
 use crate::bounce::impacts::{ImpactKind, Picture, Scene};
 use crate::bounce::reading;
 use crate::calibration::{Calibration, CalibrationError, Optics, Rectification, ScaleEvidence};
+use crate::detect::centre::appearance::Radius;
 use crate::detect::centre::{Accuracy, Centre};
 use crate::flight::fit::{Forces, GRAVITY};
 use crate::flight::linking::Spot;
@@ -327,14 +328,35 @@ impl<'a> Work<'a> {
             }
         }
         let first_found = self.found.clone();
-        match self.refined(&flight, self.accuracy) {
-            // A ball that looks too different from frame to frame has no one appearance: its outline has to do.
-            Err(_) if self.accuracy != Accuracy::Fast => {
-                self.found.clone_from(&first_found);
-                self.refined(&flight, Accuracy::Fast)
+        // A radius that the pixels seem to tell may be a false one, and a ball that looks too different from frame to frame
+        // has no one appearance: the outlines' radius has to do, or the outline itself.
+        let looks = [
+            (self.accuracy, Radius::Fitted),
+            (self.accuracy, Radius::Outlines),
+            (Accuracy::Fast, Radius::Outlines),
+        ];
+        let looks = if self.accuracy == Accuracy::Fast {
+            &looks[2..]
+        } else {
+            &looks[..]
+        };
+        let mut as_first_seen = Err(NoFlight::NothingFalls {
+            longest: flight.points.len(),
+        });
+        for &(accuracy, radius) in looks {
+            if as_first_seen.is_ok() && accuracy != self.accuracy {
+                break;
             }
-            done => done,
+            match self.refined(&flight, accuracy, radius) {
+                Ok(better) if self.shared.is_some() => return Ok(better),
+                outcome => {
+                    as_first_seen = as_first_seen.or(outcome);
+                    self.found.clone_from(&first_found);
+                    self.shared = None;
+                }
+            }
         }
+        as_first_seen
     }
 
     fn scenery(&self) -> refine::Scenery<'_> {
@@ -354,7 +376,7 @@ impl<'a> Work<'a> {
 
     /// The flight once more with centres by the method of `accuracy`: first where the first flight leads, then where
     /// the better arcs do.
-    fn refined(&mut self, first: &Flight, accuracy: Accuracy) -> Result<Flight, NoFlight> {
+    fn refined(&mut self, first: &Flight, accuracy: Accuracy, radius: Radius) -> Result<Flight, NoFlight> {
         let mut flight = first.clone();
         let above = matches!(first.fit.forces, Forces::Overhead(_));
         self.shared = None;
@@ -363,7 +385,7 @@ impl<'a> Work<'a> {
             let again = accuracy == Accuracy::Fine || above;
             let learned = self.shared.clone().filter(|_| !again);
             let scenery = self.scenery();
-            let learn = || refine::shared(&scenery, &self.found, &flight, accuracy);
+            let learn = || refine::shared(&scenery, &self.found, &flight, accuracy, radius);
             let Some(shared) = learned.or_else(learn) else {
                 break;
             };

@@ -63,7 +63,10 @@ pub fn observe(
     let (opening, is_all) = opening(&mut source)?;
     let mut pass = Pass::new(background_of(video, &spread_over(&opening))?);
     if !is_all {
-        pass.spread = Some(Spread::new(SURVEY_FRAMES));
+        pass.provisional = Some(Provisional {
+            spread: Spread::new(SURVEY_FRAMES),
+            next_check: 2 * opening.len(),
+        });
     }
     if let Some(seen) = pass.over(opening, source, progress)? {
         return Ok(seen);
@@ -122,8 +125,16 @@ struct Pass {
     stamps_s: Vec<f64>,
     changes: Vec<Option<f32>>,
     registrations: Vec<Registration>,
-    /// For the scene of the whole, where that is still to be found.
-    spread: Option<Spread>,
+    /// Where the scene of the whole is still to be found.
+    provisional: Option<Provisional>,
+}
+
+/// What a scene taken from the opening is checked with.
+struct Provisional {
+    /// Frames for the scene of the whole.
+    spread: Spread,
+    /// After so many frames.
+    next_check: usize,
 }
 
 impl Pass {
@@ -134,47 +145,45 @@ impl Pass {
             stamps_s: Vec::new(),
             changes: Vec::new(),
             registrations: Vec::new(),
-            spread: None,
+            provisional: None,
         }
     }
 
-    /// Over all of `source`.
+    /// Over all of `source`, with the scene of the whole.
     fn whole(
-        mut self,
-        mut source: frames::ReadAhead,
+        self,
+        source: frames::ReadAhead,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Observation, MeasureError> {
-        while let Some(frame) = source.next_frame()? {
-            let used = self.look(frame, source.info(), progress);
-            used.into_iter().for_each(|f| source.recycle(f));
-        }
-        Ok(self.seen(&source))
+        Ok(self
+            .over(Vec::new(), source, progress)?
+            .expect("only a provisional scene is given up"))
     }
 
-    /// Over the frames of the `opening`, whose scene it has, and the rest of `source`, if there is more; `None` where that
-    /// scene turns out not to be that of the whole.
+    /// Over the frames of the `opening` and the rest of `source`; `None` where the scene is provisional and turns out not to
+    /// be that of the whole.
     fn over(
         mut self,
         opening: Vec<Frame>,
         mut source: frames::ReadAhead,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Option<Observation>, MeasureError> {
-        let mut next_check = 2 * opening.len();
-        for frame in opening {
-            let used = self.look(frame, source.info(), progress);
-            used.into_iter().for_each(|f| source.recycle(f));
-        }
-        while let Some(frame) = source.next_frame()? {
-            let used = self.look(frame, source.info(), progress);
-            used.into_iter().for_each(|f| source.recycle(f));
-            if self.stamps_s.len() == next_check {
-                next_check *= 2;
-                if self.spread.is_some() && self.scene_so_far().is_none() {
+        let mut opening = opening.into_iter();
+        while let Some(frame) = opening
+            .next()
+            .map_or_else(|| source.next_frame(), |f| Ok(Some(f)))?
+        {
+            self.look(frame, &mut source, progress);
+            let seen = self.stamps_s.len();
+            let due = self.provisional.as_mut().filter(|p| p.next_check == seen);
+            if let Some(p) = due {
+                p.next_check *= 2;
+                if self.scene_so_far().is_none() {
                     return Ok(None);
                 }
             }
         }
-        if self.spread.is_some() {
+        if self.provisional.is_some() {
             let Some((whole, light)) = self.scene_so_far() else {
                 return Ok(None);
             };
@@ -195,25 +204,25 @@ impl Pass {
         }
     }
 
-    /// Looks at `frame`, and gives it back where it is not kept.
-    fn look(&mut self, frame: Frame, info: &SourceInfo, progress: &mut dyn FnMut(Progress)) -> Option<Frame> {
+    /// Looks at `frame`, which goes back to `source` where it is not kept.
+    fn look(&mut self, frame: Frame, source: &mut frames::ReadAhead, progress: &mut dyn FnMut(Progress)) {
         progress(Progress::Frame {
             index: frame.index,
-            expected: info.frames_expected,
+            expected: source.info().frames_expected,
         });
         let reading = self.detector.look(&frame);
         self.stamps_s.push(frame.time_s);
         self.changes.push(reading.change_grey);
         self.registrations.push(reading.registration);
         self.kept.add(reading.sightings);
-        if let Some(spread) = &mut self.spread
+        if let Some(p) = &mut self.provisional
             && shows_the_scene(&frame)
-            && spread.wants_next()
+            && p.spread.wants_next()
         {
-            spread.add(frame);
-            return None;
+            p.spread.add(frame);
+        } else {
+            source.recycle(frame);
         }
-        Some(frame)
     }
 
     /// The scene of the frames kept so far, with its light against that of the scene looked at with; `None` where it shows
@@ -222,7 +231,7 @@ impl Pass {
         if !self.registrations.iter().all(Registration::is_still) {
             return None;
         }
-        let survey = self.spread.as_ref()?.frames();
+        let survey = self.provisional.as_ref()?.spread.frames();
         let lumas: Vec<&Luma> = survey.iter().map(|f| &f.luma).collect();
         let so_far = Background::from_survey(&lumas).filter(|b| !b.registrar.follows_shifts())?;
         let light = self.detector.background.light_of(&so_far)?;
@@ -300,19 +309,12 @@ mod tests {
         let mut seed = 1_u32;
         for frame in 0..FRAMES {
             let [u, v] = place(frame);
-            let data = (0..SIZE.0 * SIZE.1)
-                .map(|i| {
-                    seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                    let away = ((i % SIZE.0) as f64 - u).hypot((i / SIZE.0) as f64 - v);
-                    let grey = if away < 16.0 { 200 } else { 60 };
-                    grey + (seed >> 30) as u8
-                })
-                .collect();
-            let luma = Luma {
-                width: SIZE.0,
-                height: SIZE.1,
-                data,
-            };
+            let luma = Luma::from_fn(SIZE.0, SIZE.1, |x, y| {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let away = (x as f64 - u).hypot(y as f64 - v);
+                let grey = if away < 16.0 { 200 } else { 60 };
+                grey + (seed >> 30) as u8
+            });
             writer.write(&luma).unwrap();
         }
         writer.finish().unwrap();

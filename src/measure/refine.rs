@@ -4,7 +4,7 @@
 
 use super::observe::Observation;
 use crate::calibration::{Rectification, Silhouette, Silhouettes};
-use crate::detect::centre::appearance::{self, Example, Lesson};
+use crate::detect::centre::appearance::{self, Example, Lesson, Radius};
 use crate::detect::centre::drawn_out::DrawnOut;
 use crate::detect::centre::known_ball::{self, Appearance, Effort};
 use crate::detect::centre::{Accuracy, Centre, Disc, Patch, fast, fine, outline, standard};
@@ -146,7 +146,13 @@ pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
 
 /// The ball's radius and appearance from some of the flight's used points, spread over it.
 #[must_use]
-pub fn shared(scenery: &Scenery<'_>, found: &[Found], flight: &Flight, accuracy: Accuracy) -> Option<Shared> {
+pub fn shared(
+    scenery: &Scenery<'_>,
+    found: &[Found],
+    flight: &Flight,
+    accuracy: Accuracy,
+    radius: Radius,
+) -> Option<Shared> {
     let Scenery { seen, map, .. } = *scenery;
     let used: Vec<(&Sighting, Centre, f64)> = flight
         .points
@@ -182,7 +188,7 @@ pub fn shared(scenery: &Scenery<'_>, found: &[Found], flight: &Flight, accuracy:
                 })
             })
             .collect();
-        appearance::learn(&examples, flight.interval_s, lesson)
+        appearance::learn(&examples, flight.interval_s, lesson, radius)
     });
     let outlines = common_radius(scenery, flight)?;
     let radius_px = match &appearance {

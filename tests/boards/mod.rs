@@ -249,22 +249,14 @@ pub fn render(camera: &Camera, board: &Board, pose: &Pose, look: &Look) -> Luma 
     }
     let blurred = blur(&grey, cw, look.blur_px * CELLS as f64);
     let mut noise = Gaussian::new(look.seed);
-    let data = (0..h)
-        .flat_map(|j| (0..w).map(move |i| (i, j)))
-        .map(|(i, j)| {
-            let cell = |k: usize| {
-                let (x, y) = (CELLS * (i + pad) + k % CELLS, CELLS * (j + pad) + k / CELLS);
-                f64::from(blurred[y * cw + x])
-            };
-            let mean = (0..CELLS * CELLS).map(cell).sum::<f64>() / (CELLS * CELLS) as f64;
-            (mean + look.noise * noise.next()).round().clamp(0.0, 255.0) as u8
-        })
-        .collect();
-    Luma {
-        width: w,
-        height: h,
-        data,
-    }
+    Luma::from_fn(w, h, |i, j| {
+        let cell = |k: usize| {
+            let (x, y) = (CELLS * (i + pad) + k % CELLS, CELLS * (j + pad) + k / CELLS);
+            f64::from(blurred[y * cw + x])
+        };
+        let mean = (0..CELLS * CELLS).map(cell).sum::<f64>() / (CELLS * CELLS) as f64;
+        (mean + look.noise * noise.next()).round().clamp(0.0, 255.0) as u8
+    })
 }
 
 /// The place on the board of each pixel, in squares, the first inner corner at (1, 1); `pad` pixels more on every side.

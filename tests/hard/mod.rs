@@ -436,14 +436,11 @@ pub fn bilinear(luma: &Luma, u: f64, v: f64) -> Option<f64> {
 /// The picture of a camera that looks (du, dv) px aside: what was at p is at p + (du, dv), the edges repeated.
 pub fn moved(luma: &Luma, du: f64, dv: f64) -> Luma {
     let (width, height) = (luma.width, luma.height);
-    let data = (0..width * height)
-        .map(|i| {
-            let u = ((i % width) as f64 - du).clamp(0.0, (width - 1) as f64);
-            let v = ((i / width) as f64 - dv).clamp(0.0, (height - 1) as f64);
-            bilinear(luma, u, v).unwrap_or(0.0).round() as u8
-        })
-        .collect();
-    Luma { width, height, data }
+    Luma::from_fn(width, height, |u, v| {
+        let u = (u as f64 - du).clamp(0.0, (width - 1) as f64);
+        let v = (v as f64 - dv).clamp(0.0, (height - 1) as f64);
+        bilinear(luma, u, v).unwrap_or(0.0).round() as u8
+    })
 }
 
 /// Numbers that are the same every time, in 0..1.

@@ -323,27 +323,16 @@ mod tests {
                 .sum::<f64>()
                 * 3.0_f64.sqrt()
         };
-        let (w, h) = (80, 60);
-        let data = (0..w * h)
-            .map(|k| {
-                let (u, v) = ((k % w) as f64, (k / w) as f64);
-                let d = (u - at.0) * normal_u + (v - at.1) * normal_v;
-                let share = match width {
-                    Some(width) => {
-                        0.5 * (shade(d + 0.5 * width, 0.8).value - shade(d - 0.5 * width, 0.8).value)
-                    }
-                    None => 0.5 + 0.5 * shade(d, 0.8).value,
-                };
-                (dark + (bright - dark) * share + noise * random())
-                    .round()
-                    .clamp(0.0, 255.0) as u8
-            })
-            .collect();
-        Luma {
-            width: w,
-            height: h,
-            data,
-        }
+        Luma::from_fn(80, 60, |u, v| {
+            let d = (u as f64 - at.0) * normal_u + (v as f64 - at.1) * normal_v;
+            let share = match width {
+                Some(width) => 0.5 * (shade(d + 0.5 * width, 0.8).value - shade(d - 0.5 * width, 0.8).value),
+                None => 0.5 + 0.5 * shade(d, 0.8).value,
+            };
+            (dark + (bright - dark) * share + noise * random())
+                .round()
+                .clamp(0.0, 255.0) as u8
+        })
     }
 
     #[test]

@@ -4,18 +4,13 @@ use nalgebra::Matrix3;
 
 /// Dark, with a bright bar from u = 100.5 to 499.5 and v = 299.5 to 339.5.
 fn frame() -> Luma {
-    let (width, height) = (640, 480);
-    let data = (0..width * height)
-        .map(|k| {
-            let (u, v) = (k % width, k / width);
-            if (101..500).contains(&u) && (300..340).contains(&v) {
-                180
-            } else {
-                60
-            }
-        })
-        .collect();
-    Luma { width, height, data }
+    Luma::from_fn(640, 480, |u, v| {
+        if (101..500).contains(&u) && (300..340).contains(&v) {
+            180
+        } else {
+            60
+        }
+    })
 }
 
 fn request(from: (f64, f64), to: (f64, f64)) -> Request {

@@ -44,6 +44,15 @@ pub struct Lesson {
     pub effort: Effort,
 }
 
+/// Where the ball's radius comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Radius {
+    /// From the pixels, where they tell one that is near that of the outlines.
+    Fitted,
+    /// The median of the outlines'.
+    Outlines,
+}
+
 /// Fewer frames tell too little.
 const LEAST_EXAMPLES: usize = 3;
 
@@ -59,7 +68,12 @@ const USUAL_BLUR_PX: f64 = 0.9;
 /// What `examples` have in common; no shutter is open longer than `longest_exposure_s`. `None` where they have no one
 /// appearance.
 #[must_use]
-pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson) -> Option<Appearance> {
+pub fn learn(
+    examples: &[Example<'_>],
+    longest_exposure_s: f64,
+    lesson: &Lesson,
+    radius: Radius,
+) -> Option<Appearance> {
     if examples.len() < LEAST_EXAMPLES {
         return None;
     }
@@ -73,9 +87,10 @@ pub fn learn(examples: &[Example<'_>], longest_exposure_s: f64, lesson: &Lesson)
     let near = |a: &Appearance| {
         (a.radius_px - outline_px).abs() < FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * outline_px)
     };
-    learn_with(examples, &radii, longest_exposure_s, lesson, false)
-        .filter(near)
-        .or_else(|| learn_with(examples, &radii, longest_exposure_s, lesson, true))
+    let with = |radius| learn_with(examples, &radii, longest_exposure_s, lesson, radius);
+    let fitted = || with(Radius::Fitted).filter(near);
+    let fitted = (radius == Radius::Fitted).then(fitted).flatten();
+    fitted.or_else(|| with(Radius::Outlines))
 }
 
 /// A radius further than this from the outlines' is no radius, px and part of it.
@@ -85,13 +100,13 @@ const FAR_FROM_OUTLINE: f64 = 0.2;
 /// An outline is at half of the edge's height, which shading and blur put up to this far from the rim, px.
 const OUTLINE_STD_PX: f64 = 0.2;
 
-/// The same with the median of the outlines' `radii` held or not.
+/// The same with this `radius`, of outlines of `radii`.
 fn learn_with(
     examples: &[Example<'_>],
     radii: &[f64],
     longest_exposure_s: f64,
     lesson: &Lesson,
-    radius_held: bool,
+    radius: Radius,
 ) -> Option<Appearance> {
     // Radius and blur of a small ball in noise have false valleys; with the outline's radius held, blur and light lead
     // into the right one.
@@ -106,7 +121,7 @@ fn learn_with(
     let loose_size_px = spread_px.max(LOOSE_SIZE * start.radius_px);
     let mut frames: Vec<Studied> = examples.iter().map(Studied::new).collect();
     let mut shared = first_look(&frames, &start, longest_exposure_s, lesson)?;
-    shared.radius_held = radius_held;
+    shared.radius_held = radius == Radius::Outlines;
     let mut scatter = [LOOSE_STRENGTH, LOOSE_TILT_GREY, LOOSE_TILT_GREY, loose_size_px];
     let mut best = None;
     for round in 0..lesson.rounds {

@@ -85,7 +85,7 @@ impl DrawnOut {
 mod tests {
     use super::*;
     use crate::detect::blobs::Crop;
-    use crate::detect::centre::appearance::{Example, learn};
+    use crate::detect::centre::appearance::{Example, Radius, learn};
     use crate::detect::centre::{Patch, known_ball, standard};
     use crate::frames::Luma;
 
@@ -151,7 +151,7 @@ mod tests {
                 magnification: balls[i].1,
             })
             .collect();
-        let ball = learn(&examples, 0.01, &standard::LESSON).unwrap();
+        let ball = learn(&examples, 0.01, &standard::LESSON, Radius::Fitted).unwrap();
         assert!((ball.radius_px - radius_px).abs() < 0.05, "{}", ball.radius_px);
         let mut squares = 0.0;
         for (i, &(at, m)) in balls.iter().enumerate() {
