@@ -364,6 +364,21 @@ fn a_grazing_touch_is_measured_or_refused() {
 }
 
 #[test]
+fn a_ball_that_covers_its_scene_is_measured_or_said_to() {
+    let golf = |seed, drop_height_m, speed_m_s| {
+        let ball = json!({"radius_m": 0.0213, "mass_kg": 0.0459});
+        let scene = launched(with(scene(seed), "ball", ball), drop_height_m, speed_m_s);
+        Clip::of(&at_rate(scene, 480.0)).measured()
+    };
+    // For a third of the frames: the median of the scene is the outermost of the few that show it.
+    let third = golf(604, 0.03, 0.6);
+    assert_true(&third, 2, "a third");
+    assert!(!third.warns("ball_lingers"));
+    // For half of them the ball itself is in the median.
+    assert!(golf(605, 0.03, 0.4).warns("ball_lingers"));
+}
+
+#[test]
 fn a_soft_ball_is_said_to_have_a_contact_of_unknown_time() {
     // A golf ball that is a thousand times softer than metal: it stays down for 0.8 ms in place of 0.05 ms.
     let golf = with(

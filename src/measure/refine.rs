@@ -61,7 +61,7 @@ pub fn places_std_px(displaced_px: f64) -> f64 {
 }
 
 /// The same where nothing displaces the centres, px.
-const PLACES_STD_PX: f64 = 0.004;
+const PLACES_STD_PX: f64 = 0.002;
 
 /// A shaded ball's outline is off towards the light by about this, px.
 const OUTLINE_COMMON_STD_PX: f64 = 0.1;
