@@ -127,10 +127,9 @@ pub fn find(
     let mut mask = vec![0_u8; columns * rows];
     let mut any = false;
     for ((m, &c), &t) in mask.iter_mut().zip(changes).zip(&background.block_threshold_grey) {
-        if c.abs() > t {
-            *m = 255;
-            any = true;
-        }
+        let moves = c.abs() > t;
+        *m = if moves { 255 } else { 0 };
+        any |= moves;
     }
     if !any {
         return Vec::new();
@@ -159,6 +158,10 @@ fn moving_part(mask: &[u8], columns: usize, rows: usize) -> (std::ops::Range<usi
     const MARGIN: usize = 2;
     let (mut left, mut right, mut top, mut bottom) = (columns, 0, rows, 0);
     for (y, line) in mask.chunks_exact(columns).enumerate() {
+        // Most lines are empty, which the compiler sees many bytes at a time.
+        if line.iter().fold(0, |any, &m| any | m) == 0 {
+            continue;
+        }
         if let Some(first) = line.iter().position(|&m| m != 0) {
             let last = line.iter().rposition(|&m| m != 0).unwrap_or(first);
             left = left.min(first);

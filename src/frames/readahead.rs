@@ -7,8 +7,9 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
 
-/// Frames ahead take at most about this much memory, bytes.
-const MEMORY: usize = 64 << 20;
+/// Frames ahead take at most about this much memory, bytes. More brings nothing: the system has to clear each page first, and a
+/// survey beside it keeps all cores busy.
+const MEMORY: usize = 16 << 20;
 
 /// More frames than this bring nothing: two cores are busy long before.
 const MOST: usize = 64;
@@ -242,7 +243,7 @@ mod tests {
 
     #[test]
     fn the_depth_follows_from_memory() {
-        assert_eq!(depth(1920, 1080), 32);
+        assert_eq!(depth(1920, 1080), 8);
         assert_eq!(depth(16384, 16384), 2);
         assert_eq!(depth(320, 240), 64);
         assert_eq!(depth(0, 0), 64);

@@ -156,6 +156,9 @@ fn edges_along_rays(patch: &Patch<'_>, change: &[f32], from: (f64, f64)) -> Vec<
             profile.push(value);
         }
         for i in 1..profile.len() {
+            if profile[i] >= profile[i - 1] {
+                continue;
+            }
             let inner = profile[i.saturating_sub(REACH)..i]
                 .iter()
                 .copied()
