@@ -603,9 +603,9 @@ impl<'a> Scene<'a> {
             }
             _ => {
                 let out = self.evidence.outputs(|p| {
-                    let t = self.impact_time(p, first);
-                    let down = self.back_at(p, first + 1, t);
-                    vec![self.world(p, first + 1, down).r - self.world(p, first + 1, t).r + apart(p)]
+                    let (t, touch, _) = self.impact(p, first);
+                    let down = self.back_at(p, first + 1, t, touch.h);
+                    vec![self.world(p, first + 1, down).r - touch.r + apart(p)]
                 });
                 (out.quantity(0), XSource::Extrapolated)
             }
@@ -617,10 +617,10 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// When arc `k`, rising at `t`, is back at its height of then, lift included.
-    fn back_at(&self, p: &[f64], k: usize, t: f64) -> f64 {
+    /// When arc `k`, rising about `t`, comes down to this height, lift included. That is the height of the touch before: the
+    /// rebound's own arc is still below it then, as the ball stays down for a while.
+    fn back_at(&self, p: &[f64], k: usize, t: f64, height: f64) -> f64 {
         let mut down = t + self.flight.fit.planar(p).return_time(k, t);
-        let height = self.world(p, k, t).h;
         for _ in 0..3 {
             let m = self.world(p, k, down);
             down -= (m.h - height) / m.vh;
