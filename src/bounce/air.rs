@@ -1,8 +1,8 @@
 //! What the air does to the ball: the drag to expect, and lift (Magnus), once the bounces tell the spin.
 //!
 //! F = ½ ρ π R² C_L v² across the motion, C_L = 1 / (2 + v/|Rω|), measured on tennis balls (Štěpánek 1988; Cross and Lindsey
-//! 2014 give the same form). With the fitted drag β = ½ ρ π R² C_D / m the acceleration is (β/C_D) Rω v / (v + 2|Rω|) times
-//! (h', −r'): topspin pushes a rising ball forward and a falling one back, so that an arc fitted without it is too fast
+//! 2014 give the same form). The acceleration is (ρ π R²/2m) Rω v / (v + 2|Rω|) times (h', −r'), where a ball of unknown size or
+//! mass has the fitted drag over a usual C_D for the first factor: topspin pushes a rising ball forward and a falling one back, so that an arc fitted without it is too fast
 //! along x at both of its ends.
 //!
 //! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
@@ -14,7 +14,7 @@ use crate::flight::Flight;
 use crate::flight::planar::{DRAG, Motion, Planar};
 use nalgebra::DVector;
 
-/// Drag coefficient at usual speeds, where only its order counts.
+/// Drag coefficient of a ball of unknown size or mass.
 const USUAL_DRAG: f64 = 0.42;
 
 /// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
@@ -54,14 +54,16 @@ impl Lift {
     #[must_use]
     pub fn motion(&self, planar: &Planar<'_>, arc: usize, t: f64) -> Motion {
         let spin = self.spin(arc).unwrap_or(0.0);
-        let over_drag = planar.parameters[DRAG] / planar.law.usual().unwrap_or(USUAL_DRAG);
+        // What is fitted as drag has some of the lift in it, as long as that is in the points.
+        let fitted = || planar.parameters[DRAG] / USUAL_DRAG;
+        let air = planar.law.air().unwrap_or_else(fitted);
         planar.pushed_by(arc, t, |vr, vh| {
             let speed = vr.hypot(vh);
             let share = speed + 2.0 * spin.abs();
             if spin == 0.0 || !(share > 0.0) {
                 return (0.0, 0.0);
             }
-            let push = over_drag * spin * speed / share;
+            let push = air * spin * speed / share;
             (push * vh, -push * vr)
         })
     }
@@ -105,7 +107,26 @@ impl Lift {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::drag::DragLaw;
+    use crate::flight::drag::{Drag, DragLaw};
+
+    #[test]
+    fn lift_of_a_known_ball_does_not_follow_the_fitted_drag() {
+        let drag = Drag::of_sphere((0.012, 0.0082), 1.0, 1.5, 0.1);
+        let lift = Lift::new(vec![Some(0.3)]);
+        let moved = |part: f64| {
+            let level = Planar {
+                parameters: &[9.81, part * drag.beta, 0.0, 1.5, 0.0, 0.0],
+                times: &[0.0],
+                law: drag.law,
+            };
+            lift.motion(&level, 0, 1e-3)
+        };
+        assert_eq!(moved(1.0), moved(1.3));
+        // (ρ π R²/2m) Rω v²/(v + 2 Rω), downwards.
+        let air = 1.204 * std::f64::consts::PI * 0.012_f64.powi(2) / (2.0 * 0.0082);
+        let expected = -air * 0.3 * 1.5 * 1.5 / 2.1;
+        assert!((moved(1.0).vh / 1e-3 / expected - 1.0).abs() < 1e-3);
+    }
 
     #[test]
     fn topspin_pushes_a_rising_ball_forward_and_down() {

@@ -169,7 +169,7 @@ impl<'a> Scene<'a> {
             Scale::Gravity => calibration.gravity_std_m_s2.map(|s| s / calibration.gravity_m_s2),
             _ => metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value),
         };
-        let drag_law = match fit.forces.drag_law().usual() {
+        let drag_law = match fit.forces.drag_law().air() {
             Some(_) => SPHERE_LAW_STD,
             None => SQUARE_LAW_STD,
         };

@@ -43,13 +43,16 @@ struct Sphere {
     reynolds_s: f64,
     /// Drag coefficient at the usual speed.
     usual: f64,
+    /// ρ π R²/(2 m), 1 / plane unit.
+    air: f64,
 }
 
 impl DragLaw {
-    /// Drag coefficient at the usual speed; `None` for Newton's drag, which has no body.
+    /// ρ π R²/(2 m), 1 / plane unit, which times a force coefficient and v² is an acceleration; `None` for Newton's drag, which
+    /// has no body.
     #[must_use]
-    pub fn usual(&self) -> Option<f64> {
-        self.0.map(|s| s.usual)
+    pub fn air(&self) -> Option<f64> {
+        self.0.map(|s| s.air)
     }
 
     /// β(v)/β at `speed`, plane units a second.
@@ -74,11 +77,17 @@ impl Drag {
         let usual = coefficient(reynolds_s * speed);
         let area_m2 = std::f64::consts::PI * radius_m * radius_m;
         // Metres a unit turn 1/m into 1/unit.
-        let beta = AIR_DENSITY_KG_M3 * usual * area_m2 / (2.0 * mass_kg) * metres_per_unit;
+        let air = AIR_DENSITY_KG_M3 * area_m2 / (2.0 * mass_kg) * metres_per_unit;
+        let beta = usual * air;
+        let sphere = Sphere {
+            reynolds_s,
+            usual,
+            air,
+        };
         Self {
             beta,
             std: relative_std * beta,
-            law: DragLaw(Some(Sphere { reynolds_s, usual })),
+            law: DragLaw(Some(sphere)),
         }
     }
 }
