@@ -374,9 +374,9 @@ fn uncovered_mean(
             let pixels = frame.row(v).iter().zip(median.row(v));
             for ((&p, &m), (sum, count)) in pixels.zip(row.iter_mut().zip(&mut counts)) {
                 let departs = (f32::from(p) - offset) * scale - f32::from(m);
-                let counts = if departs.abs() <= reach { 1.0 } else { 0.0 };
-                *sum += counts * departs;
-                *count += counts;
+                let shows = if departs.abs() <= reach { 1.0 } else { 0.0 };
+                *sum += shows * departs;
+                *count += shows;
             }
         }
         for ((sum, count), &m) in row.iter_mut().zip(counts).zip(median.row(v)) {
