@@ -1,9 +1,9 @@
 //! What the air does to the ball: the drag to expect, and lift (Magnus), once the bounces tell the spin.
 //!
 //! F = ½ ρ π R² C_L v² across the motion, C_L = 1 / (2 + v/|Rω|), measured on tennis balls (Štěpánek 1988; Cross and Lindsey
-//! 2014 give the same form). The acceleration is (ρ π R²/2m) Rω v / (v + 2|Rω|) times (h', −r'), where a ball of unknown size or
-//! mass has the fitted drag over a usual C_D for the first factor: topspin pushes a rising ball forward and a falling one back, so that an arc fitted without it is too fast
-//! along x at both of its ends.
+//! 2014 give the same form). The acceleration is (ρ π R²/2m) Rω v / (v + 2|Rω|) times (h', −r'), where a ball of unknown
+//! size or mass has the fitted drag over a usual C_D for the first factor: topspin pushes a rising ball forward and a falling
+//! one back, so that an arc fitted without it is too fast along x at both of its ends.
 //!
 //! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
 //! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth

@@ -237,8 +237,8 @@ mod tests {
         let mut ahead = ReadAhead::start(source).unwrap();
         assert!(ahead.next_frame().unwrap().is_some());
         drop(ahead); // joins: a hang would show here
-        // One taken, so many in the channel, one in the hand of the thread, one more slot freed by the one taken.
-        assert!(asked.load(Ordering::SeqCst) <= 3 + depth(4096, 4096));
+        // One taken, 2 in the channel, one in the hand of the thread, one more slot freed by the one taken.
+        assert!(asked.load(Ordering::SeqCst) <= 5);
     }
 
     #[test]
