@@ -11,7 +11,7 @@
 //! that doubt is [`KNOWN_SPIN_DOUBT`].
 
 use crate::flight::Flight;
-use crate::flight::planar::{DRAG, Motion, Planar};
+use crate::flight::planar::{DRAG, Motion, Planar, speed};
 use nalgebra::DVector;
 
 /// Drag coefficient of a ball of unknown size or mass.
@@ -58,7 +58,7 @@ impl Lift {
         let fitted = || planar.parameters[DRAG] / USUAL_DRAG;
         let air = planar.law.air().unwrap_or_else(fitted);
         planar.pushed_by(arc, t, |vr, vh| {
-            let speed = vr.hypot(vh);
+            let speed = speed(vr, vh);
             let share = speed + 2.0 * spin.abs();
             if spin == 0.0 || !(share > 0.0) {
                 return (0.0, 0.0);

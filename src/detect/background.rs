@@ -34,7 +34,7 @@ pub struct Background {
     /// Blocks a row, blocks a column.
     pub blocks: (usize, usize),
     /// Sum of the background over each block.
-    pub block_sums: Vec<i32>,
+    pub block_sums: Vec<u16>,
     /// Least change of a block's mean that counts as motion, grey levels, a block.
     pub block_threshold_grey: Vec<f32>,
     /// Follows the camera's drift and the light's flicker.
@@ -94,9 +94,8 @@ impl Background {
         } else {
             Registrar::new(&luma, noise_grey)
         };
-        for (frame, r) in survey.iter().zip(&mut registrations) {
-            *r = registrar.follow(frame, r);
-        }
+        let followed = survey.par_iter().zip(&mut registrations);
+        followed.for_each(|(frame, r)| *r = registrar.follow(frame, r));
         let block_px = block_side_px(luma.width, luma.height);
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
@@ -127,52 +126,46 @@ impl Background {
     #[must_use]
     pub fn light_of(&self, other: &Self) -> Option<Registration> {
         let light = self.registrar.follow(&other.luma, &Registration::IDENTITY);
-        let changes = self.changes_of_sums(&other.block_sums, &light);
+        let changes = self.block_changes(&other.block_sums, &light);
         let shown = blobs::find(self, &other.luma, &light, &changes);
         (light.is_still() && shown.is_empty()).then_some(light)
     }
 
-    /// Block means of `frame` minus those of the background seen as `registration` says, grey levels.
+    /// How the blocks of a frame, of which these are the `sums` (see [`sum_blocks`]), depart from the background seen as
+    /// `registration` says.
     #[must_use]
-    pub fn block_changes(&self, frame: &Luma, registration: &Registration) -> Vec<f32> {
-        let sums = sum_blocks(frame, self.block_px);
-        self.changes_of_sums(&sums, registration)
-    }
-
-    /// The same from block sums already at hand (see [`sum_blocks`]).
-    #[must_use]
-    pub fn changes_of_sums(&self, sums: &[i32], registration: &Registration) -> Vec<f32> {
-        let area = (self.block_px * self.block_px) as f32;
-        let (gain, offset) = (registration.gain as f32, registration.offset_grey as f32);
-        if registration.is_still() {
-            return sums
-                .iter()
-                .zip(&self.block_sums)
-                .map(|(&i, &b)| (i as f32 - gain * b as f32) / area - offset)
-                .collect();
+    pub fn block_changes<'a>(&'a self, sums: &'a [u16], registration: &Registration) -> BlockChanges<'a> {
+        let scene = if registration.is_still() {
+            Cow::Borrowed(self.block_sums.as_slice())
+        } else {
+            Cow::Owned(sum_blocks(&registration.seen(&self.luma), self.block_px))
+        };
+        BlockChanges {
+            sums,
+            scene,
+            gain: registration.gain as f32,
+            offset_grey: registration.offset_grey as f32,
+            a_pixel: 1.0 / (self.block_px * self.block_px) as f32,
         }
-        let seen = sum_blocks(&registration.seen(&self.luma), self.block_px);
-        sums.iter()
-            .zip(&seen)
-            .map(|(&i, &b)| (i as f32 - gain * b as f32) / area - offset)
-            .collect()
     }
 
     fn thresholds(&self, survey: &[&Luma], registrations: &[Registration]) -> Vec<f32> {
         let changes: Vec<Vec<f32>> = survey
             .par_iter()
             .zip(registrations)
-            .map(|(f, r)| self.block_changes(f, r))
+            .map(|(f, r)| {
+                self.block_changes(&sum_blocks(f, self.block_px), r)
+                    .grey()
+                    .collect()
+            })
             .collect();
-        let count = self.block_sums.len();
-        let mut local = vec![0.0_f32; count];
-        let mut column = vec![0.0_f32; changes.len()];
-        for (i, sigma) in local.iter_mut().enumerate() {
-            for (slot, frame) in column.iter_mut().zip(&changes) {
-                *slot = frame[i].abs();
-            }
-            *sigma = 1.4826 * median_in_place(&mut column);
-        }
+        let own = |column: &mut Vec<f32>, block: usize| {
+            column.clear();
+            column.extend(changes.iter().map(|frame| frame[block].abs()));
+            1.4826 * median_in_place(column)
+        };
+        let blocks = (0..self.block_sums.len()).into_par_iter();
+        let local: Vec<f32> = blocks.map_init(Vec::new, own).collect();
         let mut sorted = local.clone();
         let typical = median_in_place(&mut sorted).max(tail_sigma(&changes) as f32);
         // A block's own scatter counts where it is larger (a flickering screen, leaves); the typical one elsewhere,
@@ -184,6 +177,34 @@ impl Background {
                 (BLOCK_SIGMAS * sigma).max(LEAST_CHANGE_GREY) as f32
             })
             .collect()
+    }
+}
+
+/// Block means of a frame against those of the background.
+#[derive(Debug, Clone)]
+pub struct BlockChanges<'a> {
+    sums: &'a [u16],
+    scene: Cow<'a, [u16]>,
+    gain: f32,
+    offset_grey: f32,
+    a_pixel: f32,
+}
+
+impl BlockChanges<'_> {
+    /// The change of every block, grey levels, row by row.
+    pub fn grey(&self) -> impl Iterator<Item = f32> {
+        let blocks = self.sums.iter().zip(&*self.scene);
+        blocks.map(|(&now, &scene)| self.of(now, scene))
+    }
+
+    /// The change of one block, grey levels.
+    #[must_use]
+    pub fn grey_of(&self, block: usize) -> f32 {
+        self.of(self.sums[block], self.scene[block])
+    }
+
+    fn of(&self, now: u16, scene: u16) -> f32 {
+        (f32::from(now) - self.gain * f32::from(scene)) * self.a_pixel - self.offset_grey
     }
 }
 
@@ -203,10 +224,10 @@ fn tail_sigma(changes: &[Vec<f32>]) -> f64 {
     (tail / NINE_TENTHS).min(MOST_GREY)
 }
 
-/// Sums of `luma` over blocks of `side` × `side` pixels, row by row; rows and columns that do not fill a block are
-/// left out.
+/// Sums of `luma` over blocks of `side` × `side` pixels (see [`block_side_px`]), row by row; rows and columns that do not
+/// fill a block are left out.
 #[must_use]
-pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<i32> {
+pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<u16> {
     let (columns, rows) = (luma.width / side, luma.height / side);
     let mut sums = Vec::with_capacity(columns * rows);
     for row in 0..rows {
@@ -220,7 +241,7 @@ pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<i32> {
         } else {
             sums.extend((0..columns).map(|u| {
                 let pixels = (0..side).flat_map(|v| &line(v)[u * side..(u + 1) * side]);
-                pixels.map(|&p| i32::from(p)).sum::<i32>()
+                pixels.map(|&p| u16::from(p)).sum::<u16>()
             }));
         }
     }
@@ -228,10 +249,10 @@ pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<i32> {
 }
 
 /// The sum of sixteen bytes, two lanes of 16 bits at a time: the compiler takes four blocks at once.
-fn sum_of_lanes(rows: [u32; 4]) -> i32 {
+fn sum_of_lanes(rows: [u32; 4]) -> u16 {
     let pairs = rows.map(|r| (r & 0x00ff_00ff) + (r >> 8 & 0x00ff_00ff));
     let lanes: u32 = pairs.iter().sum();
-    ((lanes & 0xffff) + (lanes >> 16)) as i32
+    ((lanes & 0xffff) + (lanes >> 16)) as u16
 }
 
 /// The lower median of `values`, which are reordered; 0 for none.
@@ -333,22 +354,25 @@ fn median_of(frames: &[&Luma]) -> Luma {
     let n = frames.len();
     let network = sorting_network(n);
     let middle = (n - 1) / 2;
-    let mut data = Vec::with_capacity(width * height);
-    let mut rows: Vec<Vec<u8>> = vec![vec![0; width]; n];
-    for v in 0..height {
-        for (row, frame) in rows.iter_mut().zip(frames) {
-            row.copy_from_slice(frame.row(v));
-        }
-        for &(low, high) in &network {
-            let (head, tail) = rows.split_at_mut(high);
-            for (a, b) in head[low].iter_mut().zip(tail[0].iter_mut()) {
-                let (x, y) = (*a, *b);
-                *a = x.min(y);
-                *b = x.max(y);
+    let mut data = vec![0; width * height];
+    let lines = data.par_chunks_mut(width.max(1)).enumerate();
+    lines.for_each_init(
+        || vec![vec![0; width]; n],
+        |rows: &mut Vec<Vec<u8>>, (v, line)| {
+            for (row, frame) in rows.iter_mut().zip(frames) {
+                row.copy_from_slice(frame.row(v));
             }
-        }
-        data.extend_from_slice(&rows[middle]);
-    }
+            for &(low, high) in &network {
+                let (head, tail) = rows.split_at_mut(high);
+                for (a, b) in head[low].iter_mut().zip(tail[0].iter_mut()) {
+                    let (x, y) = (*a, *b);
+                    *a = x.min(y);
+                    *b = x.max(y);
+                }
+            }
+            line.copy_from_slice(&rows[middle]);
+        },
+    );
     Luma { width, height, data }
 }
 
@@ -490,7 +514,7 @@ mod tests {
         let luma = Luma::from_fn(10, 6, |u, v| (v * 10 + u) as u8);
         let sums = sum_blocks(&luma, 4);
         assert_eq!(sums.len(), 2);
-        let expected: i32 = (0..4).flat_map(|v| (0..4).map(move |u| v * 10 + u)).sum();
+        let expected: u16 = (0..4).flat_map(|v| (0..4).map(move |u| v * 10 + u)).sum();
         assert_eq!(sums[0], expected);
     }
 }

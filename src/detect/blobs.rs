@@ -1,6 +1,6 @@
 //! What moves in a frame: connected groups of blocks that differ from the background, cut out with a margin.
 
-use super::background::Background;
+use super::background::{Background, BlockChanges};
 use super::centre::Disc;
 use super::registration::Registration;
 use crate::frames::Luma;
@@ -121,19 +121,15 @@ pub fn find(
     background: &Background,
     frame: &Luma,
     registration: &Registration,
-    changes: &[f32],
+    changes: &BlockChanges<'_>,
 ) -> Vec<Blob> {
     let (columns, rows) = background.blocks;
-    let mut mask = vec![0_u8; columns * rows];
-    let mut any = false;
-    for ((m, &c), &t) in mask.iter_mut().zip(changes).zip(&background.block_threshold_grey) {
-        let moves = c.abs() > t;
-        *m = if moves { 255 } else { 0 };
-        any |= moves;
-    }
-    if !any {
-        return Vec::new();
-    }
+    let thresholds = &background.block_threshold_grey;
+    let moving = changes
+        .grey()
+        .zip(thresholds)
+        .map(|(c, &t)| if c.abs() > t { 255 } else { 0 });
+    let mask: Vec<u8> = moving.collect();
     let mut boxes = components(&mask, columns, rows, changes);
     boxes.sort_by(|a, b| b.strength.total_cmp(&a.strength));
     boxes.truncate(MOST_BLOBS);
@@ -177,7 +173,7 @@ fn moving_part(mask: &[u8], columns: usize, rows: usize) -> (std::ops::Range<usi
 }
 
 /// The connected parts of `mask`, as boxes of the whole picture.
-fn components(mask: &[u8], columns: usize, rows: usize, changes: &[f32]) -> Vec<BlockBox> {
+fn components(mask: &[u8], columns: usize, rows: usize, changes: &BlockChanges<'_>) -> Vec<BlockBox> {
     let (xs, ys) = moving_part(mask, columns, rows);
     if xs.is_empty() || ys.is_empty() {
         return Vec::new();
@@ -233,7 +229,7 @@ fn components(mask: &[u8], columns: usize, rows: usize, changes: &[f32]) -> Vec<
             b.right = b.right.max(x + 1);
             b.top = b.top.min(y);
             b.bottom = b.bottom.max(y + 1);
-            b.strength += changes[y * columns + x].abs();
+            b.strength += changes.grey_of(y * columns + x).abs();
         }
     }
     boxes.retain(|b| b.right > b.left && b.bottom > b.top);

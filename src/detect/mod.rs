@@ -53,7 +53,7 @@ pub struct Detector {
     /// The empty scene.
     pub background: Background,
     last_registration: Registration,
-    last_sums: Option<Vec<i32>>,
+    last_sums: Option<Vec<u16>>,
 }
 
 impl Detector {
@@ -84,8 +84,7 @@ impl Detector {
             .last_sums
             .as_ref()
             .map(|last| self.frame_change_grey(last, &sums));
-        let changes = self.background.changes_of_sums(&sums, &registration);
-        self.last_sums = Some(sums);
+        let changes = self.background.block_changes(&sums, &registration);
         let sightings = blobs::find(&self.background, &frame.luma, &registration, &changes)
             .into_iter()
             .map(|blob| {
@@ -99,6 +98,7 @@ impl Detector {
                 }
             })
             .collect();
+        self.last_sums = Some(sums);
         FrameReading {
             sightings,
             change_grey,
@@ -106,9 +106,15 @@ impl Detector {
         }
     }
 
-    fn frame_change_grey(&self, last: &[i32], now: &[i32]) -> f32 {
+    fn frame_change_grey(&self, last: &[u16], now: &[u16]) -> f32 {
+        /// So many sums of a block's differences fit in 32 bits.
+        const PART: usize = 1 << 16;
         let area = (self.background.block_px * self.background.block_px) as f32;
-        let sum: u64 = last.iter().zip(now).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        let part = |(a, b): (&[u16], &[u16])| {
+            let differences = a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(*b)));
+            u64::from(differences.sum::<u32>())
+        };
+        let sum: u64 = last.chunks(PART).zip(now.chunks(PART)).map(part).sum();
         sum as f32 / last.len().max(1) as f32 / area
     }
 

@@ -194,6 +194,15 @@ const LEAST_SAMPLES: usize = 50;
 /// Brightness has to differ by so many noise deviations for the offset to be told from the gain.
 const OFFSET_CONTRAST: f64 = 5.0;
 
+/// The median of a normal variable's magnitude over its standard deviation.
+const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// A place far away has to leave this part of what the nearest one leaves.
+const MUCH_BETTER: f64 = 0.8;
+
+/// A shift below this may be none, px.
+const CLOSE_PX: f64 = 0.3;
+
 /// A light that changes by more than this is another scene.
 const SANE_GAIN: std::ops::Range<f64> = 0.3..3.0;
 
@@ -267,8 +276,13 @@ impl Registrar {
     /// Where each of `frames` looks, with no idea of it beforehand (within a quarter of the picture).
     #[must_use]
     pub fn locate(&self, frames: &[&Luma]) -> Vec<Registration> {
+        let near: Vec<(Registration, f64)> = frames.par_iter().map(|f| self.located_near(f)).collect();
+        if near.iter().all(|found| self.is_there(found)) {
+            return near.into_iter().map(|(r, _)| r).collect();
+        }
         let coarser = self.coarser();
-        frames.par_iter().map(|f| self.located(f, &coarser)).collect()
+        let all = frames.par_iter().zip(near);
+        all.map(|(f, near)| self.located(f, near, &coarser)).collect()
     }
 
     /// How unsure the shifts `found` of `frames` are, px, from the two colours of a chessboard over the scene, each taken by
@@ -315,19 +329,35 @@ impl Registrar {
     /// Where `frame` looks, with no idea of it beforehand.
     #[must_use]
     pub fn locate_one(&self, frame: &Luma) -> Registration {
-        self.located(frame, &self.coarser())
+        let near = self.located_near(frame);
+        if self.is_there(&near) {
+            return near.0;
+        }
+        self.located(frame, near, &self.coarser())
     }
 
-    fn located(&self, frame: &Luma, coarser: &[Self]) -> Registration {
-        let still = self.refine(frame, Registration::IDENTITY, true);
-        if coarser.is_empty() {
-            return still.0;
+    /// From no shift on, with the median absolute residual, grey levels.
+    fn located_near(&self, frame: &Luma) -> (Registration, f64) {
+        self.refine(frame, Registration::IDENTITY, true)
+    }
+
+    /// Whether what is left is the noise of two frames, and hardly a shift: then no other place is better.
+    fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
+        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_grey;
+        *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
+    }
+
+    /// Near by or anywhere, whichever fits.
+    fn located(&self, frame: &Luma, near: (Registration, f64), coarser: &[Self]) -> Registration {
+        if coarser.is_empty() || self.is_there(&near) {
+            return near.0;
         }
         let far = self.refine(frame, coarse_place(frame, coarser), true);
-        match far {
-            // A moving hand can lead astray; the scene as a whole decides.
-            far if far.1 < 0.8 * still.1 || !still.1.is_finite() => far.0,
-            _ => still.0,
+        // A moving hand can lead astray; the scene as a whole decides.
+        if far.1 < MUCH_BETTER * near.1 || !near.1.is_finite() {
+            far.0
+        } else {
+            near.0
         }
     }
 
@@ -561,9 +591,7 @@ fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Samp
     let least_grey = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY / factor as f64);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
-    let mut samples = Vec::new();
-    let mut cells = 0;
-    for cell in 0..CELLS * CELLS {
+    let of_cell = |cell: usize| {
         let (cu, cv) = (cell % CELLS, cell / CELLS);
         let us = (cu * w / CELLS).max(2)..((cu + 1) * w / CELLS).min(w.saturating_sub(2));
         let vs = (cv * h / CELLS).max(2)..((cv + 1) * h / CELLS).min(h.saturating_sub(2));
@@ -595,10 +623,11 @@ fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Samp
                 strong += 1;
             }
         }
-        cells += usize::from(strong >= if factor > 4 { 2 } else { 4 });
-        samples.append(&mut here);
-    }
-    (samples, cells)
+        (here, strong >= if factor > 4 { 2 } else { 4 })
+    };
+    let (samples, strong): (Vec<Vec<Sample>>, Vec<bool>) =
+        (0..CELLS * CELLS).into_par_iter().map(of_cell).unzip();
+    (samples.concat(), strong.into_iter().filter(|&s| s).count())
 }
 
 /// A shift below this is found from no shift on, in pixels of the size compared.

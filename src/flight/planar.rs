@@ -43,7 +43,7 @@ impl Planar<'_> {
     #[must_use]
     pub fn drag_shift(&self, k: usize, t: f64) -> (f64, f64) {
         let m = self.pushed_by(k, t, |vr, vh| {
-            let speed = vr.hypot(vh);
+            let speed = speed(vr, vh);
             let slow = -self.law.at(speed) * speed;
             (slow * vr, slow * vh)
         });
@@ -110,7 +110,7 @@ impl Planar<'_> {
         const PARTS: usize = 8;
         let (g, beta) = (self.parameters[GRAVITY], self.parameters[DRAG]);
         let rate = |m: &Motion, beta: f64| {
-            let slow = -beta * m.vr.hypot(m.vh);
+            let slow = -beta * speed(m.vr, m.vh);
             Motion {
                 r: m.vr,
                 h: m.vh,
@@ -127,7 +127,7 @@ impl Planar<'_> {
         let s = dt / PARTS as f64;
         let mut m = start;
         for _ in 0..PARTS {
-            let beta = beta * self.law.at(m.vr.hypot(m.vh - 0.5 * g * s));
+            let beta = beta * self.law.at(speed(m.vr, m.vh - 0.5 * g * s));
             let a = rate(&m, beta);
             let b = rate(&along(&m, &a, 0.5 * s), beta);
             let c = rate(&along(&m, &b, 0.5 * s), beta);
@@ -174,6 +174,12 @@ impl Planar<'_> {
         }
         duration
     }
+}
+
+/// Length of a velocity. A ball's speed is nowhere near what a number can hold, which is all that `hypot` takes its time for.
+#[must_use]
+pub fn speed(vr: f64, vh: f64) -> f64 {
+    (vr * vr + vh * vh).sqrt()
 }
 
 /// In how long two straight motions are closest, and their distance then. `None` when they have the same velocity.

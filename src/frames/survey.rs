@@ -3,7 +3,7 @@
 use super::error::FrameError;
 use super::folder::Listing;
 use super::pixels::{PixelReader, Pixels};
-use super::video::{PictureStream, checked_size, count, ffmpeg, no_frames, open_input, orientation};
+use super::video::{PictureStream, Wanted, checked_size, count, ffmpeg, no_frames, open_input, orientation};
 use super::{Coded, Frame, Luma};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -109,7 +109,7 @@ fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameEr
 /// The key frames with these stamps, of one size; a damaged one is one frame less, nothing worse.
 fn these_key_frames(path: &Path, stamps: &[i64]) -> Result<Vec<(i64, Luma)>, FrameError> {
     let (input, _) = open_input(path)?;
-    let mut collector = Collector::open(path, input, false)?;
+    let mut collector = Collector::open(path, input, Wanted::Key)?;
     let mut found = Vec::with_capacity(stamps.len());
     for &stamp in stamps {
         if collector.stream.key_frame(stamp)
@@ -147,7 +147,7 @@ fn spread_in_time(stamps: &[i64], last: i64, at_most: usize) -> Vec<i64> {
 /// One pass over the frames that others refer to, keeping every n-th; n doubles when too many are kept.
 fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
     let (input, _) = open_input(path)?;
-    let mut collector = Collector::open(path, input, true)?;
+    let mut collector = Collector::open(path, input, Wanted::Referenced)?;
     let mut kept = Spread::new(at_most);
     let mut index = 0;
     while collector.stream.next() {
@@ -185,9 +185,9 @@ struct Collector<'a> {
 }
 
 impl<'a> Collector<'a> {
-    fn open(path: &'a Path, input: super::av::Input, skip_unreferenced: bool) -> Result<Self, FrameError> {
+    fn open(path: &'a Path, input: super::av::Input, wanted: Wanted) -> Result<Self, FrameError> {
         let tick_s = input.facts().time_base.positive().unwrap_or(1.0);
-        let stream = PictureStream::open(path, input, skip_unreferenced)?;
+        let stream = PictureStream::open(path, input, wanted)?;
         Ok(Self {
             path,
             stream,

@@ -88,7 +88,7 @@ impl<P: Pixels> VideoReader<P> {
         let (input, file_bytes) = open_input(path)?;
         let facts = input.facts().clone();
         let (expected, index_end) = expectations(&input);
-        let mut stream = PictureStream::open(path, input, false)?;
+        let mut stream = PictureStream::open(path, input, Wanted::Every)?;
         if !stream.next() {
             return Err(no_frames(path, &stream));
         }
@@ -283,6 +283,17 @@ impl Timed<Luma> {
     }
 }
 
+/// Which pictures of a stream are to be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// All.
+    Every,
+    /// Those that others refer to.
+    Referenced,
+    /// Single key frames, by [`PictureStream::key_frame`].
+    Key,
+}
+
 /// Pictures out of a stream, one after the other, past whatever is damaged.
 pub(super) struct PictureStream {
     pub input: Input,
@@ -300,11 +311,12 @@ pub(super) struct PictureStream {
 }
 
 impl PictureStream {
-    pub(super) fn open(path: &Path, input: Input, skip_unreferenced: bool) -> Result<Self, FrameError> {
+    pub(super) fn open(path: &Path, input: Input, wanted: Wanted) -> Result<Self, FrameError> {
         let failed = |e| ffmpeg(path, "start the decoder", e);
         let settings = DecoderSettings {
-            threads: threads(),
-            skip_unreferenced,
+            // A key frame is decoded alone: more threads would wait, each with pictures of its own.
+            threads: if wanted == Wanted::Key { 1 } else { threads() },
+            skip_unreferenced: wanted == Wanted::Referenced,
         };
         let decoder = Decoder::open(&input, settings).map_err(failed)?;
         let Some(decoder) = decoder else {

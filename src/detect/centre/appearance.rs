@@ -15,6 +15,7 @@ use super::known_ball::{self, Appearance, DEPARTURES, Effort, SIZE};
 use super::{Disc, Patch};
 use crate::quantity::median;
 use pool::{Pool, gather};
+use rayon::prelude::*;
 
 /// A frame to learn from.
 #[derive(Debug, Clone)]
@@ -244,28 +245,30 @@ fn first_look(
     longest_exposure_s: f64,
     lesson: &Lesson,
 ) -> Option<Shared> {
-    let mut still = start.clone();
-    Pool::settle(frames, &mut still, lesson)?;
+    let still = || {
+        let mut shared = start.clone();
+        Pool::settle(frames, &mut shared, lesson).map(|_| shared)
+    };
     let top = frames.iter().map(Studied::speed_px_s).fold(0.0, f64::max);
-    let mut best: Option<(Pool, Shared)> = None;
     // Longer sweeps first fit what shorter ones start from too badly; each start finds its own valley.
-    for part in [0.08, 0.25, 0.6, 1.0] {
+    let from = |part: f64| {
         let exposure_s = part * longest_exposure_s;
         let sweep_px = top * exposure_s;
         if sweep_px < LEAST_SWEEP_PX || sweep_px > 4.0 * start.radius_px {
-            continue;
+            return None;
         }
         let mut shared = Shared {
             exposure_s,
             ..start.clone()
         };
-        let Some(pool) = Pool::settle(frames, &mut shared, lesson) else {
-            continue;
-        };
-        if best.as_ref().is_none_or(|(b, _)| pool.scale < b.scale) {
-            best = Some((pool, shared));
-        }
-    }
+        Some((Pool::settle(frames, &mut shared, lesson)?, shared))
+    };
+    let sweeps = [0.08, 0.25, 0.6, 1.0].into_par_iter().filter_map(from);
+    let (still, found) = rayon::join(still, || sweeps.collect::<Vec<(Pool, Shared)>>());
+    let still = still?;
+    let best = found
+        .into_iter()
+        .min_by(|(a, _), (b, _)| a.scale.total_cmp(&b.scale));
     let moving = best.map(|(_, shared)| shared).filter(|s| {
         let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s <= 1.1 * longest_exposure_s;
         in_reach && gain(frames, &still, s, lesson).is_some_and(|g| g > EXPOSURE_GAIN)
@@ -282,18 +285,26 @@ fn gain(frames: &[Studied<'_>], old: &Shared, new: &Shared, lesson: &Lesson) -> 
     Some(old.cost(common) - new.cost(common))
 }
 
+/// Terms whose lack costs so many noise variances, to first order, are needed: they may cost two each.
+const HOPELESS: f64 = 200.0;
+
 /// As many terms of the light as pay, all tried on the same pixels (Akaike's criterion: a term left out that is there
 /// pulls the centre, one too many only makes it a little less sure).
 fn fitting_terms(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Pool> {
     let bands = gather(frames, shared, lesson);
-    let tried: Vec<(Pool, Shared)> = TERM_LEVELS
-        .iter()
-        .filter_map(|&level| {
-            let mut shared = shared.clone();
-            shared.terms.resize(level, 0.0);
-            Some((Pool::settle_on(&bands, &mut shared, lesson)?, shared))
-        })
-        .collect();
+    let mut tried: Vec<(Pool, Shared)> = Vec::new();
+    // The most first: what they say themselves may settle that fewer will not do, and those take the most steps.
+    for &level in TERM_LEVELS.iter().rev() {
+        let hopeless = |(pool, _): &(Pool, Shared)| pool.cost_without(level) > HOPELESS;
+        if tried.iter().any(hopeless) {
+            continue;
+        }
+        let mut shared = shared.clone();
+        shared.terms.resize(level, 0.0);
+        if let Some(pool) = Pool::settle_on(&bands, &mut shared, lesson) {
+            tried.push((pool, shared));
+        }
+    }
     let common = tried.iter().map(|(p, _)| p.scale).fold(f64::INFINITY, f64::min);
     let score = |(pool, shared): &(Pool, Shared)| pool.cost(common) + 2.0 * shared.terms.len() as f64;
     let (pool, chosen) = tried.into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
@@ -310,8 +321,7 @@ struct Spread {
 
 /// Fits each frame's centre and departures with the appearance known; the departures' spread over the frames.
 fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spread {
-    let mut found: Vec<([f64; DEPARTURES], [f64; DEPARTURES])> = Vec::new();
-    for f in frames.iter_mut() {
+    let found = frames.par_iter_mut().filter_map(|f| {
         let ball = ball.magnified(f.example.magnification, &lesson.effort);
         let start = Disc {
             centre: f.disc.centre,
@@ -320,12 +330,12 @@ fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spre
         };
         let fitted = known_ball::fit(&f.example.patch, &ball, &start, f.example.gain, &lesson.effort);
         f.good = fitted.is_some();
-        if let Some(fitted) = fitted {
-            f.disc.centre = fitted.centre.disc.centre;
-            f.departures = fitted.departures;
-            found.push((fitted.departures, fitted.departure_variances));
-        }
-    }
+        let fitted = fitted?;
+        f.disc.centre = fitted.centre.disc.centre;
+        f.departures = fitted.departures;
+        Some((fitted.departures, fitted.departure_variances))
+    });
+    let found: Vec<([f64; DEPARTURES], [f64; DEPARTURES])> = found.collect();
     let middle = std::array::from_fn(|k| {
         let mut of_all: Vec<f64> = found.iter().map(|(d, _)| d[k]).collect();
         median(&mut of_all).unwrap_or(0.0)

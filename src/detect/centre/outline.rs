@@ -45,7 +45,7 @@ pub fn find(patch: &Patch<'_>, inside: PixelPoint, radius_px: Option<f64>) -> Op
     let mut best: Option<(Circle, f64)> = None;
     // The second look starts from the circle found, so that the rays meet the outline evenly and at right angles.
     for _ in 0..2 {
-        let edges = edges_along_rays(patch, &change, from);
+        let edges = edges_along_rays(patch, &change, from, 0.0..f64::INFINITY);
         let found = agree(&edges, patch, radius_px)?;
         from = (found.0.u, found.0.v);
         best = Some(found);
@@ -116,8 +116,13 @@ pub fn edges_near(
     let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
     let seen = patch.drawn_out.map_or(from, |d| d.frame(from));
     let start = (seen.u_px - u0, seen.v_px - v0);
+    let within_px = if patch.drawn_out.is_some() {
+        0.0..f64::INFINITY
+    } else {
+        radius_px - gate_px..radius_px + gate_px
+    };
     let mut nearest: [Option<(f64, PixelPoint)>; RAYS] = [None; RAYS];
-    for e in edges_along_rays(patch, change, start) {
+    for e in edges_along_rays(patch, change, start, within_px) {
         let edge = PixelPoint::new(e.u + u0, e.v + v0);
         let (edge, r) = match patch.drawn_out {
             Some(drawn_out) => {
@@ -135,27 +140,42 @@ pub fn edges_near(
     nearest.into_iter().flatten().map(|(_, p)| p).collect()
 }
 
-/// Places along each ray where the change falls through half of what it was just inside.
-fn edges_along_rays(patch: &Patch<'_>, change: &[f32], from: (f64, f64)) -> Vec<Edge> {
+/// Places along each ray where the change falls through half of what it was just inside: all of those at least within so
+/// many px of its start.
+fn edges_along_rays(
+    patch: &Patch<'_>,
+    change: &[f32],
+    from: (f64, f64),
+    within_px: std::ops::Range<f64>,
+) -> Vec<Edge> {
     const STEP_PX: f64 = 0.5;
     /// Edges are blurred over about this length.
     const REACH: usize = 5;
     let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
     // Below this a fall is noise: the smoothing leaves 3/8 of a pixel's standard deviation.
     let least = (4.0 * 0.375 * patch.noise_grey).max(2.0);
+    // A fall stands between two steps, and is judged by what is within reach of it.
+    let first = ((within_px.start / STEP_PX) as usize).max(1);
+    let last = ((within_px.end / STEP_PX) as usize).saturating_add(1);
+    let (begin, end) = (first.saturating_sub(REACH), last.saturating_add(REACH));
     let mut edges = Vec::new();
     let mut profile = Vec::new();
+    if sample(change, w, h, from.0, from.1).is_none() {
+        return edges;
+    }
     for ray in 0..RAYS {
         let angle = std::f64::consts::TAU * ray as f64 / RAYS as f64;
         let (s, c) = angle.sin_cos();
         profile.clear();
-        while let Some(value) = {
-            let r = STEP_PX * profile.len() as f64;
-            sample(change, w, h, from.0 + r * c, from.1 + r * s)
-        } {
+        while begin + profile.len() < end
+            && let Some(value) = {
+                let r = STEP_PX * (begin + profile.len()) as f64;
+                sample(change, w, h, from.0 + r * c, from.1 + r * s)
+            }
+        {
             profile.push(value);
         }
-        for i in 1..profile.len() {
+        for i in first - begin..profile.len().min(last.saturating_add(1) - begin) {
             if profile[i] >= profile[i - 1] {
                 continue;
             }
@@ -172,7 +192,7 @@ fn edges_along_rays(patch: &Patch<'_>, change: &[f32], from: (f64, f64)) -> Vec<
             // A fall counts when it loses at least half of the level and stands above the noise.
             if crossing && inner - outer > least && outer < 0.6 * inner {
                 let share = (profile[i - 1] - middle) / (profile[i - 1] - profile[i]);
-                let r = STEP_PX * (i as f64 - 1.0 + share);
+                let r = STEP_PX * ((begin + i) as f64 - 1.0 + share);
                 edges.push(Edge {
                     u: from.0 + r * c,
                     v: from.1 + r * s,

@@ -4,14 +4,17 @@
 
 use super::{LEAST_EXAMPLES, Lesson, OUTLINE_STD_PX, Shared, Studied};
 use crate::detect::background::{ROUNDING_STD_GREY, median_in_place};
-use crate::detect::centre::ball::{self, BandPixel, Pose, RadialTable, norm};
+use crate::detect::centre::ball::{self, BandPixel, Light, Pose, RadialTable, norm};
 use crate::detect::centre::known_ball::SIZE;
+use crate::geometry::PixelPoint;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What was fitted.
 pub struct Pool {
+    /// For each number of terms of the light, what it costs to do with so few, in noise variances, to first order.
+    without: Vec<f64>,
     /// Shift that all centres share, px.
     pub shift: [f64; 2],
     /// Its standard uncertainty, root mean square of the two coordinates, px.
@@ -110,7 +113,9 @@ impl Pool {
 
     fn of(equations: Equations, stand: Stand, shared: &mut Shared) -> Self {
         *shared = stand.shared;
+        let without = (0..=shared.terms.len()).map(|left| equations.cost_without(&shared.terms, left));
         Self {
+            without: without.collect(),
             shift: stand.shift,
             shift_std_px: equations
                 .std(0)
@@ -125,6 +130,13 @@ impl Pool {
             scale: equations.scale,
             residuals: equations.residuals,
         }
+    }
+
+    /// What it costs to do with the first `terms` of the light alone, in noise variances, to first order: what was fitted over
+    /// its uncertainty, squared (Wald's test). 0 where there are no more.
+    #[must_use]
+    pub fn cost_without(&self, terms: usize) -> f64 {
+        self.without.get(terms).copied().unwrap_or(0.0)
     }
 
     /// The biweight's cost at `scale`: squared residuals in variances, levelling off for outliers.
@@ -157,15 +169,15 @@ fn descend(bands: &[Banded<'_>], stand: &mut Stand, lesson: &Lesson, steps: usiz
         return None;
     }
     let begin_radius_px = stand.shared.radius_px;
-    let mut now = Equations::build(bands, stand, lesson, f64::INFINITY);
     if stand.shared.terms.iter().all(|&t| t == 0.0) {
         // Without a brightness the edge has no sign: the first step finds the light alone.
-        now.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
-        *stand = stand.moved(&now.solve(LEAST_DAMPING)?, begin_radius_px)?;
-        now = Equations::build(bands, stand, lesson, f64::INFINITY);
+        let mut light = Equations::build(bands, stand, lesson, f64::INFINITY);
+        light.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
+        *stand = stand.moved(&light.solve(LEAST_DAMPING)?, begin_radius_px)?;
     }
     // The first step is led by what the median of the residuals would call outliers.
-    now = Equations::build(bands, stand, lesson, root_mean_square(&now.residuals));
+    let scale = root_mean_square(&residuals(bands, stand, lesson));
+    let mut now = Equations::build(bands, stand, lesson, scale);
     let mut damping = DAMPING;
     for _ in 0..steps {
         now.hold_what_is_held(&stand.shared);
@@ -228,6 +240,11 @@ fn size_class(magnification: f64) -> i32 {
     (magnification.ln() / SIZE_CLASS).round() as i32
 }
 
+/// The magnification of a class.
+fn class_magnification(class: i32) -> f64 {
+    (SIZE_CLASS * f64::from(class)).exp()
+}
+
 /// The tables of every class of sizes that the frames have. Slopes by radius and blur are the model's own, by differences.
 fn tables(bands: &[Banded<'_>], shared: &Shared, step_px: f64, lesson: &Lesson) -> BTreeMap<i32, Tables> {
     let classes: BTreeSet<i32> = bands
@@ -235,19 +252,22 @@ fn tables(bands: &[Banded<'_>], shared: &Shared, step_px: f64, lesson: &Lesson) 
         .map(|(f, _)| size_class(f.example.magnification))
         .collect();
     let of_class = |class: i32| {
-        let magnification = (SIZE_CLASS * f64::from(class)).exp();
+        let magnification = class_magnification(class);
         let profiles =
             |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
-        let usual = profiles(shared.radius_px, shared.blur_px);
+        let usual = || profiles(shared.radius_px, shared.blur_px);
+        let wider = || profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms);
+        let softer = || profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms);
+        let (profiles, (wider, softer)) = rayon::join(usual, || rayon::join(wider, softer));
         Tables {
             magnification,
-            table: usual.of_ball(&shared.terms),
-            wider: profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms),
-            softer: profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms),
-            profiles: usual,
+            table: profiles.of_ball(&shared.terms),
+            wider,
+            softer,
+            profiles,
         }
     };
-    classes.into_iter().map(|c| (c, of_class(c))).collect()
+    classes.into_par_iter().map(|c| (c, of_class(c))).collect()
 }
 
 /// The normal equations of one step.
@@ -267,10 +287,69 @@ struct Equations {
 
 /// One frame's share in them.
 struct Part {
-    /// Its lower triangle.
-    normal: DMatrix<f64>,
-    pull: DVector<f64>,
+    /// Row by row.
+    normal: Vec<f64>,
+    pull: Vec<f64>,
     residuals: Vec<f64>,
+}
+
+/// How one frame sees the ball where the fit stands.
+struct View {
+    centre: PixelPoint,
+    pose: Pose,
+    strength: f64,
+    tilt: [f64; 2],
+}
+
+impl View {
+    fn new(frame: &Studied<'_>, stand: &Stand, tables_magnification: f64) -> Self {
+        let shared = &stand.shared;
+        let mut disc = frame.disc_with(shared);
+        disc.centre.u_px += stand.shift[0];
+        disc.centre.v_px += stand.shift[1];
+        let magnification = frame.example.magnification;
+        Self {
+            centre: disc.centre,
+            pose: Pose {
+                radius_px: shared.radius_px * tables_magnification,
+                larger_px: frame.departures[SIZE] + shared.radius_px * (magnification - tables_magnification),
+                swept_px: disc.swept_px,
+                points: ball::path_points(disc.swept_px, shared.blur_px),
+            },
+            strength: frame.example.gain + frame.departures[0],
+            tilt: [frame.departures[1], frame.departures[2]],
+        }
+    }
+
+    /// What a pixel that holds the ball's light `l` has beyond that, grey levels.
+    fn residual(&self, p: &BandPixel, l: &Light) -> f64 {
+        let tilt = self.tilt[0] * l.dipole[0] + self.tilt[1] * l.dipole[1];
+        p.grey - (p.background * (1.0 - l.cover) + self.strength * l.ball + tilt)
+    }
+}
+
+/// The residuals where the fit stands, grey levels.
+fn residuals(bands: &[Banded<'_>], stand: &Stand, lesson: &Lesson) -> Vec<f64> {
+    let shared = &stand.shared;
+    let mut tables: BTreeMap<i32, (f64, RadialTable)> = BTreeMap::new();
+    for (frame, _) in bands {
+        let class = size_class(frame.example.magnification);
+        tables.entry(class).or_insert_with(|| {
+            let times = class_magnification(class);
+            let profiles = lesson.effort.profiles(times * shared.radius_px, shared.blur_px);
+            (times, profiles.of_ball(&shared.terms))
+        });
+    }
+    let of_band = |(frame, pixels): &Banded<'_>| -> Vec<f64> {
+        let Some((times, table)) = tables.get(&size_class(frame.example.magnification)) else {
+            return Vec::new();
+        };
+        let view = View::new(frame, stand, *times);
+        let light = |p| ball::light(table, &view.pose, ball::offset(view.centre, p));
+        pixels.iter().map(|p| view.residual(p, &light(p))).collect()
+    };
+    let each: Vec<Vec<f64>> = bands.par_iter().map(of_band).collect();
+    each.concat()
 }
 
 impl Part {
@@ -283,30 +362,20 @@ impl Part {
         scale: f64,
     ) -> Self {
         let shared = &stand.shared;
-        let mut disc = frame.disc_with(shared);
-        disc.centre.u_px += stand.shift[0];
-        disc.centre.v_px += stand.shift[1];
-        let magnification = frame.example.magnification;
-        let pose = Pose {
-            radius_px: shared.radius_px * tables.magnification,
-            larger_px: frame.departures[SIZE] + shared.radius_px * (magnification - tables.magnification),
-            swept_px: disc.swept_px,
-            points: ball::path_points(disc.swept_px, shared.blur_px),
-        };
-        let strength = frame.example.gain + frame.departures[0];
+        let view = View::new(frame, stand, tables.magnification);
+        let View { pose, strength, .. } = view;
         let n = TERMS + shared.terms.len();
         let mut part = Self {
-            normal: DMatrix::zeros(n, n),
-            pull: DVector::zeros(n),
+            normal: vec![0.0; n * n],
+            pull: vec![0.0; n],
             residuals: Vec::with_capacity(pixels.len()),
         };
         let cut = TUKEY * scale;
         let mut row = vec![0.0; n];
         for p in pixels {
-            let at = ball::offset(disc.centre, p);
+            let at = ball::offset(view.centre, p);
             let l = ball::light(&tables.table, &pose, at);
-            let tilt = frame.departures[1] * l.dipole[0] + frame.departures[2] * l.dipole[1];
-            let residual = p.grey - (p.background * (1.0 - l.cover) + strength * l.ball + tilt);
+            let residual = view.residual(p, &l);
             part.residuals.push(residual);
             let x = residual / cut;
             if x.abs() >= 1.0 {
@@ -340,11 +409,13 @@ impl Part {
     }
 
     fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
-        for (i, x) in row.iter().enumerate() {
-            let wi = weight * x;
-            self.pull[i] += wi * residual;
-            for (j, y) in row.iter().enumerate().take(i + 1) {
-                self.normal[(i, j)] += wi * y;
+        let lines = self.normal.chunks_exact_mut(row.len());
+        for ((&x, pull), line) in row.iter().zip(&mut self.pull).zip(lines) {
+            let wx = weight * x;
+            *pull += wx * residual;
+            // Whole lines rather than half of them: the compiler takes several numbers at once.
+            for (sum, &y) in line.iter_mut().zip(row) {
+                *sum += wx * y;
             }
         }
     }
@@ -369,15 +440,11 @@ impl Equations {
         let mut residuals = Vec::with_capacity(parts.iter().map(|p| p.residuals.len()).sum());
         let mut pulls = Vec::with_capacity(parts.len());
         for part in parts {
-            normal += part.normal;
-            right += &part.pull;
+            normal += DMatrix::from_row_slice(n, n, &part.normal);
+            let pull = DVector::from_vec(part.pull);
+            right += &pull;
             residuals.extend(part.residuals);
-            pulls.push(part.pull);
-        }
-        for i in 0..n {
-            for j in 0..i {
-                normal[(j, i)] = normal[(i, j)];
-            }
+            pulls.push(pull);
         }
         let mut magnitudes: Vec<f32> = residuals.iter().map(|r: &f64| r.abs() as f32).collect();
         let own_scale = 1.4826 * f64::from(median_in_place(&mut magnitudes));
@@ -442,6 +509,21 @@ impl Equations {
     fn solve(&self, damping: f64) -> Option<DVector<f64>> {
         let change = self.inverse(damping)? * &self.right;
         change.iter().all(|x| x.is_finite()).then_some(change)
+    }
+
+    /// What it costs to set `terms` beyond the first `left` to zero, in noise variances; 0 where the equations do not tell.
+    fn cost_without(&self, terms: &[f64], left: usize) -> f64 {
+        let n = terms.len() - left.min(terms.len());
+        let cost = || {
+            let from = TERMS + left;
+            let covariance = self
+                .inverse(LEAST_DAMPING)?
+                .view((from, from), (n, n))
+                .into_owned();
+            let dropped = DVector::from_row_slice(&terms[left..]);
+            Some(dropped.dot(&covariance.cholesky()?.solve(&dropped)) / self.scale.powi(2))
+        };
+        if n == 0 { 0.0 } else { cost().unwrap_or(0.0) }
     }
 
     /// Standard uncertainty of an unknown, the residuals of a frame taken as one.
