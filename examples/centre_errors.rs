@@ -46,6 +46,7 @@ const LOOKS: [Look; 4] = [
 
 /// A centre's error and where in its pixel the truth was.
 struct Error {
+    frame: usize,
     phase_px: f64,
     error_px: f64,
 }
@@ -54,6 +55,7 @@ fn main() -> Result<()> {
     let dir = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| ".".to_owned()));
     let scratch = tempfile::tempdir()?;
     let mut clouds = Vec::new();
+    let mut alike = Vec::new();
     println!(
         "| light and codec | R, px | noise, grey | method | centres | bias u, v, px | scatter u, v, px | Cramér-Rao, px | rms, px |"
     );
@@ -61,6 +63,7 @@ fn main() -> Result<()> {
     for look in &LOOKS {
         for (radius_px, noise_grey) in [(5.0, 2.0), (8.0, 2.0), (15.6, 2.0), (15.6, 8.0), (40.0, 2.0)] {
             let (calibration, video, truth) = recording(scratch.path(), look, radius_px, noise_grey)?;
+            let mut by_edges = Vec::new();
             for (word, accuracy) in [
                 ("fast", Accuracy::Fast),
                 ("standard", Accuracy::Standard),
@@ -76,6 +79,7 @@ fn main() -> Result<()> {
                     .filter_map(|p| {
                         let c = truth.centres.iter().find(|c| c.frame == p.frame)?;
                         let of = |found: f64, true_: f64| Error {
+                            frame: p.frame,
                             phase_px: true_ - true_.floor(),
                             error_px: found - true_,
                         };
@@ -83,7 +87,13 @@ fn main() -> Result<()> {
                     })
                     .collect();
                 report(&name, &errors, radius_px, noise_grey);
-                if word == "standard" {
+                if word == "fast" {
+                    by_edges = errors;
+                } else if word == "standard" {
+                    alike.push((
+                        format!("{} | {radius_px} | {noise_grey}", look.name),
+                        likeness(&by_edges, &errors),
+                    ));
                     clouds.push((
                         format!("{}, R {radius_px}, noise {noise_grey}", look.name),
                         errors,
@@ -92,7 +102,49 @@ fn main() -> Result<()> {
             }
         }
     }
+    println!(
+        "\nDo edge points (`fast`) and pixels' likelihood (`standard`) err alike, frame by frame? Then the ball is displaced in"
+    );
+    println!("the picture itself, and no method that sees one frame finds it elsewhere.\n");
+    println!("| light and codec | R, px | noise, grey | correlation of their errors | rms difference, px |");
+    println!("|---|---|---|---|---|");
+    for (name, (correlation, difference_px)) in &alike {
+        println!("| {name} | {correlation:.2} | {difference_px:.4} |");
+    }
     plot(&dir.join("centre_errors.svg"), &clouds)
+}
+
+/// Correlation of the errors of two methods in the frames that both have, biases aside, and the rms of their difference, px.
+fn likeness(one: &[[Error; 2]], other: &[[Error; 2]]) -> (f64, f64) {
+    let [
+        mut product,
+        mut squares,
+        mut other_squares,
+        mut difference,
+        mut count,
+    ] = [0.0; 5];
+    for k in 0..2 {
+        let pairs: Vec<(f64, f64)> = one
+            .iter()
+            .filter_map(|a| {
+                let b = other.iter().find(|b| b[k].frame == a[k].frame)?;
+                Some((a[k].error_px, b[k].error_px))
+            })
+            .collect();
+        let n = pairs.len() as f64;
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (one_mean, other_mean) = (mean(|p| p.0), mean(|p| p.1));
+        for (a, b) in &pairs {
+            let (a, b) = (a - one_mean, b - other_mean);
+            product += a * b;
+            squares += a * a;
+            other_squares += b * b;
+            difference += (a - b).powi(2);
+        }
+        count += n;
+    }
+    let correlation = product / (squares * other_squares).sqrt();
+    (correlation, (difference / count).sqrt())
 }
 
 /// A ball launched into free fall and one bounce, in a picture that just holds it.
