@@ -6,7 +6,7 @@
 //! moved), the pass is given up and begun anew with the scene of frames from all over the recording.
 
 use super::{MeasureError, Progress};
-use crate::detect::background::Background;
+use crate::detect::background::{self, Background};
 use crate::detect::blobs::Crop;
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
@@ -178,13 +178,13 @@ impl Pass {
             let due = self.provisional.as_mut().filter(|p| p.next_check == seen);
             if let Some(p) = due {
                 p.next_check *= 2;
-                if self.scene_so_far().is_none() {
+                if !self.shows_its_scene() {
                     return Ok(None);
                 }
             }
         }
         if self.provisional.is_some() {
-            let Some((whole, light)) = self.scene_so_far() else {
+            let Some((whole, light)) = self.scene_of_the_whole() else {
                 return Ok(None);
             };
             self.adopt(whole, &light);
@@ -225,17 +225,29 @@ impl Pass {
         }
     }
 
-    /// The scene of the frames kept so far, with its light against that of the scene looked at with; `None` where it shows
-    /// a thing that this does not, or where the camera moves.
-    fn scene_so_far(&self) -> Option<(Background, Registration)> {
-        if !self.registrations.iter().all(Registration::is_still) {
-            return None;
-        }
-        let survey = self.provisional.as_ref()?.spread.frames();
-        let lumas: Vec<&Luma> = survey.iter().map(|f| &f.luma).collect();
-        let so_far = Background::from_survey(&lumas).filter(|b| !b.registrar.follows_shifts())?;
-        let light = self.detector.background.light_of(&so_far)?;
-        Some((so_far, light))
+    /// The frames kept so far, where the camera does not move.
+    fn spread_so_far(&self) -> Option<Vec<&Luma>> {
+        let still = self.registrations.iter().all(Registration::is_still);
+        let spread = &self.provisional.as_ref().filter(|_| still)?.spread;
+        Some(spread.frames().into_iter().map(|f| &f.luma).collect())
+    }
+
+    /// Whether the frames kept so far show the scene looked at with.
+    fn shows_its_scene(&self) -> bool {
+        let scene = self.spread_so_far().filter(|lumas| !lumas.is_empty());
+        scene.is_some_and(|lumas| {
+            let so_far = background::median_of(&lumas);
+            self.detector.background.light_of(&so_far).is_some()
+        })
+    }
+
+    /// The scene of the frames kept, with its light against that of the scene looked at with; `None` where it shows a thing
+    /// that this does not, or where the camera moves.
+    fn scene_of_the_whole(&self) -> Option<(Background, Registration)> {
+        let whole = Background::from_survey(&self.spread_so_far()?)?;
+        let fixed = !whole.registrar.follows_shifts();
+        let light = self.detector.background.light_of(&whole.luma).filter(|_| fixed)?;
+        Some((whole, light))
     }
 
     /// Takes `whole`, whose light against the scene looked at with is `light`, for that scene.
