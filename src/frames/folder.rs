@@ -7,7 +7,7 @@
 use super::av::{AvError, Decoder, Packet, Picture};
 use super::error::FrameError;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
-use super::video::{FrameSource, Timed, checked_size, count, ffmpeg, turn};
+use super::video::{Reader, Timed, checked_size, count, ffmpeg, turn};
 use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
 use std::ffi::{CStr, OsStr};
 use std::fs;
@@ -329,27 +329,6 @@ impl<P: Pixels> FolderReader<P> {
         })
     }
 
-    pub(super) fn info(&self) -> &SourceInfo {
-        &self.info
-    }
-
-    pub(super) fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
-        let index = self.given;
-        if self.failed || index >= self.listing.len() {
-            return Ok(None);
-        }
-        let read = self.read(index);
-        self.failed = read.is_err();
-        let pixels = read?;
-        self.given += 1;
-        Ok(Some(Timed {
-            index,
-            time_s: self.listing.time(index),
-            pixels,
-            coded: Coded::Whole,
-        }))
-    }
-
     fn read(&mut self, index: usize) -> Result<P, FrameError> {
         let image = &self.listing.images[index];
         let expected = (self.info.width_px, self.info.height_px);
@@ -374,12 +353,31 @@ impl<P: Pixels> FolderReader<P> {
             found,
         })
     }
+}
 
-    pub(super) fn recycle(&mut self, pixels: P) {
-        self.spare = Some(pixels);
+impl<P: Pixels> Reader<P> for FolderReader<P> {
+    fn info(&self) -> &SourceInfo {
+        &self.info
     }
 
-    pub(super) fn health(&self) -> StreamHealth {
+    fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
+        let index = self.given;
+        if self.failed || index >= self.listing.len() {
+            return Ok(None);
+        }
+        let read = self.read(index);
+        self.failed = read.is_err();
+        let pixels = read?;
+        self.given += 1;
+        Ok(Some(Timed {
+            index,
+            time_s: self.listing.time(index),
+            pixels,
+            coded: Coded::Whole,
+        }))
+    }
+
+    fn health(&self) -> StreamHealth {
         StreamHealth {
             frames_read: self.given as u64,
             frames_expected: self.info.frames_expected,
@@ -388,23 +386,9 @@ impl<P: Pixels> FolderReader<P> {
             ..StreamHealth::default()
         }
     }
-}
 
-impl FrameSource for FolderReader<Luma> {
-    fn info(&self) -> &SourceInfo {
-        self.info()
-    }
-
-    fn next_frame(&mut self) -> Result<Option<Frame>, FrameError> {
-        Ok(self.next()?.map(Timed::into_frame))
-    }
-
-    fn health(&self) -> StreamHealth {
-        self.health()
-    }
-
-    fn recycle(&mut self, frame: Frame) {
-        self.recycle(frame.luma);
+    fn recycle(&mut self, pixels: P) {
+        self.spare = Some(pixels);
     }
 }
 

@@ -1,10 +1,10 @@
 //! A recording drawn over: every frame is decoded in colour, painted on, and coded again.
 
+use super::Yuv420;
 use super::encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
 use super::error::FrameError;
 use super::folder::FolderReader;
-use super::video::{Timed, VideoReader};
-use super::{SourceInfo, Yuv420};
+use super::video::{Reader, Timed, VideoReader};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -67,19 +67,9 @@ pub fn recode(
         });
     }
     if input.is_dir() {
-        let mut reader = FolderReader::<Yuv420>::open(input)?;
-        let info = reader.info().clone();
-        copy(&info, output, draw, &mut |used| {
-            used.into_iter().for_each(|p| reader.recycle(p));
-            reader.next()
-        })
+        copy(&mut FolderReader::open(input)?, output, draw)
     } else {
-        let mut reader = VideoReader::<Yuv420>::open(input)?;
-        let info = reader.info().clone();
-        copy(&info, output, draw, &mut |used| {
-            used.into_iter().for_each(|p| reader.recycle(p));
-            reader.next()
-        })
+        copy(&mut VideoReader::open(input)?, output, draw)
     }
 }
 
@@ -87,15 +77,12 @@ fn same_file(a: &Path, b: &Path) -> io::Result<bool> {
     Ok(a.canonicalize()? == b.canonicalize()?)
 }
 
-/// Gives back a used picture and takes the next one.
-type Next<'a> = dyn FnMut(Option<Yuv420>) -> Result<Option<Timed<Yuv420>>, FrameError> + 'a;
-
 fn copy(
-    info: &SourceInfo,
+    reader: &mut impl Reader<Yuv420>,
     output: &Path,
     draw: &mut dyn FnMut(usize, &mut Yuv420),
-    next: &mut Next<'_>,
 ) -> Result<(), RecodeError> {
+    let info = reader.info();
     let (width, height) = (info.width_px & !1, info.height_px & !1);
     if width == 0 || height == 0 {
         let (width, height) = (info.width_px, info.height_px);
@@ -120,18 +107,17 @@ fn copy(
     } else {
         1.0 / RATE_WITHOUT_CLOCK_HZ
     };
-    let mut used = None;
     while let Some(Timed {
         index,
         time_s,
         pixels: mut picture,
         ..
-    }) = next(used.take())?
+    }) = reader.next()?
     {
         crop(&mut picture, width, height);
         draw(index, &mut picture);
         writer.write_yuv_at(&picture, time_s * seconds)?;
-        used = Some(picture);
+        reader.recycle(picture);
     }
     writer.finish()?;
     Ok(())

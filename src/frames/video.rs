@@ -60,6 +60,39 @@ pub(super) struct Timed<P> {
     pub coded: Coded,
 }
 
+/// Gives the pictures of a recording as `P`, one after the other.
+pub(super) trait Reader<P> {
+    /// What is known before the first picture.
+    fn info(&self) -> &SourceInfo;
+
+    /// The next picture with its time.
+    fn next(&mut self) -> Result<Option<Timed<P>>, FrameError>;
+
+    /// What went wrong so far.
+    fn health(&self) -> StreamHealth;
+
+    /// Gives back pixels for later use.
+    fn recycle(&mut self, pixels: P);
+}
+
+impl<R: Reader<Luma>> FrameSource for R {
+    fn info(&self) -> &SourceInfo {
+        self.info()
+    }
+
+    fn next_frame(&mut self) -> Result<Option<Frame>, FrameError> {
+        Ok(self.next()?.map(Timed::into_frame))
+    }
+
+    fn health(&self) -> StreamHealth {
+        self.health()
+    }
+
+    fn recycle(&mut self, frame: Frame) {
+        self.recycle(frame.luma);
+    }
+}
+
 /// Reads a video file as pictures of kind `P`.
 pub(super) struct VideoReader<P> {
     info: SourceInfo,
@@ -122,47 +155,6 @@ impl<P: Pixels> VideoReader<P> {
         Ok(reader)
     }
 
-    pub(super) fn info(&self) -> &SourceInfo {
-        &self.info
-    }
-
-    /// The next picture with its time.
-    pub(super) fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
-        loop {
-            if let Some((time_s, (pixels, coded))) = self.clock.pop() {
-                let index = self.given;
-                self.given += 1;
-                let time_s = if self.facts.has_stamps {
-                    time_s
-                } else {
-                    count(index)
-                };
-                return Ok(Some(Timed {
-                    index,
-                    time_s,
-                    pixels,
-                    coded,
-                }));
-            }
-            if self.ended {
-                return Ok(None);
-            }
-            if self.stream.next() {
-                self.take_picture()?;
-            } else {
-                self.ended = true;
-                self.clock.end();
-            }
-        }
-    }
-
-    /// Gives back pixels for later use.
-    pub(super) fn recycle(&mut self, pixels: P) {
-        if self.spare.len() < 4 {
-            self.spare.push(pixels);
-        }
-    }
-
     /// Reads the picture that the stream stands at into the clock.
     fn take_picture(&mut self) -> Result<(), FrameError> {
         let picture = &self.stream.picture;
@@ -185,22 +177,6 @@ impl<P: Pixels> VideoReader<P> {
         self.clock.push(picture.stamp(), (pixels, picture.coded()));
         self.stream.picture.clear();
         Ok(())
-    }
-
-    pub(super) fn health(&self) -> StreamHealth {
-        StreamHealth {
-            frames_read: self.given as u64,
-            frames_expected: self.info.frames_expected,
-            damaged: self.stream.damaged(self.damaged_frames),
-            interlaced: self.interlaced,
-            stamps_repaired: if self.facts.has_stamps {
-                self.clock.repaired
-            } else {
-                0
-            },
-            ended_early: if self.ended { self.ended_early() } else { None },
-            notes: self.notes.clone(),
-        }
     }
 
     /// How long an avi is by its header's count of frames, s; FFmpeg's duration is that of the data left.
@@ -254,21 +230,60 @@ impl<P: Pixels> VideoReader<P> {
     }
 }
 
-impl FrameSource for VideoReader<Luma> {
+impl<P: Pixels> Reader<P> for VideoReader<P> {
     fn info(&self) -> &SourceInfo {
-        self.info()
+        &self.info
     }
 
-    fn next_frame(&mut self) -> Result<Option<Frame>, FrameError> {
-        Ok(self.next()?.map(Timed::into_frame))
+    fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
+        loop {
+            if let Some((time_s, (pixels, coded))) = self.clock.pop() {
+                let index = self.given;
+                self.given += 1;
+                let time_s = if self.facts.has_stamps {
+                    time_s
+                } else {
+                    count(index)
+                };
+                return Ok(Some(Timed {
+                    index,
+                    time_s,
+                    pixels,
+                    coded,
+                }));
+            }
+            if self.ended {
+                return Ok(None);
+            }
+            if self.stream.next() {
+                self.take_picture()?;
+            } else {
+                self.ended = true;
+                self.clock.end();
+            }
+        }
     }
 
     fn health(&self) -> StreamHealth {
-        self.health()
+        StreamHealth {
+            frames_read: self.given as u64,
+            frames_expected: self.info.frames_expected,
+            damaged: self.stream.damaged(self.damaged_frames),
+            interlaced: self.interlaced,
+            stamps_repaired: if self.facts.has_stamps {
+                self.clock.repaired
+            } else {
+                0
+            },
+            ended_early: if self.ended { self.ended_early() } else { None },
+            notes: self.notes.clone(),
+        }
     }
 
-    fn recycle(&mut self, frame: Frame) {
-        self.recycle(frame.luma);
+    fn recycle(&mut self, pixels: P) {
+        if self.spare.len() < 4 {
+            self.spare.push(pixels);
+        }
     }
 }
 
