@@ -17,15 +17,13 @@ use crate::flight::fit::Forces;
 use crate::quantity::{Quantity, median};
 
 impl Work<'_> {
-    pub(super) fn measured(mut self, flight: &Flight) -> Result<Measurement, CalibrationError> {
-        let metres_per_unit = self.metres_per_unit(flight, self.radius_px())?;
+    pub(super) fn measured(mut self, mut flight: Flight) -> Result<Measurement, CalibrationError> {
+        let metres_per_unit = self.metres_per_unit(&flight, self.radius_px())?;
         let (free, lift) = self
-            .scene(flight, metres_per_unit, Lift::default())
+            .scene(&flight, metres_per_unit, Lift::default())
             .without_lift();
-        let flight = &Flight {
-            extra: free.extra,
-            ..flight.clone()
-        };
+        flight.extra = free.extra;
+        let flight = &flight;
         let free = doubt::widened(&free, self.calibration, &self.map);
         let scene = self.scene(&free, metres_per_unit, lift);
         let bounces = scene.bounces();

@@ -125,7 +125,7 @@ pub fn measure(
     let map = calibration.rectification().map_err(misfit)?;
     let mut work = Work::new(video, calibration, map, seen, accuracy);
     match work.find_flight() {
-        Ok(flight) => work.measured(&flight).map_err(misfit),
+        Ok(flight) => work.measured(flight).map_err(misfit),
         Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, &work.base, calibration))),
     }
 }
