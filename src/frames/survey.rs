@@ -53,6 +53,15 @@ pub fn evenly(count: usize, at_most: usize) -> Vec<usize> {
     }
 }
 
+/// `at_most` of these, as [`evenly`] has it.
+fn evenly_of<T>(all: impl ExactSizeIterator<Item = T>, at_most: usize) -> Vec<T> {
+    let chosen = evenly(all.len(), at_most);
+    all.enumerate()
+        .filter(|(position, _)| chosen.binary_search(position).is_ok())
+        .map(|(_, one)| one)
+        .collect()
+}
+
 /// Key frames alone, when the index shows at least half of the wanted number, evenly spread in time.
 fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameError> {
     let (mut input, _) = open_input(path)?;
@@ -268,19 +277,13 @@ impl Spread {
     /// Those kept, at most as many as wanted.
     #[must_use]
     pub fn frames(&self) -> Vec<&Frame> {
-        let chosen = evenly(self.kept.len(), self.at_most).into_iter();
-        chosen.map(|i| &self.kept[i].1).collect()
+        evenly_of(self.kept.iter().map(|(_, frame)| frame), self.at_most)
     }
 
     /// The same for good.
     #[must_use]
     pub fn into_frames(self) -> Vec<Frame> {
-        let chosen = evenly(self.kept.len(), self.at_most);
-        let positions = self.kept.into_iter().enumerate();
-        positions
-            .filter(|(position, _)| chosen.binary_search(position).is_ok())
-            .map(|(_, (_, frame))| frame)
-            .collect()
+        evenly_of(self.kept.into_iter().map(|(_, frame)| frame), self.at_most)
     }
 }
 

@@ -1,10 +1,11 @@
 //! What pictures and plots are made of: arcs as polylines, the ball cut out of its frames, the words for unused
 //! points.
 
+use super::is_used;
 use super::observe::Observation;
 use super::refine::{Found, arc_at, of_sighting};
 use super::result::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
-use super::{WorldFrame, is_used, stretched};
+use super::world::WorldFrame;
 use crate::calibration::Rectification;
 use crate::detect::blobs::Crop;
 use crate::flight::{Flight, FlightPoint, SpotUse};
@@ -135,4 +136,12 @@ fn stretch(luma: &Luma, range: LumaRange) -> Luma {
         height: luma.height,
         data,
     }
+}
+
+/// A code value stretched from black..white to 0..255.
+fn stretched(value: u8, range: LumaRange) -> u8 {
+    let (black, white) = (f64::from(range.black), f64::from(range.white));
+    ((f64::from(value) - black) * 255.0 / (white - black))
+        .round()
+        .clamp(0.0, 255.0) as u8
 }

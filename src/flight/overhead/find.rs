@@ -1,14 +1,16 @@
 //! From a track of spots to the flight of a ball seen from above.
 
-use super::super::segment::{self, Fall, Sample};
-use super::super::{
-    Flight, LEAST_JUMP, MOST_ENERGY_GAIN, MOST_SCATTER, SpotUse, Track, finish, fit_and_set_aside,
-    larger_part, longest_chain, median,
-};
 use super::segment::Sums;
-use super::{Flying, Layout, Overhead, flying};
+use super::{Flying, Layout, Overhead};
+use crate::flight::chain::{larger_part, longest_chain};
 use crate::flight::fit::{ArcFit, Forces};
-use crate::flight::linking::Spot;
+use crate::flight::impacts::finish;
+use crate::flight::join::LEAST_JUMP;
+use crate::flight::judge::MOST_SCATTER;
+use crate::flight::linking::{Spot, Track};
+use crate::flight::segment::{self, Fall, Sample};
+use crate::flight::set_aside::fit_and_set_aside;
+use crate::flight::{Flight, SpotUse, median};
 use crate::quantity::Quantity;
 use std::ops::Range;
 
@@ -297,37 +299,6 @@ fn richest(ranges: Vec<Range<usize>>) -> Vec<Range<usize>> {
         None => ranges,
     }
 }
-
-/// Arcs `a` and `a + 1` meet in an impact when the fit has it between their points, from a fall to a rise, and the
-/// ball has not gained by it. What the fit is not sure of is no objection: a far camera hardly shows a fall.
-pub(in crate::flight) fn impact_between(
-    fit: &ArcFit,
-    known: &Overhead,
-    spans: &[(f64, f64)],
-    a: usize,
-    interval_s: f64,
-) -> Option<f64> {
-    let p = fit.parameters.as_slice();
-    let t = fit.impact_time(p, a)?;
-    let slack = 1.5 * interval_s;
-    let in_between = t > spans[a].1 - slack && t < spans[a + 1].0 + slack;
-    let (before, after) = (
-        flying(known, p, &fit.times, a, t),
-        flying(known, p, &fit.times, a + 1, t),
-    );
-    let doubt = |k: usize| {
-        let i = Layout::new(fit.arcs()).rise(k) + 1;
-        SURE_SIGMAS * fit.covariance[(i, i)].max(0.0).sqrt()
-    };
-    let turns = before.rate < doubt(a) && after.rate > -doubt(a + 1);
-    let height = known.camera_height();
-    let most = before.speed(height) + (doubt(a) + doubt(a + 1)) * height;
-    let loses = after.speed(height).powi(2) <= MOST_ENERGY_GAIN * most * most;
-    (in_between && turns && loses).then_some(t)
-}
-
-/// A rate of rise is what it is beyond this many standard uncertainties.
-const SURE_SIGMAS: f64 = 4.0;
 
 /// Where the chain breaks: beside the arc whose points lie worst about the common fit, if they lie worse than an arc's
 /// do; `None` where all fit.

@@ -13,7 +13,7 @@
 //!
 //! * [`segment`] cuts a track into arcs of that shape, helped by the apparent radius, which goes as 1/(1 − ζ).
 //! * [`fit`] fits all arcs together with the impacts between them.
-//! * [`find`] is the way from a track to a [`super::Flight`].
+//! * [`find`] is the way from a track to a [`super::Flight`]; `meeting` tells where its arcs meet.
 //!
 //! Drag β (Newton's) is taken as known where the ball's mass and size are, and fitted elsewhere: it slows the ball along its
 //! path and hardly turns it. Lift s × v (Magnus; s along the spin) does turn it: each arc has an s of its own, about what drag
@@ -22,6 +22,7 @@
 pub mod find;
 pub mod fit;
 mod lift;
+pub(super) mod meeting;
 mod seen;
 pub mod segment;
 

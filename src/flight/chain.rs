@@ -1,0 +1,121 @@
+//! Which of a track's arcs are one flight: those that are free, follow each other closely and show the fall.
+
+use super::samples::shows_fall;
+use super::segment::{Fall, Sample, own_fall};
+
+/// An arc whose own curvature contradicts the common fall is carried, not thrown.
+pub(super) fn is_free_flight(samples: &[Sample], gravity: f64, falls: bool) -> bool {
+    if samples.len() < 5 || !falls {
+        return true;
+    }
+    own_fall(samples).is_none_or(|(g, std)| Fall::Known(gravity).agrees(g, std))
+}
+
+/// Arcs are fitted together, which takes memory and time as the square of their number; a ball that bounces more often
+/// is measured on this many successive arcs.
+const MOST_ARCS: usize = 40;
+
+/// The successive arcs, at most [`MOST_ARCS`], that hold the most points.
+pub(super) fn richest_run(ranges: Vec<std::ops::Range<usize>>) -> Vec<std::ops::Range<usize>> {
+    let points = |run: &[std::ops::Range<usize>]| run.iter().map(ExactSizeIterator::len).sum::<usize>();
+    match ranges.windows(MOST_ARCS).max_by_key(|run| points(run)) {
+        Some(run) => run.to_vec(),
+        None => ranges,
+    }
+}
+
+/// The run of arcs with the most points in which each follows the last within a second or ten frames.
+pub(super) fn longest_chain(
+    samples: &[Sample],
+    ranges: Vec<std::ops::Range<usize>>,
+    interval_s: f64,
+) -> Vec<std::ops::Range<usize>> {
+    let patience_s = (10.0 * interval_s).max(1.0);
+    let mut chains: Vec<Vec<std::ops::Range<usize>>> = Vec::new();
+    for r in ranges {
+        match chains.last_mut() {
+            Some(chain)
+                if chain
+                    .last()
+                    .is_some_and(|l| samples[r.start].t - samples[l.end - 1].t < patience_s) =>
+            {
+                chain.push(r);
+            }
+            _ => chains.push(vec![r]),
+        }
+    }
+    chains
+        .into_iter()
+        .max_by_key(|c| c.iter().map(ExactSizeIterator::len).sum::<usize>())
+        .unwrap_or_default()
+}
+
+/// Points of the first and of the last arc, at least.
+pub(super) const LEAST_END_POINTS: usize = 4;
+
+/// The arcs from the first to the last that shows the fall, and one more at each end: a short stretch after the last
+/// impact is a rebound, a row of them is a ball that rolls or shivers.
+pub(super) fn without_straight_ends(
+    samples: &[Sample],
+    ranges: Vec<std::ops::Range<usize>>,
+    gravity: f64,
+    sigma: f64,
+    falls: bool,
+) -> Vec<std::ops::Range<usize>> {
+    let shows = |r: &std::ops::Range<usize>| shows_fall(samples, r, gravity, sigma);
+    if !falls {
+        return ranges;
+    }
+    let (Some(first), Some(last)) = (ranges.iter().position(shows), ranges.iter().rposition(shows)) else {
+        return Vec::new();
+    };
+    let end = (last + 2).min(ranges.len());
+    let mut kept = ranges[first.saturating_sub(1)..end].to_vec();
+    // An arc at the end, which only one impact holds, needs a point to spare.
+    if kept.first().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+        kept.remove(0);
+    }
+    if kept.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+        kept.pop();
+    }
+    kept
+}
+
+/// Arcs `cut` and `cut + 1` do not meet: the weaker goes, if it is a short stretch that may be anything (points on
+/// both sides of an impact that happen to lie on a parabola); else the flight ends there, and the larger part stays.
+pub(super) fn without_weak_arc(
+    samples: &[Sample],
+    mut ranges: Vec<std::ops::Range<usize>>,
+    cut: usize,
+    gravity: f64,
+    sigma: f64,
+) -> Vec<std::ops::Range<usize>> {
+    let weaker = if ranges[cut].len() < ranges[cut + 1].len() {
+        cut
+    } else {
+        cut + 1
+    };
+    let range = &ranges[weaker];
+    if range.len() <= WEAK_POINTS || !shows_fall(samples, range, gravity, sigma) {
+        ranges.remove(weaker);
+        return ranges;
+    }
+    larger_part(ranges, cut + 1)
+}
+
+/// An arc of this many points or fewer may be chance.
+pub(super) const WEAK_POINTS: usize = 5;
+
+/// The part before or from `cut`, whichever holds more points.
+pub(super) fn larger_part(
+    mut ranges: Vec<std::ops::Range<usize>>,
+    cut: usize,
+) -> Vec<std::ops::Range<usize>> {
+    let count = |part: &[std::ops::Range<usize>]| part.iter().map(ExactSizeIterator::len).sum::<usize>();
+    let tail = ranges.split_off(cut);
+    if count(&tail) > count(&ranges) {
+        tail
+    } else {
+        ranges
+    }
+}

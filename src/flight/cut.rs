@@ -1,0 +1,121 @@
+//! From a track and a first idea of its fall to the flight: the track is cut into arcs, these are joined, chosen, fitted and
+//! judged, until they hold together.
+
+use super::chain::{
+    LEAST_END_POINTS, is_free_flight, longest_chain, richest_run, without_straight_ends, without_weak_arc,
+};
+use super::fit::Forces;
+use super::impacts::finish;
+use super::join::join;
+use super::linking::{Spot, Track};
+use super::samples::{fine_sigma, samples_of, segment_sigma, shows_fall};
+use super::segment::{self, Fall};
+use super::set_aside::{LEAST_FIT_POINTS, emptied_arc, fit_and_set_aside, mostly_set_aside};
+use super::{Flight, SpotUse, overhead};
+
+/// The flight along the track, from a first idea of the fall: where the arcs then show another fall, they are cut again
+/// with that.
+pub(super) fn build(
+    spots: &[Spot],
+    track: &Track,
+    gravity: f64,
+    forces: Forces,
+    interval_s: f64,
+) -> Option<Flight> {
+    let mut flight = cut_and_fit(spots, track, gravity, forces, interval_s)?;
+    let mut known = gravity;
+    for _ in 0..FALL_ROUNDS {
+        let shown = flight.fit.gravity();
+        if (shown - known).abs() <= SAME_FALL * known.abs() {
+            break;
+        }
+        known = shown;
+        match cut_and_fit(spots, track, known, forces, interval_s) {
+            Some(again) if again.used() >= flight.used() => flight = again,
+            _ => break,
+        }
+    }
+    Some(flight)
+}
+
+/// Falls that differ by less than this part cut a track alike: half a second of fall, 1.2 m, then ends within 2 mm.
+const SAME_FALL: f64 = 0.002;
+
+/// Times that a track is cut again.
+const FALL_ROUNDS: usize = 4;
+
+/// Cuts the track with the fall known, joins arcs that are one flight, fits, sets points aside, finds impacts.
+fn cut_and_fit(
+    spots: &[Spot],
+    track: &Track,
+    gravity: f64,
+    forces: Forces,
+    interval_s: f64,
+) -> Option<Flight> {
+    let falls = forces.falls();
+    let sigma = segment_sigma(spots, track, forces);
+    if let Forces::Overhead(known) = forces {
+        return overhead::find::build(spots, track, sigma, known, interval_s);
+    }
+    let samples = samples_of(spots, track, sigma);
+    let fall = Fall::Known(gravity);
+    let mut ranges = segment::arcs(&samples, fall);
+    ranges.retain(|r| is_free_flight(&samples[r.clone()], gravity, falls));
+    let ranges = join(&samples, ranges, fall);
+    let ranges = richest_run(longest_chain(&samples, ranges, interval_s));
+    let shows = |least: f64| ranges.iter().any(|r| shows_fall(&samples, r, gravity, least));
+    let least = if shows(sigma) {
+        sigma
+    } else {
+        fine_sigma(spots, track, sigma)
+    };
+    let mut ranges = without_straight_ends(&samples, ranges, gravity, least, falls);
+    let mut untrimmed: Option<Flight> = None;
+    // Arcs that do not meet as a ball's do are two flights, or none: the longer part is tried again.
+    while !ranges.is_empty() {
+        let mut uses = vec![SpotUse::NotFree; track.len()];
+        for (k, r) in ranges.iter().enumerate() {
+            uses[r.clone()].fill(SpotUse::Used(k));
+        }
+        let Some(fit) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces) else {
+            // An arc that loses its points one by one was none: bounces too small for the frames, a ball that stays down.
+            ranges.remove(emptied_arc(&uses, ranges.len())?);
+            continue;
+        };
+        if let Some(no_arc) = mostly_set_aside(&uses, &ranges) {
+            ranges.remove(no_arc);
+            continue;
+        }
+        let flight = finish(spots, track, uses, fit, interval_s);
+        let shows = |k: usize| shows_fall(&samples, &ranges[k], gravity, sigma);
+        if let Some(chance) = (1..ranges.len().saturating_sub(1)).find(|&k| flight.is_detour(k)) {
+            ranges.remove(chance);
+            continue;
+        }
+        let last = ranges.len() - 1;
+        if last > 0 && !shows(last) && flight.is_carried(last, ranges[last].len()) {
+            ranges.pop();
+            continue;
+        }
+        let Some(cut) = flight.impacts.iter().position(Option::is_none) else {
+            let mut sure = ranges.clone();
+            if flight.trim_unsure_ends(&mut sure) {
+                if sure.last().is_some_and(|r| r.len() < LEAST_END_POINTS) {
+                    sure.pop();
+                }
+                if !sure.is_empty() && sure.iter().all(|r| r.len() >= LEAST_FIT_POINTS) {
+                    ranges = sure;
+                    untrimmed = Some(flight);
+                    continue;
+                }
+            }
+            return flight.is_convincing(&samples, &ranges, sigma).then_some(flight);
+        };
+        // A flight that falls apart without its unsure points is better off with them.
+        if let Some(whole) = untrimmed {
+            return whole.is_convincing(&samples, &ranges, sigma).then_some(whole);
+        }
+        ranges = without_weak_arc(&samples, ranges, cut, gravity, sigma);
+    }
+    None
+}

@@ -1,0 +1,75 @@
+//! The ends of arcs, where a point may be of the other side of an impact without being told by its distance.
+
+use super::Flight;
+use super::chain::LEAST_END_POINTS;
+use super::set_aside::{OFF_SIGMAS, variance};
+
+/// So many standard deviations from its arc a point of it may be without being set aside.
+const UNTOLD_SIGMAS: f64 = OFF_SIGMAS * std::f64::consts::SQRT_2;
+
+/// Rough centres make no point unsure that is further from an impact than this part of the frame interval.
+const NEAR_PART: f64 = 0.25;
+
+/// Points at the end of an arc that may be behind the next impact without being told.
+const UNTOLD_POINTS: usize = 2;
+
+/// A floor is level to this part of the ball's radius from one impact to the next.
+const LEVEL_PART: f64 = 0.1;
+
+impl Flight {
+    /// Takes from `ranges` the ends of arcs that may be of the other side of an impact, or in contact, and would not be told
+    /// by their distance: such a point draws a short arc along. Whether there were any.
+    pub(super) fn trim_unsure_ends(&self, ranges: &mut [std::ops::Range<usize>]) -> bool {
+        if !self.fit.forces.falls() {
+            return false;
+        }
+        let before = ranges.to_vec();
+        let near = |i: usize, jump: f64| {
+            let std = variance(&self.points[i].spot, &self.extra).sqrt();
+            (UNTOLD_SIGMAS * std / jump).min(NEAR_PART * self.interval_s)
+        };
+        let time = |i: usize| self.points[i].spot.time_s;
+        for (k, t) in self.impacts.iter().enumerate() {
+            let Some(t) = *t else { continue };
+            let (m, n) = (self.fit.motion(k, t), self.fit.motion(k + 1, t));
+            let jump = (n.vr - m.vr).hypot(n.vh - m.vh);
+            // A short arc that would be lost by it keeps its point.
+            let end = ranges[k].clone().find(|&i| time(i) > t - near(i, jump));
+            if let Some(end) = end.filter(|&end| end >= ranges[k].start + LEAST_END_POINTS) {
+                ranges[k].end = end;
+            }
+            let after = &mut ranges[k + 1];
+            let start = after.clone().rev().find(|&i| time(i) < t + near(i, jump));
+            if let Some(last) = start.filter(|&last| last + 1 + LEAST_END_POINTS <= after.end) {
+                after.start = last + 1;
+            }
+        }
+        if let (Some(last), Some((t, floor, speed))) = (ranges.last_mut(), self.lands_again()) {
+            // Where the ball is clearly below, there is no floor as high as the last.
+            let untold = |i: usize| {
+                let spot = &self.points[i].spot;
+                let lowest = UNTOLD_SIGMAS * variance(spot, &self.extra).sqrt() + LEVEL_PART * spot.radius;
+                time(i) > t - near(i, speed) && spot.place.up > floor - lowest
+            };
+            // More of them than this would have been told: then it is another floor, or none.
+            let end = last.clone().find(|&i| untold(i));
+            if let Some(end) = end.filter(|end| last.end - end <= UNTOLD_POINTS) {
+                last.end = end;
+            }
+        }
+        ranges != before
+    }
+
+    /// When the last arc is back at the height of the impact before it, that height and the speed then: there is the next
+    /// impact, of which nothing was found. `None` where the ball did not rise.
+    fn lands_again(&self) -> Option<(f64, f64, f64)> {
+        let last = self.fit.arcs() - 1;
+        let t = (*self.impacts.last()?)?;
+        let up = self
+            .fit
+            .planar(self.fit.parameters.as_slice())
+            .return_time(last, t);
+        let speed = self.fit.motion(last, t + up).vh.abs();
+        (speed > 0.0).then(|| (t + up, self.fit.motion(last, t).h, speed))
+    }
+}

@@ -1,0 +1,52 @@
+//! The flight from its fit: how long each arc lasts, the impacts where arcs meet, and the spots in contact then.
+
+use super::fit::{ArcFit, Forces};
+use super::linking::{Spot, Track};
+use super::scatter::Extra;
+use super::{Flight, FlightPoint, SpotUse, meeting, overhead};
+
+pub(super) fn finish(
+    spots: &[Spot],
+    track: &Track,
+    mut uses: Vec<SpotUse>,
+    (fit, extra): (ArcFit, Extra),
+    interval_s: f64,
+) -> Flight {
+    let mut spans = vec![(f64::INFINITY, f64::NEG_INFINITY); fit.arcs()];
+    for (&i, u) in track.iter().zip(&uses) {
+        if let SpotUse::Used(k) = u {
+            spans[*k].0 = spans[*k].0.min(spots[i].time_s);
+            spans[*k].1 = spans[*k].1.max(spots[i].time_s);
+        }
+    }
+    let impacts: Vec<Option<f64>> = (1..fit.arcs())
+        .map(|k| impact_after(&fit, &spans, k - 1, interval_s))
+        .collect();
+    for (&i, u) in track.iter().zip(&mut uses) {
+        let near = |t: &f64| (spots[i].time_s - t).abs() < 1.5 * interval_s;
+        if matches!(u, SpotUse::Off(_) | SpotUse::NotFree) && impacts.iter().flatten().any(near) {
+            *u = SpotUse::Contact;
+        }
+    }
+    let points = track
+        .iter()
+        .zip(uses)
+        .map(|(&i, use_)| FlightPoint { spot: spots[i], use_ })
+        .collect();
+    Flight {
+        points,
+        fit,
+        extra,
+        spans,
+        impacts,
+        interval_s,
+    }
+}
+
+/// The impact in which arcs `k` and `k + 1` meet, as its forces have it.
+fn impact_after(fit: &ArcFit, spans: &[(f64, f64)], k: usize, interval_s: f64) -> Option<f64> {
+    match &fit.forces {
+        Forces::Overhead(known) => overhead::meeting::impact_between(fit, known, spans, k, interval_s),
+        _ => meeting::impact_between(fit, spans, k, k + 1, interval_s),
+    }
+}

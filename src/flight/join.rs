@@ -1,0 +1,89 @@
+//! Neighbouring stretches of samples, before anything is fitted: whether they are one arc that was cut in two, or an impact
+//! stands between them.
+
+use super::segment::{self, Fall, Sample};
+
+/// Joins neighbouring arcs that are one flight: their points lie on one arc, or no impact stands between them (an
+/// outlier, a gap, air drag or an error that lasts for some frames had cut them).
+pub(super) fn join(
+    samples: &[Sample],
+    ranges: Vec<std::ops::Range<usize>>,
+    fall: Fall,
+) -> Vec<std::ops::Range<usize>> {
+    let mut joined: Vec<std::ops::Range<usize>> = Vec::new();
+    for r in ranges {
+        if let Some(last) = joined.last_mut() {
+            let (a, b) = (&samples[last.clone()], &samples[r.clone()]);
+            let both: Vec<Sample> = a.iter().chain(b).copied().collect();
+            let apart = segment::misfit(a, fall) + segment::misfit(b, fall);
+            let whole = segment::misfit(&both, fall);
+            // 36: what segmentation charges for a cut, and a margin.
+            if whole - apart < 36.0 || !impact_stands_between(a, b, fall) {
+                *last = last.start..r.end;
+                continue;
+            }
+        }
+        joined.push(r);
+    }
+    joined
+}
+
+/// An impact changes the velocity by more than this part of it, or turns a fall into a rise.
+pub(super) const LEAST_JUMP: f64 = 0.25;
+
+/// Parts of one flight miss each other by no more than this many standard deviations, and a part of their way (drag).
+const MOST_APART_SIGMAS: f64 = 6.0;
+
+/// Points on each side of a seam that tell what happens there.
+const SEAM_POINTS: usize = 12;
+
+/// Way covered by the shorter of two stretches.
+fn shorter_way(a: &[Sample], b: &[Sample]) -> f64 {
+    let way = |s: &[Sample]| (s[s.len() - 1].h - s[0].h).hypot(s[s.len() - 1].r - s[0].r);
+    way(a).min(way(b))
+}
+
+/// Whether the velocities of two neighbouring stretches differ as by an impact where they meet.
+fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
+    // Near the seam: over a long stretch drag or perspective would pass for a jump.
+    let (a, b) = (
+        &a[a.len().saturating_sub(SEAM_POINTS)..],
+        &b[..b.len().min(SEAM_POINTS)],
+    );
+    let (Some(end), Some(start)) = (a.last(), b.first()) else {
+        return false;
+    };
+    let t = 0.5 * (end.t + start.t);
+    let (Some(before), Some(after)) = (segment::velocity(a, fall, t), segment::velocity(b, fall, t)) else {
+        return true;
+    };
+    let jump = (after.0 - before.0).hypot(after.1 - before.1);
+    // One flight is in one place where its parts meet; else they are two things.
+    if let (Some(p), Some(q)) = (segment::place(a, fall, t), segment::place(b, fall, t)) {
+        let sigma = 1.0 / end.weight.sqrt();
+        if (p.0 - q.0).hypot(p.1 - q.1) > MOST_APART_SIGMAS * sigma + 0.02 * shorter_way(a, b) {
+            return true;
+        }
+    }
+    // Against the fastest that either is: at an apex every jump is large against the speed there.
+    let fast = |part: &[Sample], t: f64| segment::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
+    let speed = [
+        fast(a, a[0].t),
+        fast(a, end.t),
+        fast(b, start.t),
+        fast(b, b[b.len() - 1].t),
+    ]
+    .into_iter()
+    .fold(0.0, f64::max);
+    // Near an apex cut in two the sign of the rise is noise: the turn must be worth the gap's fall at least.
+    let turn = match fall {
+        Fall::Known(g) if g > 0.0 => {
+            let least = 2.0 * g * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
+            before.1 < 0.0 && after.1 > 0.0 && after.1 - before.1 > least
+        }
+        // Where nothing falls, nothing bends a path but an impact.
+        Fall::Known(g) => g == 0.0,
+        Fall::Free | Fall::Overhead(_) => true,
+    };
+    jump > LEAST_JUMP * speed || turn
+}

@@ -1,0 +1,220 @@
+//! The fit of a track's arcs, and the setting aside of points that do not lie on them; with what centres scatter by beyond
+//! their own uncertainty.
+
+use super::SpotUse;
+use super::fit::{ArcFit, FitPoint, Forces};
+use super::linking::{Spot, Track};
+use super::scatter::{Distance, Extra};
+use super::segment::Sample;
+
+/// Points further off than this many (robust) standard deviations are set aside.
+pub(super) const OFF_SIGMAS: f64 = 4.5;
+
+/// Fits, sets aside what does not fit, and fits again until nothing changes; with what centres scatter by beyond their
+/// own uncertainty.
+pub(super) fn fit_and_set_aside(
+    spots: &[Spot],
+    track: &Track,
+    uses: &mut [SpotUse],
+    arcs: usize,
+    forces: Forces,
+) -> Option<(ArcFit, Extra)> {
+    let mut extra = Extra::default();
+    for _ in 0..12 {
+        let now = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+        extra = Extra::robust(&distances(spots, track, uses, &now, &extra));
+        let looks: Vec<Option<Look>> = looks(spots, track, uses, &now, &extra);
+        // Of few points one that is off draws its arc along, and the others seem to be: the worst goes first.
+        let mut counts = vec![0_usize; arcs];
+        let mut worst = vec![0.0_f64; arcs];
+        for look in looks.iter().flatten().filter(|l| l.used) {
+            counts[look.arc] += 1;
+            worst[look.arc] = worst[look.arc].max(look.sigmas);
+        }
+        let mut changed = false;
+        for (use_, look) in uses.iter_mut().zip(&looks) {
+            let Some(look) = look else { continue };
+            let spared = look.used && counts[look.arc] < FEW_POINTS && look.sigmas < worst[look.arc];
+            let off = look.sigmas > OFF_SIGMAS && !spared;
+            changed |= off == look.used;
+            *use_ = if off {
+                SpotUse::Off(look.distance)
+            } else {
+                SpotUse::Used(look.arc)
+            };
+        }
+        if !changed {
+            break;
+        }
+    }
+    // The last verdicts enter.
+    settled(spots, track, uses, arcs, forces, extra)
+}
+
+/// The fit to the points in use, which tell their own scatter.
+pub(super) fn settled(
+    spots: &[Spot],
+    track: &Track,
+    uses: &[SpotUse],
+    arcs: usize,
+    forces: Forces,
+    mut extra: Extra,
+) -> Option<(ArcFit, Extra)> {
+    let mut fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+    for _ in 0..4 {
+        extra = Extra::efficient(&distances(spots, track, uses, &fit, &extra));
+        fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+    }
+    Some((fit, extra))
+}
+
+/// On an arc of fewer points than this, those that are off are set aside one by one.
+const FEW_POINTS: usize = 12;
+
+/// A spot against its arc.
+struct Look {
+    arc: usize,
+    used: bool,
+    /// Distance to the arc, plane units.
+    distance: f64,
+    /// The same in standard deviations of what such a distance should be: less for a point that the arc follows, more for
+    /// one that it was not fitted to.
+    sigmas: f64,
+}
+
+/// Every spot that is or may be used, against its arc.
+fn looks(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &Extra) -> Vec<Option<Look>> {
+    // Σw, Σw t, Σw t² of each arc, times from its mean one.
+    let mut sums = vec![[0.0_f64; 3]; fit.arcs()];
+    for (&i, u) in track.iter().zip(uses) {
+        if let SpotUse::Used(k) = *u {
+            let (w, t) = (1.0 / variance(&spots[i], extra), spots[i].time_s - fit.times[k]);
+            for (sum, power) in sums[k].iter_mut().zip([1.0, t, t * t]) {
+                *sum += w * power;
+            }
+        }
+    }
+    let look = |i: usize| -> Option<Look> {
+        let (arc, used) = match uses[i] {
+            SpotUse::Used(k) => (k, true),
+            SpotUse::Off(_) => (nearest_arc(uses, i)?, false),
+            _ => return None,
+        };
+        let spot = &spots[track[i]];
+        let (m, own) = (fit.motion(arc, spot.time_s), variance(spot, extra));
+        let distance = (spot.place.right - m.r).hypot(spot.place.up - m.h);
+        let [s0, s1, s2] = sums[arc];
+        let t = spot.time_s - fit.times[arc];
+        // Variance of a straight line's place at t, over the point's own.
+        let line = (s2 - 2.0 * t * s1 + t * t * s0) / (s0 * s2 - s1 * s1) / own;
+        let line = if line.is_finite() { line } else { 0.0 };
+        let share = if used {
+            1.0 - line.clamp(0.0, MOST_FOLLOWED)
+        } else {
+            1.0 + line
+        };
+        Some(Look {
+            arc,
+            used,
+            distance,
+            sigmas: distance / (2.0 * own * share).sqrt(),
+        })
+    };
+    (0..track.len()).map(look).collect()
+}
+
+/// Part of a point's error that its arc follows, at most: of three points, 5/6 at the ends.
+const MOST_FOLLOWED: f64 = 0.85;
+
+/// The arc that too few points are left on to be fitted, `None` where each has enough.
+pub(super) fn emptied_arc(uses: &[SpotUse], arcs: usize) -> Option<usize> {
+    let left = |k: usize| uses.iter().filter(|u| **u == SpotUse::Used(k)).count();
+    (0..arcs)
+        .min_by_key(|&k| left(k))
+        .filter(|&k| left(k) < LEAST_FIT_POINTS)
+}
+
+/// Fewer points than this have no arc: two coordinates with a place and a velocity each, and a point that checks them.
+pub(super) const LEAST_FIT_POINTS: usize = 3;
+
+/// The first arc most of whose points do not lie on it, once it is fitted to the last digit: a few points on the floor, behind
+/// an impact that left the ball there, pass for a short rebound as long as only their cut is asked for.
+pub(super) fn mostly_set_aside(uses: &[SpotUse], ranges: &[std::ops::Range<usize>]) -> Option<usize> {
+    let off = |range: &std::ops::Range<usize>| {
+        let used = uses[range.clone()]
+            .iter()
+            .filter(|u| matches!(u, SpotUse::Used(_)));
+        2 * used.count() < range.len()
+    };
+    ranges.iter().position(off)
+}
+
+/// Variance of a coordinate of a spot, plane units².
+pub(super) fn variance(spot: &Spot, extra: &Extra) -> f64 {
+    extra.variance(spot.std * spot.std, spot.coded)
+}
+
+/// The used points' distances to their arcs. An arc of n points with weights w follows each by about 2 w/Σw (two
+/// unknowns a coordinate).
+fn distances(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &Extra) -> Vec<Distance> {
+    let used = || {
+        track.iter().zip(uses).filter_map(|(&i, u)| match u {
+            SpotUse::Used(k) => Some((&spots[i], *k)),
+            _ => None,
+        })
+    };
+    let mut weights = vec![0.0; fit.arcs()];
+    for (s, k) in used() {
+        weights[k] += 1.0 / variance(s, extra);
+    }
+    used()
+        .map(|(s, k)| {
+            let m = fit.motion(k, s.time_s);
+            Distance {
+                square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
+                own: s.std * s.std,
+                coded: s.coded,
+                leverage: (2.0 / (variance(s, extra) * weights[k])).min(0.9),
+            }
+        })
+        .collect()
+}
+
+/// The arc of the nearest used point before or after.
+fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
+    let arc = |u: &SpotUse| match u {
+        SpotUse::Used(k) => Some(*k),
+        _ => None,
+    };
+    let before = uses[..i].iter().rev().find_map(arc);
+    let after = uses[i + 1..].iter().find_map(arc);
+    match (before, after) {
+        (Some(a), Some(b)) if a == b => Some(a),
+        _ => None,
+    }
+}
+
+fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &Extra) -> Vec<FitPoint> {
+    track
+        .iter()
+        .zip(uses)
+        .filter_map(|(&i, u)| match u {
+            SpotUse::Used(arc) => Some(fit_point(&spots[i], *arc, extra)),
+            _ => None,
+        })
+        .collect()
+}
+
+pub(super) fn fit_point(spot: &Spot, arc: usize, extra: &Extra) -> FitPoint {
+    FitPoint {
+        arc,
+        sample: Sample {
+            t: spot.time_s,
+            r: spot.place.right,
+            h: spot.place.up,
+            weight: 1.0 / variance(spot, extra),
+            near: 0.0,
+            near_weight: 0.0,
+        },
+    }
+}

@@ -1,0 +1,206 @@
+//! The measurement put together: what the flight says in metres, with what is doubtful about it, and the words for a
+//! recording that shows none.
+
+use super::camera::in_plane;
+use super::world::WorldFrame;
+use super::{
+    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, VideoFacts, Warning, Work, doubt, drawing,
+    is_used, refine, warn,
+};
+use crate::bounce::air::Lift;
+use crate::bounce::impacts::{ImpactKind, Picture, Scene};
+use crate::bounce::{Distances, reading};
+use crate::calibration::CalibrationError;
+use crate::detect::centre::{Accuracy, Centre};
+use crate::flight::Flight;
+use crate::flight::fit::Forces;
+use crate::quantity::{Quantity, median};
+
+impl Work<'_> {
+    pub(super) fn measured(mut self, mut flight: Flight) -> Result<Measurement, CalibrationError> {
+        let metres_per_unit = self.metres_per_unit(&flight, self.radius_px())?;
+        let (free, lift) = self
+            .scene(&flight, metres_per_unit, Lift::default())
+            .without_lift();
+        flight.extra = free.extra;
+        let flight = &flight;
+        let free = doubt::widened(&free, self.calibration, &self.map);
+        let scene = self.scene(&free, metres_per_unit, lift);
+        let bounces = scene.bounces();
+        let distances = scene.distances(&bounces);
+        let gravity = scene.gravity_m_s2();
+        let radius_m = self.radius_m(metres_per_unit);
+        let frame = WorldFrame::new(&scene, &bounces, metres_per_unit, radius_m, self.calibration);
+        let walls = (0..flight.impacts.len())
+            .filter(|&k| scene.kind(k) == Some(ImpactKind::Wall))
+            .count();
+        let judged = warn::Judged {
+            calibration: self.calibration,
+            flight,
+            scene: &scene,
+            bounces: &bounces,
+            gravity,
+            radius_m,
+            radius_units: self.radius_px().map(|r| r.value * self.ball_units_per_px()),
+            walls,
+            impossible: scene.impossible(&bounces),
+            x0_missing: distances.x0_m.is_none(),
+            interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
+        };
+        self.warnings.extend(warn::measured(&judged));
+        self.warnings
+            .extend(warn::unlearned(self.accuracy, self.method()));
+        self.warnings.extend(self.light(flight));
+        self.warnings
+            .extend(warn::lingering(flight, self.seen.stamps_s.len()));
+        let outcome = if bounces.is_empty() {
+            Outcome::Rejected {
+                reason: warn::no_bounce(flight, walls, self.calibration),
+            }
+        } else {
+            Outcome::Measured
+        };
+        let bounces: Vec<_> = bounces.into_iter().map(|(_, b)| b).collect();
+        Ok(Measurement {
+            video: self.video_facts(),
+            view: self.calibration.view,
+            outcome,
+            track: self.track(flight, &frame),
+            gravity_m_s2: gravity,
+            distances,
+            readings: self.falls().then(|| reading::read(&bounces)).flatten(),
+            bounces,
+            arcs: drawing::arcs(flight, &self.map, &frame),
+            strobe: Some(drawing::strobe(&self.seen, &self.found, flight)),
+            warnings: self.warnings,
+        })
+    }
+
+    /// The flight in metres; `lift` is what its points were taken from.
+    fn scene<'f>(&'f self, flight: &'f Flight, metres_per_unit: Quantity, lift: Lift) -> Scene<'f> {
+        let first = match flight.fit.forces {
+            Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
+            _ => flight.points.first(),
+        };
+        let first_right = first
+            .and_then(|p| in_plane(flight, p))
+            .map_or(0.0, |place| place.right);
+        let units_per_px = self.units_per_px();
+        let displaced_px = flight.displaced_std() / units_per_px;
+        let picture = Picture {
+            units_per_px,
+            common_std_px: refine::common_std_px(self.shared.as_ref(), displaced_px),
+            places_std_px: refine::places_std_px(displaced_px),
+        };
+        Scene::new(
+            flight,
+            self.calibration,
+            metres_per_unit,
+            picture,
+            first_right,
+            lift,
+        )
+    }
+
+    /// That the light changes during the flight.
+    fn light(&self, flight: &Flight) -> Option<Warning> {
+        let used = flight.points.iter().filter(|p| is_used(p.use_));
+        let flown: Vec<usize> = used.map(|p| p.spot.frame).collect();
+        warn::light(&self.seen, &flown)
+    }
+
+    pub(super) fn rejected(&self, reason: String) -> Measurement {
+        Measurement {
+            video: self.video_facts(),
+            view: self.calibration.view,
+            outcome: Outcome::Rejected { reason },
+            track: Track {
+                method: method_name(self.accuracy).to_owned(),
+                detected: 0,
+                centre_std_px: None,
+                radius_px: None,
+                points: Vec::new(),
+            },
+            gravity_m_s2: None,
+            bounces: Vec::new(),
+            distances: Distances::default(),
+            readings: None,
+            warnings: self.warnings.clone(),
+            arcs: Vec::new(),
+            strobe: Some(drawing::empty_strobe(&self.seen)),
+        }
+    }
+
+    /// The method that the centres are by: where the ball's appearance could not be learned, its outline had to do.
+    fn method(&self) -> Accuracy {
+        let learned = self.shared.as_ref().is_some_and(|s| s.appearance.is_some());
+        if learned { self.accuracy } else { Accuracy::Fast }
+    }
+
+    /// The ball's radius: as given, or as seen.
+    fn radius_m(&self, metres_per_unit: Quantity) -> Option<f64> {
+        self.calibration
+            .ball
+            .radius_m
+            .or_else(|| Some(self.radius_px()?.value * self.ball_units_per_px() * metres_per_unit.value))
+    }
+
+    fn video_facts(&self) -> VideoFacts {
+        let times = &self.base.times_s;
+        VideoFacts {
+            path: self.video.to_owned(),
+            width_px: self.seen.info.width_px,
+            height_px: self.seen.info.height_px,
+            frames: self.seen.health.frames_read,
+            frame_rate_hz: self.base.interval_s.map(|i| 1.0 / i),
+            duration_s: times.last().copied().unwrap_or(0.0),
+            time_source: if self.calibration.frame_rate_hz.is_some() {
+                TimeSource::Calibration
+            } else {
+                TimeSource::Stamps
+            },
+        }
+    }
+
+    fn track(&self, flight: &Flight, frame: &WorldFrame) -> Track {
+        let centre =
+            |id: usize| -> Option<&Centre> { refine::of_sighting(&self.found, id).map(|f| &f.centre) };
+        let points: Vec<TrackPoint> = flight
+            .points
+            .iter()
+            .filter_map(|p| {
+                let c = centre(p.spot.id)?;
+                Some(TrackPoint {
+                    frame: p.spot.frame,
+                    time_s: p.spot.time_s,
+                    pixel: self.centre_px(p).unwrap_or(c.disc.centre),
+                    std_px: Some(c.std_px() * flight.std(&p.spot) / p.spot.std),
+                    world: in_plane(flight, p).map(|place| frame.world(place.right, place.up)),
+                    use_: drawing::use_of(p, frame),
+                    residual_m: drawing::residual(flight, p, frame),
+                })
+            })
+            .collect();
+        let mut stds: Vec<f64> = points
+            .iter()
+            .filter(|p| matches!(p.use_, PointUse::Used(_)))
+            .filter_map(|p| p.std_px)
+            .collect();
+        Track {
+            method: method_name(self.method()).to_owned(),
+            detected: points.len(),
+            centre_std_px: median(&mut stds),
+            radius_px: self.radius_px(),
+            points,
+        }
+    }
+}
+
+/// Name of the centre method.
+fn method_name(accuracy: Accuracy) -> &'static str {
+    match accuracy {
+        Accuracy::Fast => "fast: circle through edge points",
+        Accuracy::Standard => "standard: likelihood of the edge, learned appearance",
+        Accuracy::Fine => "fine: likelihood of every edge pixel, learned appearance",
+    }
+}
