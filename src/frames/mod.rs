@@ -33,7 +33,7 @@ pub use error::FrameError;
 pub use folder::{is_picture, open_picture, pictures_in};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
-pub use survey::{Spread, evenly, open_sparse, open_sparse_at_once};
+pub use survey::{Spread, evenly_of, open_sparse, open_sparse_at_once};
 pub use video::{FrameSource, open};
 
 /// One channel, 8 bits, rows top to bottom without padding.

@@ -43,8 +43,7 @@ pub fn open_sparse_at_once(path: &Path, at_most: usize) -> Result<Option<Vec<Fra
 }
 
 /// `at_most` of the numbers below `count`, evenly spread, first and last included where there are two.
-#[must_use]
-pub fn evenly(count: usize, at_most: usize) -> Vec<usize> {
+fn evenly(count: usize, at_most: usize) -> Vec<usize> {
     let taken = at_most.min(count);
     match taken {
         0 => Vec::new(),
@@ -53,8 +52,9 @@ pub fn evenly(count: usize, at_most: usize) -> Vec<usize> {
     }
 }
 
-/// `at_most` of these, as [`evenly`] has it.
-fn evenly_of<T>(all: impl ExactSizeIterator<Item = T>, at_most: usize) -> Vec<T> {
+/// `at_most` of these, evenly spread, first and last included where there are two.
+#[must_use]
+pub fn evenly_of<T>(all: impl ExactSizeIterator<Item = T>, at_most: usize) -> Vec<T> {
     let chosen = evenly(all.len(), at_most);
     all.enumerate()
         .filter(|(position, _)| chosen.binary_search(position).is_ok())

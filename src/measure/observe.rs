@@ -112,10 +112,7 @@ fn shows_the_scene(frame: &Frame) -> bool {
 /// The frames of the survey among `frames`.
 fn spread_over(frames: &[Frame]) -> Vec<&Frame> {
     let good: Vec<&Frame> = frames.iter().filter(|f| shows_the_scene(f)).collect();
-    frames::evenly(good.len(), SURVEY_FRAMES)
-        .into_iter()
-        .map(|i| good[i])
-        .collect()
+    frames::evenly_of(good.into_iter(), SURVEY_FRAMES)
 }
 
 /// Looks at one frame after the other and keeps what it sees.

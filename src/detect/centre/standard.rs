@@ -1,8 +1,8 @@
 //! `--accuracy standard`: the likelihood fit with the ball's appearance learned from 40 frames, on at most 1600 pixels of
 //! the edge.
 //!
-//! Error: within 1.3 times the Cramér-Rao bound up to R 40 px; bias of a shaded ball below 0.01 px. Cost: about 0.1 ms a
-//! frame for a ball of R 15 px (a core of 2 GHz), and 20 ms a recording for learning.
+//! Error: within 1.15 times the Cramér-Rao bound up to R 40 px; bias of a shaded ball below 0.01 px. Cost: 0.1 to 0.3 ms a
+//! frame for a ball of R 15 to 20 px, and some 0.3 s a recording for learning (two cores).
 
 use super::appearance::Lesson;
 use super::known_ball::Effort;
