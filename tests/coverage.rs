@@ -5,6 +5,8 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
+mod noise;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
@@ -40,13 +42,10 @@ impl Dice {
         low + (high - low) * (self.0.next_u32() as f64 / f64::from(u32::MAX))
     }
 
-    /// From a normal distribution, by Box and Muller, cut at 2.5 standard deviations.
+    /// From a normal distribution, cut at 2.5 standard deviations.
     fn about(&mut self, mean: f64, std: f64) -> f64 {
-        let (far, turn) = (
-            self.between(f64::MIN_POSITIVE, 1.0),
-            self.between(0.0, std::f64::consts::TAU),
-        );
-        mean + std * ((-2.0 * far.ln()).sqrt() * turn.cos()).clamp(-2.5, 2.5)
+        let (u, v) = (self.between(f64::MIN_POSITIVE, 1.0), self.between(0.0, 1.0));
+        mean + std * noise::box_muller(u, v).clamp(-2.5, 2.5)
     }
 
     fn one_of<T: Copy>(&mut self, of: &[T]) -> T {

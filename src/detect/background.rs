@@ -356,8 +356,9 @@ fn interpolated_median(histogram: &[u64; 256]) -> f64 {
     255.0
 }
 
-/// Per-pixel median of frames of one size, of which there is at least one (the mean of the middle two for an even number is not needed: the lower
-/// one is taken, and the survey asks for odd numbers).
+/// Per-pixel median of frames of one size, of which there is at least one (the mean of the middle two for an even number is
+/// not needed: the lower one is taken, and the survey asks for odd numbers).
+#[must_use]
 pub fn median_of(frames: &[&Luma]) -> Luma {
     let (width, height) = (frames[0].width, frames[0].height);
     let n = frames.len();

@@ -21,6 +21,11 @@ impl Noise {
     /// A normal deviate, by Box and Muller.
     pub fn normal(&mut self) -> f64 {
         let (u, v) = (1.0 - self.uniform(), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+        box_muller(u, v)
     }
+}
+
+/// A normal deviate from two even ones between 0, which the first must not be, and 1.
+pub fn box_muller(u: f64, v: f64) -> f64 {
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }

@@ -295,7 +295,7 @@ fn fitting_terms(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -
     let mut tried: Vec<(Pool, Shared)> = Vec::new();
     // The most first: what they say themselves may settle that fewer will not do, and those take the most steps.
     for &level in TERM_LEVELS.iter().rev() {
-        let hopeless = |(pool, _): &(Pool, Shared)| pool.cost_without(level) > HOPELESS;
+        let hopeless = |(pool, more): &(Pool, Shared)| pool.cost_without(&more.terms, level) > HOPELESS;
         if tried.iter().any(hopeless) {
             continue;
         }

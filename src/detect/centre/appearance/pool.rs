@@ -13,8 +13,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// What was fitted.
 pub struct Pool {
-    /// For each number of terms of the light, what it costs to do with so few, in noise variances, to first order.
-    without: Vec<f64>,
+    /// Covariance of the light's terms, grey levels²; `None` where the equations do not tell.
+    light: Option<DMatrix<f64>>,
     /// Shift that all centres share, px.
     pub shift: [f64; 2],
     /// Its standard uncertainty, root mean square of the two coordinates, px.
@@ -113,9 +113,8 @@ impl Pool {
 
     fn of(equations: Equations, stand: Stand, shared: &mut Shared) -> Self {
         *shared = stand.shared;
-        let without = (0..=shared.terms.len()).map(|left| equations.cost_without(&shared.terms, left));
         Self {
-            without: without.collect(),
+            light: equations.light_covariance(),
             shift: stand.shift,
             shift_std_px: equations
                 .std(0)
@@ -132,11 +131,21 @@ impl Pool {
         }
     }
 
-    /// What it costs to do with the first `terms` of the light alone, in noise variances, to first order: what was fitted over
-    /// its uncertainty, squared (Wald's test). 0 where there are no more.
+    /// What it costs to do with the first `left` of the `terms` that were fitted alone, in noise variances, to first order: the
+    /// others over their uncertainty, squared (Wald's test). 0 where there are no others, or their uncertainty is unknown.
     #[must_use]
-    pub fn cost_without(&self, terms: usize) -> f64 {
-        self.without.get(terms).copied().unwrap_or(0.0)
+    pub fn cost_without(&self, terms: &[f64], left: usize) -> f64 {
+        let others = terms.get(left..).unwrap_or_default();
+        let cost = |light: &DMatrix<f64>| {
+            let block = light.view((left, left), (others.len(), others.len()));
+            let others = DVector::from_row_slice(others);
+            Some(others.dot(&block.into_owned().cholesky()?.solve(&others)))
+        };
+        self.light
+            .as_ref()
+            .filter(|_| !others.is_empty())
+            .and_then(cost)
+            .unwrap_or(0.0)
     }
 
     /// The biweight's cost at `scale`: squared residuals in variances, levelling off for outliers.
@@ -240,34 +249,33 @@ fn size_class(magnification: f64) -> i32 {
     (magnification.ln() / SIZE_CLASS).round() as i32
 }
 
-/// The magnification of a class.
-fn class_magnification(class: i32) -> f64 {
-    (SIZE_CLASS * f64::from(class)).exp()
-}
-
-/// The tables of every class of sizes that the frames have. Slopes by radius and blur are the model's own, by differences.
-fn tables(bands: &[Banded<'_>], shared: &Shared, step_px: f64, lesson: &Lesson) -> BTreeMap<i32, Tables> {
+/// What `make` makes of the magnification of every class of sizes that the frames have, by class.
+fn by_class<T: Send>(bands: &[Banded<'_>], make: impl Fn(f64) -> T + Sync) -> BTreeMap<i32, T> {
     let classes: BTreeSet<i32> = bands
         .iter()
         .map(|(f, _)| size_class(f.example.magnification))
         .collect();
-    let of_class = |class: i32| {
-        let magnification = class_magnification(class);
+    let of_class = |class: i32| (class, make((SIZE_CLASS * f64::from(class)).exp()));
+    classes.into_par_iter().map(of_class).collect()
+}
+
+impl Tables {
+    /// Slopes by radius and blur are the model's own, by differences.
+    fn new(magnification: f64, shared: &Shared, step_px: f64, lesson: &Lesson) -> Self {
         let profiles =
             |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
         let usual = || profiles(shared.radius_px, shared.blur_px);
         let wider = || profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms);
         let softer = || profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms);
         let (profiles, (wider, softer)) = rayon::join(usual, || rayon::join(wider, softer));
-        Tables {
+        Self {
             magnification,
             table: profiles.of_ball(&shared.terms),
             wider,
             softer,
             profiles,
         }
-    };
-    classes.into_par_iter().map(|c| (c, of_class(c))).collect()
+    }
 }
 
 /// The normal equations of one step.
@@ -331,15 +339,10 @@ impl View {
 /// The residuals where the fit stands, grey levels.
 fn residuals(bands: &[Banded<'_>], stand: &Stand, lesson: &Lesson) -> Vec<f64> {
     let shared = &stand.shared;
-    let mut tables: BTreeMap<i32, (f64, RadialTable)> = BTreeMap::new();
-    for (frame, _) in bands {
-        let class = size_class(frame.example.magnification);
-        tables.entry(class).or_insert_with(|| {
-            let times = class_magnification(class);
-            let profiles = lesson.effort.profiles(times * shared.radius_px, shared.blur_px);
-            (times, profiles.of_ball(&shared.terms))
-        });
-    }
+    let tables = by_class(bands, |times| {
+        let profiles = lesson.effort.profiles(times * shared.radius_px, shared.blur_px);
+        (times, profiles.of_ball(&shared.terms))
+    });
     let of_band = |(frame, pixels): &Banded<'_>| -> Vec<f64> {
         let Some((times, table)) = tables.get(&size_class(frame.example.magnification)) else {
             return Vec::new();
@@ -426,7 +429,7 @@ impl Equations {
     fn build(bands: &[Banded<'_>], stand: &Stand, lesson: &Lesson, scale: f64) -> Self {
         let n = TERMS + stand.shared.terms.len();
         let step_px = 1e-3 * stand.shared.radius_px.min(1.0);
-        let tables = tables(bands, &stand.shared, step_px, lesson);
+        let tables = by_class(bands, |times| Tables::new(times, &stand.shared, step_px, lesson));
         // In the frames' order, whichever core is first: sums are then the same in every run.
         let parts: Vec<Part> = bands
             .par_iter()
@@ -511,19 +514,11 @@ impl Equations {
         change.iter().all(|x| x.is_finite()).then_some(change)
     }
 
-    /// What it costs to set `terms` beyond the first `left` to zero, in noise variances; 0 where the equations do not tell.
-    fn cost_without(&self, terms: &[f64], left: usize) -> f64 {
-        let n = terms.len() - left.min(terms.len());
-        let cost = || {
-            let from = TERMS + left;
-            let covariance = self
-                .inverse(LEAST_DAMPING)?
-                .view((from, from), (n, n))
-                .into_owned();
-            let dropped = DVector::from_row_slice(&terms[left..]);
-            Some(dropped.dot(&covariance.cholesky()?.solve(&dropped)) / self.scale.powi(2))
-        };
-        if n == 0 { 0.0 } else { cost().unwrap_or(0.0) }
+    /// Covariance of the light's terms, the residuals taken for independent.
+    fn light_covariance(&self) -> Option<DMatrix<f64>> {
+        let inverse = self.inverse(LEAST_DAMPING)?;
+        let n = inverse.nrows() - TERMS;
+        Some(inverse.view((TERMS, TERMS), (n, n)) * self.scale.powi(2))
     }
 
     /// Standard uncertainty of an unknown, the residuals of a frame taken as one.
