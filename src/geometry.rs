@@ -35,7 +35,7 @@ impl PixelPoint {
 /// measured from the calibration's origin (or the picture's pixel (0, 0) where there is none).
 ///
 /// In a top view `up` is the sideways direction y.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PlanePoint {
     /// Perpendicular to "up", to the right in the picture, plane units.
     pub right: f64,

@@ -26,14 +26,15 @@ pub struct Source<'a> {
     pub page: &'a str,
 }
 
-/// Numbers of a bounce: the column, and where its result has it.
-const OF_BOUNCE: [(&str, &str); 14] = [
+/// Numbers of a bounce: the column, and where its result has it. The velocities are those along the floor and its normal, x and
+/// z of the models: a floor that slopes by 0.1 degrees would add 0.0017 to every friction.
+const OF_BOUNCE: [(&str, &str); 15] = [
     ("time_s", "/time_s"),
     ("impact_x_m", "/x_m"),
-    ("incident_vx_m_s", "/incident/vx_m_s"),
-    ("incident_vz_m_s", "/incident/vz_m_s"),
-    ("rebound_vx_m_s", "/rebound/vx_m_s"),
-    ("rebound_vz_m_s", "/rebound/vz_m_s"),
+    ("incident_vx_m_s", "/along_floor/incident_tangential_m_s"),
+    ("incident_vz_m_s", "/along_floor/incident_normal_m_s"),
+    ("rebound_vx_m_s", "/along_floor/rebound_tangential_m_s"),
+    ("rebound_vz_m_s", "/along_floor/rebound_normal_m_s"),
     ("spin_in_m_s", "/spin_in_m_s"),
     ("spin_out_m_s", "/spin_out_m_s"),
     ("incident_angle_deg", "/incident/angle_deg"),
@@ -41,15 +42,16 @@ const OF_BOUNCE: [(&str, &str); 14] = [
     ("restitution", "/restitution"),
     ("tangential_ratio", "/tangential_ratio"),
     ("friction", "/friction"),
+    ("friction_at_least", "/friction_at_least"),
     ("tangential_restitution", "/tangential_restitution"),
 ];
 
 /// Those without which a row is none of a fit.
 const VELOCITIES: [&str; 4] = [
-    "/incident/vx_m_s",
-    "/incident/vz_m_s",
-    "/rebound/vx_m_s",
-    "/rebound/vz_m_s",
+    "/along_floor/incident_tangential_m_s",
+    "/along_floor/incident_normal_m_s",
+    "/along_floor/rebound_tangential_m_s",
+    "/along_floor/rebound_normal_m_s",
 ];
 
 /// Numbers of a launch, which stand in the row of its first bounce.
@@ -57,7 +59,7 @@ const OF_LAUNCH: [(&str, &str); 2] = [("x0_m", "/x0_m"), ("x_m", "/x_m")];
 
 /// The names of the columns.
 fn header() -> Vec<String> {
-    let mut names: Vec<String> = ["group", "recording", "bounce", "left_out"]
+    let mut names: Vec<String> = ["group", "recording", "bounce", "left_out", "regime"]
         .map(str::to_owned)
         .to_vec();
     let mut with_std = |name: &str| names.extend([name.to_owned(), format!("{name}_std")]);
@@ -66,6 +68,7 @@ fn header() -> Vec<String> {
     }
     with_std("launch_speed_m_s");
     with_std("measured_gravity_m_s2");
+    with_std("floor_slope_deg");
     names.extend(["spin_ratio", "gravity_m_s2", "inertia_factor"].map(str::to_owned));
     names.extend(pairs().map(|pair| format!("{pair}_corr")));
     names.push("page".to_owned());
@@ -131,6 +134,7 @@ fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<Str
         recording.name.clone(),
         (i + 1).to_string(),
         left_out(result, calibration, i, bounce).unwrap_or_default(),
+        bounce["regime"].as_str().unwrap_or_default().to_owned(),
     ];
     let first = i == 0;
     let mut quantity = |q: Option<&Value>| {
@@ -148,14 +152,15 @@ fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<Str
     }
     // The speed along x stays in flight, but for the air.
     let launched = first && !result["x0_m"].is_null();
-    quantity(bounce.pointer(VELOCITIES[0]).filter(|_| launched));
+    quantity(bounce.pointer("/incident/vx_m_s").filter(|_| launched));
     quantity(result.get("gravity_m_s2"));
+    quantity(result.pointer("/floor/slope_deg"));
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
     cells.push(number(calibration.launch.spin_ratio.filter(|_| first)));
     cells.push(number(Some(calibration.gravity_m_s2)));
     cells.push(number(Some(calibration.ball.inertia_factor)));
     for pair in pairs() {
-        cells.push(number(bounce["correlations"][&pair].as_f64()));
+        cells.push(number(bounce["along_floor"]["correlations"][&pair].as_f64()));
     }
     cells.push((*page).to_owned());
     cells
@@ -234,7 +239,12 @@ mod tests {
                 "rebound": {"vx_m_s": q(0.8, 0.01), "vz_m_s": q(1.6, 0.02), "angle_deg": q(26.6, 0.1)},
                 "restitution": q(0.8, 0.001), "tangential_ratio": q(0.8, 0.001), "friction": q(0.05, 0.001),
                 "tangential_restitution": q(0.3, 0.01), "spin_in_m_s": spin, "spin_out_m_s": q(0.5, 0.01),
-                "correlations": {"incident_vx_m_s__rebound_vx_m_s": 0.75}
+                "along_floor": {
+                    "incident_tangential_m_s": q(1.0, 0.01), "incident_normal_m_s": q(-2.0, 0.02),
+                    "rebound_tangential_m_s": q(0.8, 0.01), "rebound_normal_m_s": q(1.6, 0.02),
+                    "correlations": {"incident_vx_m_s__rebound_vx_m_s": 0.75}
+                },
+                "regime": "sliding"
             })
         };
         json!({
@@ -283,7 +293,7 @@ mod tests {
     fn what_would_mislead_a_fit_is_left_out_with_its_reason() {
         let mut c = calibration();
         let mut above = result();
-        above["bounces"][0]["incident"]["vz_m_s"] = Value::Null;
+        above["bounces"][0]["along_floor"] = Value::Null;
         let s = series(&above, &c);
         assert_eq!((s.rows.len(), s.set_aside[0].row), (1, 1));
         assert!(s.set_aside[0].reason.contains("view from above"));

@@ -115,7 +115,7 @@ mod tests {
         let lift = Lift::new(vec![Some(0.3)]);
         let moved = |part: f64| {
             let level = Planar {
-                parameters: &[9.81, part * drag.beta, 0.0, 1.5, 0.0, 0.0],
+                parameters: &[9.81, part * drag.beta, 0.0, 0.0, 1.5, 0.0, 0.0],
                 times: &[0.0],
                 law: drag.law,
             };
@@ -130,9 +130,9 @@ mod tests {
 
     #[test]
     fn topspin_pushes_a_rising_ball_forward_and_down() {
-        // g, drag, then r, vr, h, vh.
+        // g, drag, across, then r, vr, h, vh.
         let rising = Planar {
-            parameters: &[9.81, 0.02, 0.0, 1.0, 0.0, 2.0],
+            parameters: &[9.81, 0.02, 0.0, 0.0, 1.0, 0.0, 2.0],
             times: &[0.0],
             law: DragLaw::default(),
         };

@@ -3,16 +3,21 @@
 use super::air::{KNOWN_SPIN_DOUBT, Lift};
 use super::propagate::{Evidence, Outputs};
 use super::relations::Crossing;
-use super::{Bounce, Correlation, Distances, Leg, Speed, XSource};
+use super::{AlongFloor, Bounce, Correlation, Distances, EERegime, Impossible, Leg, Speed, XSource, reading};
 use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
-use crate::flight::fit::{ARCS, DRAG, Forces, GRAVITY, Motion};
+use crate::flight::fit::{ACROSS, ARCS, DRAG, Forces, GRAVITY, Motion, lean_rad};
+use crate::geometry::PlanePoint;
 use crate::flight::planar::closest;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
+mod edge;
+mod floor;
 mod top;
+
+use floor::Slope;
 
 /// The measured motion with everything that turns it into metres.
 #[derive(Debug)]
@@ -31,14 +36,17 @@ pub struct Scene<'a> {
     launch_seen: bool,
     /// Metres a plane unit.
     pub metres_per_unit: Quantity,
-    /// Where x = 0 lies: `right` of the plane, plane units.
-    pub zero_right: f64,
+    /// Where x = 0 lies in the plane.
+    pub zero: PlanePoint,
+    /// How the floor's slope follows from impacts and calibration.
+    slope: Slope,
 }
 
-/// Extra entries of the evidence after the arcs' parameters: ln scale, "up", origin and centre along right and up,
-/// half the time of contact, lift before and after, drag beyond its law before and after, centre errors that differ
-/// between two impacts, by what part all lift of known spins is more.
-const EXTRAS: usize = 11;
+/// Extra entries of the evidence after the arcs' parameters: ln scale, "up" beyond the fall's direction, origin and centre
+/// along right and up, half the time of contact, lift before and after, drag beyond its law before and after, centre errors
+/// that differ between two impacts (along right and up), by what part all lift of known spins is more, the bench's slope, the
+/// floor's line in the picture, the floor's slope by calibration or custom.
+const EXTRAS: usize = 15;
 const SCALE: usize = 0;
 const UP: usize = 1;
 const ZERO_RIGHT: usize = 2;
@@ -50,6 +58,15 @@ const DRAG_IN: usize = 7;
 const DRAG_OUT: usize = 8;
 const PLACES: usize = 9;
 const LIFT_PART: usize = 10;
+const BENCH_RATE: usize = 11;
+const FLOOR_LINE: usize = 12;
+const FLOOR_LEVEL: usize = 13;
+const PLACES_UP: usize = 14;
+
+/// One of the extra entries.
+fn extra(p: &[f64], which: usize) -> f64 {
+    p[p.len() - EXTRAS + which]
+}
 
 /// Where the ball is not known the fitted drag goes as the square of the speed; a sphere's coefficient changes by about
 /// this part over the speeds of an arc (0.39 to 0.45 between Reynolds numbers of 1500 and 50 000: Brown and Lawler 2003).
@@ -142,15 +159,14 @@ const SLIP_SIGMAS: f64 = 3.0;
 const NO_E_X_STD: f64 = 1.0;
 
 impl<'a> Scene<'a> {
-    /// The scene of `flight`, whose points `lift` was [taken from](Lift::taken_from); `first_right` is where the ball was first
-    /// seen.
+    /// The scene of `flight`, whose points `lift` was [taken from](Lift::taken_from); `first` is where the ball was first seen.
     #[must_use]
     pub fn new(
         flight: &'a Flight,
         calibration: &'a Calibration,
         metres_per_unit: Quantity,
         picture: Picture,
-        first_right: f64,
+        first: PlanePoint,
         lift: Lift,
     ) -> Self {
         let Picture {
@@ -166,7 +182,7 @@ impl<'a> Scene<'a> {
         covariance.view_mut((0, 0), (n, n)).copy_from(&fit.covariance);
         let relative = match calibration.scale {
             // The fall's own share comes with the arcs' parameters.
-            Scale::Gravity => calibration.gravity_std_m_s2.map(|s| s / calibration.gravity_m_s2),
+            Scale::Gravity => Some(calibration.gravity_uncertainty_m_s2() / calibration.gravity_m_s2),
             _ => metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value),
         };
         let drag_law = match fit.forces.drag_law().air() {
@@ -177,7 +193,15 @@ impl<'a> Scene<'a> {
         let origin = calibration.origin_std_px.unwrap_or(0.0) * units_per_px;
         for (i, std) in [
             (SCALE, relative.unwrap_or(0.0)),
-            (UP, calibration.up_std_rad.unwrap_or(0.0)),
+            // Where the ball falls in the plane its arcs have what is known of "up".
+            (
+                UP,
+                if fit.forces.falls() {
+                    0.0
+                } else {
+                    calibration.up_std_rad.unwrap_or(0.0)
+                },
+            ),
             (ZERO_RIGHT, common.hypot(origin)),
             (ZERO_UP, common.hypot(origin)),
             // In units of the doubt of each arc's lift.
@@ -186,17 +210,19 @@ impl<'a> Scene<'a> {
             (DRAG_IN, drag_law),
             (DRAG_OUT, drag_law),
             (PLACES, places_std_px * units_per_px),
+            (PLACES_UP, places_std_px * units_per_px),
             (LIFT_PART, KNOWN_SPIN_DOUBT),
+            (BENCH_RATE, flight.launch.map_or(0.0, |l| l.rate.1)),
         ] {
             covariance[(n + i, n + i)] = std * std;
         }
         let vr = fit.in_plane(fit.parameters.as_slice(), 0, fit.times[0]).vr;
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
-        let zero_right = if calibration.has_origin() {
-            0.0
+        let zero = if calibration.has_origin() {
+            PlanePoint::new(0.0, 0.0)
         } else {
-            first_right
+            edge::place(flight).unwrap_or(first)
         };
         let scene = Self {
             flight,
@@ -208,9 +234,10 @@ impl<'a> Scene<'a> {
             contact_speed_m_s: None,
             launch_seen: true,
             metres_per_unit,
-            zero_right,
+            zero,
+            slope: Slope::default(),
         };
-        scene.in_contact().since_launch()
+        scene.in_contact().since_launch().on_floor()
     }
 
     /// The same with whether the first arc can have begun at the launch: after an impact that was missed the spin is no
@@ -230,10 +257,14 @@ impl<'a> Scene<'a> {
             .map(|k| self.impact(p, k).1.vh.abs())
             .find(|&v| v.is_finite() && v > 0.0);
         let (half_s, std_s) = half_contact_s(&self.calibration.ball, self.contact_speed_m_s.unwrap_or(0.0));
-        let i = self.evidence.values.len() - EXTRAS + CONTACT;
-        self.evidence.values[i] = half_s;
-        self.evidence.covariance[(i, i)] = std_s * std_s;
+        self.set_extra(CONTACT, half_s, std_s);
         self
+    }
+
+    fn set_extra(&mut self, which: usize, value: f64, std: f64) {
+        let i = self.evidence.values.len() - EXTRAS + which;
+        self.evidence.values[i] = value;
+        self.evidence.covariance[(i, i)] = std * std;
     }
 
     /// What changes if the ball is soft; `None` where it is too dense for that, is not known, or seen from above.
@@ -277,9 +308,9 @@ impl<'a> Scene<'a> {
         let inertia = self.calibration.ball.inertia_factor;
         let mut spin = Some(self.spin_in(p, &[]) * unit).filter(|s| s.is_finite());
         let mut spins = vec![spin];
+        let slope = self.slope(p);
         for k in 0..self.arcs().saturating_sub(1) {
-            let (_, before, after) = self.impact(p, k);
-            let gained = (before.vr - after.vr) / inertia * unit;
+            let gained = self.spin_gained(p, slope, k) / inertia * unit;
             spin = spin
                 .filter(|_| self.kind(k) == Some(ImpactKind::Floor))
                 .map(|s| s + gained)
@@ -294,17 +325,17 @@ impl<'a> Scene<'a> {
     }
 
     fn scale(&self, p: &[f64]) -> f64 {
-        let extra = p[p.len() - EXTRAS + SCALE].exp();
+        let more = extra(p, SCALE).exp();
         match self.calibration.scale {
-            Scale::Gravity => self.calibration.gravity_m_s2 / p[GRAVITY] * extra,
-            _ => self.metres_per_unit.value * extra,
+            Scale::Gravity => self.calibration.gravity_m_s2 / fall_of(p) * more,
+            _ => self.metres_per_unit.value * more,
         }
     }
 
     /// Motion on arc `k` at `t` with lift, plane units.
     fn in_plane(&self, p: &[f64], k: usize, t: f64) -> Motion {
         let fit = &self.flight.fit;
-        let more = p[p.len() - EXTRAS + LIFT_PART];
+        let more = extra(p, LIFT_PART);
         let mut moved = Vec::new();
         let arcs = match &self.by_lift {
             Some(by_lift) if more != 0.0 => {
@@ -329,14 +360,33 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Motion on arc `k` at `t` in metres, x along the launch, "up" turned by the calibration's doubt.
+    /// By how much "up" of the world is turned from that of the plane, towards −r, rad: the fall leans by as much.
+    fn lean(&self, p: &[f64]) -> f64 {
+        lean_rad(p) + extra(p, UP)
+    }
+
+    /// Angle from the calibration's "up" to the fall's, rad, positive to the right in the picture; `None` where nothing falls in
+    /// the plane.
+    #[must_use]
+    pub fn tilt_rad(&self) -> Option<Quantity> {
+        let falls = self.calibration.view == View::Side && self.flight.fit.forces.falls();
+        let out = falls.then(|| self.evidence.outputs(|p| vec![-self.lean(p)]))?;
+        out.quantity(0)
+    }
+
+    /// [`Self::lean`] for the best parameters.
+    #[must_use]
+    pub fn lean_rad(&self) -> f64 {
+        self.lean(self.evidence.values.as_slice())
+    }
+
+    /// Motion on arc `k` at `t` in metres: x along the launch, "up" against the fall.
     fn world(&self, p: &[f64], k: usize, t: f64) -> Motion {
         let m = self.in_plane(p, k, t);
         let s = self.scale(p);
-        let extras = &p[p.len() - EXTRAS..];
-        let (sin, cos) = extras[UP].sin_cos();
-        let right = m.r - self.zero_right - extras[ZERO_RIGHT];
-        let up = m.h - extras[ZERO_UP];
+        let (sin, cos) = self.lean(p).sin_cos();
+        let right = m.r - self.zero.right - extra(p, ZERO_RIGHT);
+        let up = m.h - self.zero.up - extra(p, ZERO_UP);
         let x = self.x_sign * s;
         Motion {
             r: x * (right * cos + up * sin),
@@ -362,7 +412,7 @@ impl<'a> Scene<'a> {
     fn impact(&self, p: &[f64], k: usize) -> (f64, Motion, Motion) {
         let t = self.impact_time(p, k);
         let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
-        let half_s = p[p.len() - EXTRAS + CONTACT] * self.slower_contact(down.abs());
+        let half_s = extra(p, CONTACT) * self.slower_contact(down.abs());
         let kept = (-up / down).clamp(0.0, 1.0);
         let told = kept.is_finite() && self.calibration.view == View::Side;
         let kept = if told { kept } else { 1.0 };
@@ -401,11 +451,11 @@ impl<'a> Scene<'a> {
         let (from, to) = self.flight.spans[arc];
         let speed = m.vr.hypot(m.vh);
         let push = drag_per_m * speed * (to - from) / 4.0;
-        let extras = &p[p.len() - EXTRAS..];
-        let lift = extras[lift] * self.lift.doubt(arc);
+        let lift = extra(p, lift) * self.lift.doubt(arc);
+        let drag = extra(p, drag);
         Motion {
-            vr: m.vr + push * (lift * speed - extras[drag] * m.vr),
-            vh: m.vh - push * extras[drag] * m.vh,
+            vr: m.vr + push * (lift * speed - drag * m.vr),
+            vh: m.vh - push * drag * m.vh,
             ..m
         }
     }
@@ -450,8 +500,8 @@ impl<'a> Scene<'a> {
         });
         let speed2 = top.fold(0.0, f64::max);
         let out = self.evidence.outputs(|p| {
-            let beyond = p[p.len() - EXTRAS + DRAG_IN] * p[DRAG] / self.scale(p) * speed2;
-            vec![p[GRAVITY] * self.scale(p) / lift + beyond]
+            let beyond = extra(p, DRAG_IN) * p[DRAG] / self.scale(p) * speed2;
+            vec![fall_of(p) * self.scale(p) / lift + beyond]
         });
         out.quantity(0)
     }
@@ -475,9 +525,11 @@ impl<'a> Scene<'a> {
             };
             if gains(&bounce) {
                 unbroken = false;
-            } else {
-                bounces.push((k, bounce));
+                continue;
             }
+            // What is impossible has no spin to go on with.
+            unbroken &= bounce.impossible.is_none();
+            bounces.push((k, bounce));
         }
         bounces
     }
@@ -498,68 +550,119 @@ impl<'a> Scene<'a> {
         };
         let inertia = self.calibration.ball.inertia_factor;
         let launch = self.world(p, 0, self.impact_time(p, 0)).vr;
-        history.iter().fold(ratio * launch, |spin, &j| {
-            let (_, before, after) = self.impact(p, j);
-            spin + (before.vr - after.vr) / inertia
-        })
+        if history.is_empty() {
+            return ratio * launch;
+        }
+        let slope = self.slope(p);
+        let gained = |&j: &usize| self.spin_gained(p, slope, j) / inertia;
+        ratio * launch + history.iter().map(gained).sum::<f64>()
+    }
+
+    /// k times what the impact between arcs k and k + 1 adds to R ω, m/s: what the ball loses along the floor.
+    fn spin_gained(&self, p: &[f64], slope: f64, k: usize) -> f64 {
+        let (_, before, after) = self.impact(p, k);
+        floor::turned(&before, slope).vr - floor::turned(&after, slope).vr
     }
 
     fn side_bounce(&self, k: usize, history: Option<&[usize]>) -> Bounce {
         let inertia = self.calibration.ball.inertia_factor;
-        let best = self.impact(self.evidence.values.as_slice(), k);
-        let spin0 = history.map_or(f64::NAN, |h| self.spin_in(self.evidence.values.as_slice(), h));
-        let speed = self.evidence.outputs(|p| vec![self.impact(p, k).1.vr]);
+        let p = self.evidence.values.as_slice();
+        let (best, slope) = (self.impact(p, k), self.slope(p));
+        let (before, after) = (floor::turned(&best.1, slope), floor::turned(&best.2, slope));
+        let spin0 = history.map_or(f64::NAN, |h| self.spin_in(p, h));
+        let speed = self
+            .evidence
+            .outputs(|p| vec![floor::turned(&self.impact(p, k).1, self.slope(p)).vr]);
         // Angles count along the incident motion; straight down, along the launch.
         let along = if speed.stands_out(0, DIRECTION_SIGMAS) {
-            best.1.vr.signum()
+            before.vr.signum()
         } else {
             1.0
         };
-        let pull = if best.1.vr >= best.2.vr { 1.0 } else { -1.0 };
+        let pull = if before.vr >= after.vr { 1.0 } else { -1.0 };
         let out = self.evidence.outputs(|p| {
             let (t, a, b) = self.impact(p, k);
+            let slope = self.slope(p);
+            let (before, after) = (floor::turned(&a, slope), floor::turned(&b, slope));
             let crossing = Crossing {
-                before_m_s: (a.vr, a.vh),
-                after_m_s: (b.vr, b.vh),
+                before_m_s: (before.vr, before.vh),
+                after_m_s: (after.vr, after.vh),
                 spin_in_m_s: history.map_or(f64::NAN, |h| self.spin_in(p, h)),
                 inertia_factor: inertia,
             };
-            vec![
-                t,
-                a.r,
-                a.vr,
-                a.vh,
-                crossing.incident_angle_rad(along),
-                b.vr,
-                b.vh,
-                crossing.rebound_angle_rad(along),
-                crossing.restitution(),
-                crossing.tangential_ratio(),
-                pull * crossing.friction(),
-                crossing.tangential_restitution(),
-                crossing.spin_in_m_s,
-                crossing.spin_out_m_s(),
-                crossing.slip_in_m_s(),
-            ]
+            let mut all = [0.0; out::COUNT];
+            all[out::TIME] = t;
+            all[out::PLACE] = a.r;
+            all[out::BEFORE] = a.vr;
+            all[out::BEFORE + 1] = a.vh;
+            all[out::BEFORE + 2] = crossing.incident_angle_rad(along);
+            all[out::AFTER] = b.vr;
+            all[out::AFTER + 1] = b.vh;
+            all[out::AFTER + 2] = crossing.rebound_angle_rad(along);
+            all[out::RESTITUTION] = crossing.restitution();
+            all[out::RATIO] = crossing.tangential_ratio();
+            all[out::FRICTION] = pull * crossing.friction();
+            all[out::E_X] = crossing.tangential_restitution();
+            all[out::SPIN_IN] = crossing.spin_in_m_s;
+            all[out::SPIN_OUT] = crossing.spin_out_m_s();
+            all[out::SLIP] = crossing.slip_in_m_s();
+            all[out::LOST] = crossing.lost_m_s();
+            all[out::ALONG_FLOOR..].copy_from_slice(&[before.vr, before.vh, after.vr, after.vh]);
+            all.to_vec()
         });
         let ratio = out
-            .stands_out(2, DIRECTION_SIGMAS)
-            .then(|| out.quantity(9))
+            .stands_out(out::ALONG_FLOOR, DIRECTION_SIGMAS)
+            .then(|| out.quantity(out::RATIO))
             .flatten();
-        let grips = spin0.is_finite() && out.stands_out(14, SLIP_SIGMAS) && out.std(11) < NO_E_X_STD;
+        let slips = spin0.is_finite() && out.stands_out(out::SLIP, SLIP_SIGMAS);
+        let impossible = slips.then(|| impossible(&out)).flatten();
+        let possible = |q: Option<Quantity>| q.filter(|_| impossible.is_none());
+        let e_x = possible(out.quantity(out::E_X)).filter(|_| slips && out.std(out::E_X) < NO_E_X_STD);
+        let regime = reading::regime(e_x);
+        let friction = possible(out.quantity(out::FRICTION));
+        let slid = regime == EERegime::Ordinary;
         Bounce {
-            time_s: out.quantity(0),
-            x_m: out.quantity(1),
-            incident: leg(&out, 2),
-            rebound: leg(&out, 5),
-            restitution: out.quantity(8),
+            time_s: out.quantity(out::TIME),
+            x_m: out.quantity(out::PLACE),
+            incident: leg(&out, out::BEFORE),
+            rebound: leg(&out, out::AFTER),
+            restitution: out.quantity(out::RESTITUTION),
             tangential_ratio: ratio,
-            friction: out.quantity(10),
-            tangential_restitution: grips.then(|| out.quantity(11)).flatten(),
-            spin_in_m_s: out.quantity(12),
-            spin_out_m_s: out.quantity(13),
+            regime,
+            friction: friction.filter(|_| slid),
+            friction_at_least: friction.filter(|_| !slid),
+            tangential_restitution: e_x,
+            spin_in_m_s: possible(out.quantity(out::SPIN_IN)),
+            spin_out_m_s: possible(out.quantity(out::SPIN_OUT)),
             azimuth_rad: None,
-            correlations: correlations(&out, [2, 3, 5, 6, 12]),
+            correlations: correlations(
+                &out,
+                [
+                    out::BEFORE,
+                    out::BEFORE + 1,
+                    out::AFTER,
+                    out::AFTER + 1,
+                    out::SPIN_IN,
+                ],
+            ),
+            along_floor: Some(AlongFloor {
+                incident_m_s: (out.quantity(out::ALONG_FLOOR), out.quantity(out::ALONG_FLOOR + 1)),
+                rebound_m_s: (
+                    out.quantity(out::ALONG_FLOOR + 2),
+                    out.quantity(out::ALONG_FLOOR + 3),
+                ),
+                correlations: correlations(
+                    &out,
+                    [
+                        out::ALONG_FLOOR,
+                        out::ALONG_FLOOR + 1,
+                        out::ALONG_FLOOR + 2,
+                        out::ALONG_FLOOR + 3,
+                        out::SPIN_IN,
+                    ],
+                ),
+            }),
+            impossible,
         }
     }
 
@@ -585,7 +688,7 @@ impl<'a> Scene<'a> {
         // Where the ball touches, as the time is when it does.
         let place = |p: &[f64], k: usize| self.impact(p, k).1.r;
         let x0_m = self.edge_distance(first, &place);
-        let apart = |p: &[f64]| p[p.len() - EXTRAS + PLACES] * self.scale(p);
+        let apart = |p: &[f64]| extra(p, PLACES) * self.scale(p);
         // Seen, when the very next impact is on the floor too.
         let (x_m, x_source) = match bounces.get(1) {
             Some(&(second, _)) if second == first + 1 => {
@@ -642,7 +745,7 @@ impl<'a> Scene<'a> {
         let back_s = (before.r - edge_m) / before.vr;
         let there = self.world(p, 0, t - back_s);
         // A tenth of the fall's height for what extrapolation and drag make of it.
-        let fall_m = before.vh * before.vh / (2.0 * p[GRAVITY] * self.scale(p));
+        let fall_m = before.vh * before.vh / (2.0 * fall_of(p) * self.scale(p));
         !(back_s > 0.0) || there.h > before.h - 0.1 * fall_m
     }
 
@@ -659,8 +762,19 @@ impl<'a> Scene<'a> {
         if self.calibration.has_origin() || self.calibration.view == View::Top || first != 0 {
             return None;
         }
+        if self.flight.launch.is_some() {
+            // Both places are the ball's: what all centres share is in neither.
+            let seen = self.evidence.outputs(|p| {
+                let apart = extra(p, PLACES) * self.scale(p);
+                vec![place(p, first) - self.edge_place(p).map_or(f64::NAN, |e| e.r) + apart]
+            });
+            return self
+                .bench_launch()
+                .and_then(|l| l.edge_x_m)
+                .and_then(|_| seen.quantity(0));
+        }
         // A horizontal launch is level where it begins: the apex is the edge.
-        let apex = |p: &[f64]| self.flight.fit.times[0] + p[ARCS + 3] / p[GRAVITY];
+        let apex = |p: &[f64]| edge::vertex_s(self.flight, p);
         let start = self.flight.spans[0].0;
         let best = apex(self.evidence.values.as_slice());
         let level = (best - start).abs() < 2.0 * self.flight.interval_s;
@@ -675,6 +789,54 @@ impl<'a> Scene<'a> {
     pub fn place_m(&self, k: usize, t: f64) -> (f64, f64) {
         let m = self.world(self.evidence.values.as_slice(), k, t);
         (m.r, m.h)
+    }
+}
+
+/// Size of the common acceleration, plane units/s².
+fn fall_of(p: &[f64]) -> f64 {
+    if p[ACROSS] == 0.0 {
+        p[GRAVITY]
+    } else {
+        p[GRAVITY].hypot(p[ACROSS])
+    }
+}
+
+/// Where a side view's outputs stand.
+mod out {
+    pub const TIME: usize = 0;
+    pub const PLACE: usize = 1;
+    /// Along x, up, angle.
+    pub const BEFORE: usize = 2;
+    pub const AFTER: usize = 5;
+    pub const RESTITUTION: usize = 8;
+    pub const RATIO: usize = 9;
+    pub const FRICTION: usize = 10;
+    pub const E_X: usize = 11;
+    pub const SPIN_IN: usize = 12;
+    pub const SPIN_OUT: usize = 13;
+    pub const SLIP: usize = 14;
+    pub const LOST: usize = 15;
+    /// Along the floor and away from it, before and after.
+    pub const ALONG_FLOOR: usize = 16;
+    pub const COUNT: usize = 20;
+}
+
+/// What no contact does stands out by this many standard uncertainties.
+const IMPOSSIBLE_SIGMAS: f64 = 3.0;
+
+/// Friction works against the slip, and no contact gives back more than the slip it stopped: what of that the outputs
+/// contradict.
+fn impossible(out: &Outputs) -> Option<Impossible> {
+    let forward = out.value(out::SLIP).signum();
+    let (lost, e_x) = (out.quantity(out::LOST)?, out.quantity(out::E_X)?);
+    let lost_std = lost.std_uncertainty.unwrap_or(f64::INFINITY);
+    let e_x_std = e_x.std_uncertainty.unwrap_or(f64::INFINITY);
+    if forward * lost.value < -IMPOSSIBLE_SIGMAS * lost_std {
+        Some(Impossible::Driven(lost.scaled(-forward)))
+    } else if e_x.value - 1.0 > IMPOSSIBLE_SIGMAS * e_x_std {
+        Some(Impossible::Reversed(e_x))
+    } else {
+        None
     }
 }
 

@@ -1,11 +1,12 @@
 //! An impact's angles, restitution, friction and spin; the distances x0 and x; both models' readings.
 //!
-//! With v before and v' after the impact, from the arcs at the time where they meet (z up, x along the launch):
+//! With v before and v' after the impact, from the arcs at the time where they meet, along the floor's tangent t and its normal
+//! n. (A floor that rises by the angle s along x: t = (cos s, sin s), n = (−sin s, cos s) in x and z up.)
 //!
 //! ```text
-//! e     = -v'z / vz                       tan θ = vx / |vz|          tan φ = v'x / v'z
-//! μ     = |vx - v'x| / (|vz| (1 + e))     (friction, if the ball slid)
-//! Rω'   = Rω + (vx - v'x)/k               e_x = -(v'x - Rω') / (vx - Rω)          [eqs. 7, 17 of Domenech 2005]
+//! e     = -v'n / vn                       tan θ = vt / |vn|          tan φ = v't / v'n
+//! μ     = |vt - v't| / (|vn| (1 + e))     (friction, if the ball slid)
+//! Rω'   = Rω + (vt - v't)/k               e_x = -(v't - Rω') / (vt - Rω)          [eqs. 7, 17 of Domenech 2005]
 //! ```
 
 pub mod air;
@@ -89,8 +90,12 @@ pub struct Bounce {
     pub restitution: Option<Quantity>,
     /// vx after / vx before.
     pub tangential_ratio: Option<Quantity>,
-    /// |change of vx| / (|vz| (1 + e)); in a top view of the whole horizontal velocity.
+    /// What the contact point did.
+    pub regime: EERegime,
+    /// |change of vt| / (|vn| (1 + e)) of a ball that slid: μ.
     pub friction: Option<Quantity>,
+    /// The same of any other: friction is at least as much.
+    pub friction_at_least: Option<Quantity>,
     /// e_x for the given or assumed spin before.
     pub tangential_restitution: Option<Quantity>,
     /// R ω_y before, m/s.
@@ -101,6 +106,67 @@ pub struct Bounce {
     pub azimuth_rad: Option<Quantity>,
     /// How the errors of the velocities hang together; nothing of those that have no uncertainty.
     pub correlations: Vec<Correlation>,
+    /// The velocities along the floor and away from it, which the models speak of; `None` in a top view.
+    pub along_floor: Option<AlongFloor>,
+    /// What no impact on a floor does, where that stands out: then e_x, spins and friction are left out.
+    pub impossible: Option<Impossible>,
+}
+
+/// Velocities of an impact in the floor's own axes: along its tangent, and along its normal (negative before).
+#[derive(Debug, Clone, PartialEq)]
+pub struct AlongFloor {
+    /// Before: tangent, normal, m/s.
+    pub incident_m_s: (Option<Quantity>, Option<Quantity>),
+    /// After.
+    pub rebound_m_s: (Option<Quantity>, Option<Quantity>),
+    /// How their errors hang together; [`Speed`]'s x is the tangent, its z the normal.
+    pub correlations: Vec<Correlation>,
+}
+
+/// What no contact does to the motion along the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Impossible {
+    /// |e_x| above 1: more than the slip turned round.
+    Reversed(Quantity),
+    /// Friction that drives the slip on: the ball gained speed along the floor that no spin had to give.
+    Driven(Quantity),
+}
+
+/// The floor as the models have it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloorSlope {
+    /// Angle by which it rises along x, rad.
+    pub slope_rad: Quantity,
+    /// Where that comes from.
+    pub source: FloorSource,
+}
+
+/// Where the floor's slope comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FloorSource {
+    /// The places of two or more impacts.
+    Impacts,
+    /// The calibration: its number, or its line in the picture.
+    Calibration,
+    /// Nothing tells: level, as a lab's bench is.
+    Level,
+}
+
+/// Where the ball left its bench.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BenchLaunch {
+    /// x of the edge, m; `None` where line and arc do not meet as on an edge.
+    pub edge_x_m: Option<Quantity>,
+    /// When it left, s.
+    pub time_s: Option<Quantity>,
+    /// Its speed then, m/s.
+    pub speed_m_s: Option<Quantity>,
+    /// How long it was seen on the bench, s.
+    pub rolled_s: f64,
+    /// How far the ball fell from there to the first impact, m.
+    pub drop_height_m: Option<Quantity>,
+    /// How far above the line the arc begins, m: not 0 of a ball that was not simply released.
+    pub gap_m: Option<Quantity>,
 }
 
 /// x0 (edge to first impact) and x (first to second impact).

@@ -17,7 +17,7 @@ const VAGUE_STD: f64 = 0.15;
 pub fn read(bounces: &[Bounce]) -> Option<Readings> {
     let first = bounces.first()?;
     first.restitution?;
-    let e_e_regime = e_e_regime(first.tangential_restitution);
+    let e_e_regime = first.regime;
     let mu_e_regime = match e_e_regime {
         EERegime::Ordinary => MuERegime::Sliding,
         EERegime::Nonsliding => MuERegime::Nonsliding,
@@ -27,7 +27,7 @@ pub fn read(bounces: &[Bounce]) -> Option<Readings> {
     Some(Readings {
         restitution: first.restitution,
         // Without sliding, friction is only known to be enough.
-        friction: first.friction.filter(|_| mu_e_regime == MuERegime::Sliding),
+        friction: first.friction,
         mu_e_regime,
         tangential_restitution: first.tangential_restitution,
         e_e_regime,
@@ -35,7 +35,9 @@ pub fn read(bounces: &[Bounce]) -> Option<Readings> {
     })
 }
 
-fn e_e_regime(e_x: Option<Quantity>) -> EERegime {
+/// What the contact point did, by the sign of e_x as far as its uncertainty tells.
+#[must_use]
+pub fn regime(e_x: Option<Quantity>) -> EERegime {
     let Some(Quantity {
         value,
         std_uncertainty: Some(std),
@@ -58,10 +60,7 @@ fn e_e_regime(e_x: Option<Quantity>) -> EERegime {
 /// Grip is beyond the μ-e model. Otherwise one bounce fits both, and two tell: under μ-e the friction of sliding
 /// bounces is one number, under e-e the tangential restitution of all.
 fn prefer(bounces: &[Bounce]) -> Preferred {
-    let regimes: Vec<EERegime> = bounces
-        .iter()
-        .map(|b| e_e_regime(b.tangential_restitution))
-        .collect();
+    let regimes: Vec<EERegime> = bounces.iter().map(|b| b.regime).collect();
     if regimes.first() == Some(&EERegime::Grip) {
         return Preferred::EE;
     }
@@ -74,7 +73,7 @@ fn prefer(bounces: &[Bounce]) -> Preferred {
     let Some(e_x_apart) = apart(a.tangential_restitution, b.tangential_restitution) else {
         return Preferred::Undetermined;
     };
-    let Some(mu_apart) = apart(a.friction, b.friction) else {
+    let Some(mu_apart) = apart(a.friction, b.friction.or(b.friction_at_least)) else {
         return Preferred::Undetermined;
     };
     // A second bounce that rolls off needs less friction than sliding would give.
@@ -107,6 +106,7 @@ mod tests {
             vz_m_s: None,
             angle_rad: None,
         };
+        let slid = regime(Quantity::new(e_x, std)) == EERegime::Ordinary;
         Bounce {
             time_s: None,
             x_m: None,
@@ -114,12 +114,16 @@ mod tests {
             rebound: leg,
             restitution: Quantity::new(0.8, 0.001),
             tangential_ratio: None,
-            friction: Quantity::new(friction, std),
+            regime: regime(Quantity::new(e_x, std)),
+            friction: Quantity::new(friction, std).filter(|_| slid),
+            friction_at_least: Quantity::new(friction, std).filter(|_| !slid),
             tangential_restitution: Quantity::new(e_x, std),
             spin_in_m_s: None,
             spin_out_m_s: None,
             azimuth_rad: None,
             correlations: Vec::new(),
+            along_floor: None,
+            impossible: None,
         }
     }
 

@@ -9,8 +9,8 @@
 //! nearer than the plane can be put right. For the outline of a ball off the optical axis the lens is enough ([`Optics`],
 //! [`Silhouettes`]).
 //!
-//! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `up_std_deg`,
-//! `origin_std_px`, `distance_m`, `distance_std_m`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens`
+//! The file's keys and defaults are in `calib/README.md`. Additions to the contract, all optional: `origin_std_px`,
+//! `floor.line_px`, `floor.line_std_px`, `distance_m`, `distance_std_m`, `gravity_std_m_s2`, `ball.radius_std_m`, `deviations`, in `lens`
 //! `camera_std_px` and `distortion_std`, and in `scale` `length_std_m` and `point_std_px` (ruler), `relative_std` and
 //! `origin_unknown` (homography).
 //!
@@ -81,6 +81,56 @@ impl Default for Ball {
     }
 }
 
+/// What is known of the floor's slope beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Floor {
+    /// Angle by which it rises along +x, against the horizontal that gravity tells, rad.
+    pub slope_rad: f64,
+    /// Its standard uncertainty, rad.
+    pub std_rad: f64,
+    /// Whether the file says so; else it is a lab's bench, level to [`BENCH_STD_RAD`].
+    pub given: bool,
+    /// Two points of the picture on a line along the floor, in the plane of motion.
+    pub line: Option<FloorLine>,
+}
+
+/// A line along the floor, read off the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloorLine {
+    /// One point of it.
+    pub from: PixelPoint,
+    /// Another.
+    pub to: PixelPoint,
+    /// Standard uncertainty of each across the line, px.
+    pub std_px: f64,
+}
+
+/// A bench or floor of which nothing is said is level to this standard deviation: 0.1 degrees, 2 mm in a metre.
+pub const BENCH_STD_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
+
+/// A phone or camera whose "up" is given without an uncertainty was levelled to this: 0.3 degrees.
+pub const LEVELLED_STD_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
+
+/// A camera of which nothing is said is held to this standard deviation about its line of sight: 10 degrees. The fall tells
+/// far better.
+const HELD_STD_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
+
+/// Part by which g differs from 9.81 m/s² anywhere on Earth (9.764 to 9.834), and by which it differs from what somebody looked
+/// up for his place.
+const ANYWHERE_PART: f64 = 3e-3;
+const LOCAL_PART: f64 = 1e-4;
+
+impl Default for Floor {
+    fn default() -> Self {
+        Self {
+            slope_rad: 0.0,
+            std_rad: BENCH_STD_RAD,
+            given: false,
+            line: None,
+        }
+    }
+}
+
 /// How the ball starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Launch {
@@ -89,6 +139,21 @@ pub struct Launch {
     pub edge_x_m: Option<f64>,
     /// R ω_oy / u_o before the first impact: 0 unless the file says otherwise, `None` where it says "unknown" (null).
     pub spin_ratio: Option<f64>,
+    /// Whether the file says "rolling", which made that ratio.
+    pub rolling: bool,
+    /// Width of the track that the ball rolls on, m; `None`: a plane.
+    pub track_width_m: Option<f64>,
+}
+
+impl Launch {
+    /// R ω/u of a ball of `radius_m` that rolls without slipping on a track of width a: R/√(R² − a²/4), 1 on a plane. `None` for
+    /// a track as wide as the ball.
+    #[must_use]
+    pub fn rolling_ratio(radius_m: f64, track_width_m: f64) -> Option<f64> {
+        let half = 0.5 * track_width_m / radius_m;
+        let height = (1.0 - half) * (1.0 + half);
+        (height > 0.0).then(|| 1.0 / height.sqrt())
+    }
 }
 
 impl Default for Launch {
@@ -96,6 +161,8 @@ impl Default for Launch {
         Self {
             edge_x_m: None,
             spin_ratio: Some(0.0),
+            rolling: false,
+            track_width_m: None,
         }
     }
 }
@@ -115,7 +182,9 @@ pub struct Calibration {
     pub origin_std_px: Option<f64>,
     /// Direction of "up" in the undistorted picture, (du, dv), a unit vector.
     pub up_px: [f64; 2],
-    /// Standard uncertainty of that direction, rad.
+    /// Whether the file says so; else it is a first guess, and the fall tells.
+    pub up_given: bool,
+    /// Standard uncertainty of that direction, rad; [`Self::upright`] says what holds where there is none.
     pub up_std_rad: Option<f64>,
     /// Distance of the camera (its pinhole) from the calibrated plane along the optical axis, m; `None`: not known, the
     /// picture is taken as that of a camera far away.
@@ -134,12 +203,16 @@ pub struct Calibration {
     pub frame_rate_hz: Option<f64>,
     /// Acceleration of free fall, m/s².
     pub gravity_m_s2: f64,
-    /// Its standard uncertainty, m/s²; `None`: taken as exact.
+    /// Whether the file says so.
+    pub gravity_given: bool,
+    /// Its standard uncertainty, m/s², where the file says one; [`Self::gravity_uncertainty_m_s2`] says what holds without.
     pub gravity_std_m_s2: Option<f64>,
     /// The ball.
     pub ball: Ball,
     /// How it starts.
     pub launch: Launch,
+    /// What it bounces on.
+    pub floor: Floor,
 }
 
 impl Calibration {
@@ -154,6 +227,7 @@ impl Calibration {
             origin_px: None,
             origin_std_px: None,
             up_px: [0.0, -1.0],
+            up_given: false,
             up_std_rad: None,
             distance_m: None,
             distance_std_m: None,
@@ -162,12 +236,14 @@ impl Calibration {
             deviations: Vec::new(),
             frame_rate_hz: None,
             gravity_m_s2: 9.81,
+            gravity_given: false,
             gravity_std_m_s2: None,
             ball: Ball::default(),
             launch: Launch {
                 edge_x_m,
                 ..Launch::default()
             },
+            floor: Floor::default(),
         }
     }
 
@@ -215,6 +291,23 @@ impl Calibration {
         self.origin_px.is_some() || self.scale.has_origin()
     }
 
+    /// Standard uncertainty of the direction of "up" before the fall is looked at, rad: as given; else that of a levelled camera
+    /// where a direction (or a homography, which has one) is given, and next to nothing where none is.
+    #[must_use]
+    pub fn upright_std_rad(&self) -> f64 {
+        let given = self.up_given || matches!(self.scale, Scale::Homography(_));
+        self.up_std_rad
+            .unwrap_or(if given { LEVELLED_STD_RAD } else { HELD_STD_RAD })
+    }
+
+    /// Standard uncertainty of gravity, m/s²: as given; else what a number that somebody looked up has, or what 9.81 has anywhere
+    /// on Earth.
+    #[must_use]
+    pub fn gravity_uncertainty_m_s2(&self) -> f64 {
+        let part = if self.gravity_given { LOCAL_PART } else { ANYWHERE_PART };
+        self.gravity_std_m_s2.unwrap_or(part * self.gravity_m_s2)
+    }
+
     /// That the recording's pictures (after the rotation tag) have the size the calibration is for, if it names one.
     ///
     /// # Errors
@@ -238,6 +331,11 @@ impl Calibration {
         let back = Matrix3::new(1.0, 0.0, -du_px, 0.0, 1.0, -dv_px, 0.0, 0.0, 1.0);
         let mut there = self.clone();
         there.origin_px = self.origin_px.map(moved);
+        there.floor.line = self.floor.line.map(|line| FloorLine {
+            from: moved(line.from),
+            to: moved(line.to),
+            ..line
+        });
         match &mut there.scale {
             Scale::Ruler { from, to, .. } => (*from, *to) = (moved(*from), moved(*to)),
             Scale::Homography(h) => h.world_from_pixel *= back,

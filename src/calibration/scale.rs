@@ -5,7 +5,7 @@
 //! | metres per pixel | as given | `std_uncertainty` |
 //! | ruler | length / distance of its ends in undistorted pixels | `length_std_m`, `point_std_px` |
 //! | ball | radius in metres / measured radius | the measured radius, `ball.radius_std_m` |
-//! | gravity | g / measured fall | the measured fall, `gravity_std_m_s2` |
+//! | gravity | g / measured fall | the measured fall, [`Calibration::gravity_uncertainty_m_s2`] |
 //! | homography | 1 | `relative_std` |
 //!
 //! Relative variances add. What the file gives without an uncertainty counts as exact beside what has one; where
@@ -135,8 +135,8 @@ pub(super) fn metres_per_unit(
                     "ball, world_from_pixel",
                 )
             })?;
-            let given = calibration.gravity_std_m_s2.map(|s| s / calibration.gravity_m_s2);
-            ratio(calibration.gravity_m_s2, given, seen)
+            let given = calibration.gravity_uncertainty_m_s2() / calibration.gravity_m_s2;
+            ratio(calibration.gravity_m_s2, Some(given), seen)
         }
         Scale::Homography(homography) => quantity(1.0, &[homography.relative_std]),
     };
@@ -327,13 +327,20 @@ mod tests {
 
     #[test]
     fn gravity_compares_the_fall_with_the_one_seen() {
-        let c = Calibration::new(Scale::Gravity);
+        let mut c = Calibration::new(Scale::Gravity);
         let seen = ScaleEvidence {
             ball_radius_units: None,
             gravity_units_s2: measured(9810.0, 98.1),
         };
         let q = scale_of(&c, seen);
-        assert!(near(q.value, 0.001) && near(q.std_uncertainty.unwrap(), 1e-5));
+        // 9.81 is good to 0.3 % anywhere, what was looked up for the place to 0.01 %.
+        assert!(near(q.value, 0.001) && near(q.std_uncertainty.unwrap(), 1e-3 * 0.01_f64.hypot(0.003)));
+        c.gravity_given = true;
+        let q = scale_of(&c, seen);
+        assert!(near(q.std_uncertainty.unwrap(), 1e-3 * 0.01_f64.hypot(1e-4)));
+        c.gravity_std_m_s2 = Some(9.81 * 0.01);
+        let q = scale_of(&c, seen);
+        assert!(near(q.std_uncertainty.unwrap(), 1e-5 * 2.0_f64.sqrt()));
         assert!(
             c.metres_per_unit(&ScaleEvidence::default())
                 .unwrap_err()

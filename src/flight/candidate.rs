@@ -4,13 +4,13 @@
 use super::fit::Forces;
 use super::linking::{Spot, Track};
 use super::samples::{SAGITTA_SIGMAS, fine_sigma, samples_of, segment_sigma, shows_fall};
-use super::segment::{self, Fall, own_fall};
+use super::segment::{self, Fall, Gravity, own_gravity};
 use super::{median, overhead};
 
 /// A track that may be the ball's.
 pub(super) struct Candidate {
     pub(super) track: Track,
-    pub(super) gravity: f64,
+    pub(super) gravity: Gravity,
     pub(super) evidence: f64,
     /// First and last time of the arcs that fall, s.
     span: (f64, f64),
@@ -23,13 +23,13 @@ impl Candidate {
         if let Forces::Overhead(known) = forces {
             return Some(Self {
                 track: track.clone(),
-                gravity: 0.0,
+                gravity: Gravity::NONE,
                 evidence: overhead::find::evidence(spots, track, sigma, known)?,
                 span: (samples.first()?.t, samples.last()?.t),
             });
         }
         if !forces.falls() {
-            let found = segment::arcs(&samples, Fall::Known(0.0));
+            let found = segment::arcs(&samples, Fall::Known(Gravity::NONE));
             let covered: usize = found.iter().map(ExactSizeIterator::len).sum();
             let (first, last) = (samples.first()?, samples.last()?);
             let path = (last.r - first.r).hypot(last.h - first.h);
@@ -37,19 +37,24 @@ impl Candidate {
             let evidence = covered as f64 * path / sigma;
             return moves.then(|| Self {
                 track: track.clone(),
-                gravity: 0.0,
+                gravity: Gravity::NONE,
                 evidence,
                 span: (first.t, last.t),
             });
         }
         let found = segment::arcs(&samples, Fall::Free);
-        let falling_beyond = |sigma: f64| -> Vec<(f64, f64, usize, f64)> {
+        let falling_beyond = |sigma: f64| -> Vec<Curved> {
             let curved = found.iter().filter(|a| a.len() >= 5).filter_map(|a| {
                 let part = &samples[a.clone()];
-                let (g, std) = own_fall(part)?;
+                let (own, std) = own_gravity(part)?;
                 let duration = part[part.len() - 1].t - part[0].t;
-                let sagitta = g * duration * duration / 8.0;
-                (sagitta > SAGITTA_SIGMAS * sigma).then_some((g, std, a.len(), sagitta))
+                let sagitta = own.down * duration * duration / 8.0;
+                (sagitta > SAGITTA_SIGMAS * sigma).then_some(Curved {
+                    own,
+                    std,
+                    points: a.len(),
+                    sagitta,
+                })
             });
             curved.collect()
         };
@@ -63,24 +68,27 @@ impl Candidate {
         let agreeing = |g: f64| {
             falling
                 .iter()
-                .filter(move |a| (a.0 - g).abs() < 4.0 * a.1 + 0.12 * g)
+                .filter(move |a| (a.own.down - g).abs() < 4.0 * a.std + 0.12 * g)
                 .collect::<Vec<_>>()
         };
-        let weight = |g: f64| agreeing(g).iter().map(|a| a.2 as f64).sum::<f64>();
+        let weight = |g: f64| agreeing(g).iter().map(|a| a.points as f64).sum::<f64>();
         let centre = falling
             .iter()
-            .max_by(|a, b| weight(a.0).total_cmp(&weight(b.0)))?
-            .0;
+            .max_by(|a, b| weight(a.own.down).total_cmp(&weight(b.own.down)))?
+            .own
+            .down;
         let agree = agreeing(centre);
-        let (mut sum, mut information) = (0.0, 0.0);
-        for a in &agree {
-            sum += a.0 / (a.1 * a.1);
-            information += 1.0 / (a.1 * a.1);
-        }
-        let gravity = sum / information;
+        let information: f64 = agree.iter().map(|a| 1.0 / (a.std * a.std)).sum();
+        let mean = |of: fn(&Curved) -> f64| {
+            agree.iter().map(|a| of(a) / (a.std * a.std)).sum::<f64>() / information
+        };
+        let gravity = Gravity {
+            down: mean(|a| a.own.down),
+            across: leaning(mean(|a| a.own.across), 1.0 / information.sqrt(), centre),
+        };
         // Much of the track must be in that fall, or it is a hand that happened to swing like it.
-        let falls_for: usize = agree.iter().map(|a| a.2).sum();
-        let sagittas: f64 = agree.iter().map(|a| a.3 / sigma).sum();
+        let falls_for: usize = agree.iter().map(|a| a.points).sum();
+        let sagittas: f64 = agree.iter().map(|a| a.sagitta / sigma).sum();
         let known = segment::arcs(&samples, Fall::Known(gravity));
         let covered: usize = known
             .iter()
@@ -90,7 +98,7 @@ impl Candidate {
         let enough = falls_for >= 6 && covered >= 6;
         let curved: Vec<_> = known
             .iter()
-            .filter(|a| shows_fall(&samples, a, gravity, least))
+            .filter(|a| shows_fall(&samples, a, gravity.down, least))
             .collect();
         let span = (
             samples[curved.first()?.start].t,
@@ -105,6 +113,29 @@ impl Candidate {
     }
 }
 
+/// An arc whose own curve shows a fall.
+struct Curved {
+    own: Gravity,
+    /// Of both components.
+    std: f64,
+    points: usize,
+    sagitta: f64,
+}
+
+/// A lean of the fall is cut with where it stands out by so many standard deviations and is more than this angle: rough
+/// centres, of a ball with its shadow say, make a smaller one.
+const LEAN_SIGMAS: f64 = 4.0;
+const LEAST_LEAN_RAD: f64 = 0.03;
+
+/// The acceleration `across` ± `std` to cut a track with, where the fall is `down`.
+fn leaning(across: f64, std: f64, down: f64) -> f64 {
+    if across.abs() > LEAN_SIGMAS * std && across.abs() > LEAST_LEAN_RAD * down {
+        across
+    } else {
+        0.0
+    }
+}
+
 /// The best track with others that are the same ball before or after it (it left the picture, or was hidden): of the
 /// same size, not at the same time, with arcs of the same fall that lead to it.
 pub(super) fn with_continuations(
@@ -115,7 +146,7 @@ pub(super) fn with_continuations(
 ) -> Track {
     let mut whole = best.track.clone();
     match forces {
-        Forces::Fall | Forces::FallWithDrag(_) => {}
+        Forces::Fall(_) | Forces::FallWithDrag(..) => {}
         Forces::Overhead(_) => return overhead::find::with_continuations(spots, tracks, whole),
         Forces::None => return whole,
     }
@@ -132,7 +163,7 @@ pub(super) fn with_continuations(
         };
         let (from, to) = other.span;
         let apart = spans.iter().all(|s| to < s.0 || from > s.1);
-        let same_fall = (other.gravity / best.gravity - 1.0).abs() < 0.15;
+        let same_fall = (other.gravity.down / best.gravity.down - 1.0).abs() < 0.15;
         if apart && same_fall {
             // Where both have points (two things met, and each track went on with the other) the falling one's count.
             let within = |i: usize| spots[i].time_s >= from && spots[i].time_s <= to;

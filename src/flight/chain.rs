@@ -1,24 +1,28 @@
 //! Which of a track's arcs are one flight: those that are free, follow each other closely and show the fall.
 
 use super::samples::shows_fall;
-use super::segment::{Fall, Sample, own_fall};
+use super::segment::{Fall, Gravity, Sample, own_fall};
 
 /// An arc whose own curvature contradicts the common fall is carried, not thrown.
 pub(super) fn is_free_flight(samples: &[Sample], gravity: f64, falls: bool) -> bool {
     if samples.len() < 5 || !falls {
         return true;
     }
-    own_fall(samples).is_none_or(|(g, std)| Fall::Known(gravity).agrees(g, std))
+    own_fall(samples).is_none_or(|(g, std)| Fall::Known(Gravity::upright(gravity)).agrees(g, std))
 }
 
 /// Arcs are fitted together, which takes memory and time as the square of their number; a ball that bounces more often
 /// is measured on this many successive arcs.
 const MOST_ARCS: usize = 40;
 
+/// How many points the arcs of `run` hold.
+pub(super) fn points_in(run: &[std::ops::Range<usize>]) -> usize {
+    run.iter().map(ExactSizeIterator::len).sum()
+}
+
 /// The successive arcs, at most [`MOST_ARCS`], that hold the most points.
 pub(super) fn richest_run(ranges: Vec<std::ops::Range<usize>>) -> Vec<std::ops::Range<usize>> {
-    let points = |run: &[std::ops::Range<usize>]| run.iter().map(ExactSizeIterator::len).sum::<usize>();
-    match ranges.windows(MOST_ARCS).max_by_key(|run| points(run)) {
+    match ranges.windows(MOST_ARCS).max_by_key(|run| points_in(run)) {
         Some(run) => run.to_vec(),
         None => ranges,
     }
@@ -46,7 +50,7 @@ pub(super) fn longest_chain(
     }
     chains
         .into_iter()
-        .max_by_key(|c| c.iter().map(ExactSizeIterator::len).sum::<usize>())
+        .max_by_key(|c| points_in(c))
         .unwrap_or_default()
 }
 
@@ -111,9 +115,8 @@ pub(super) fn larger_part(
     mut ranges: Vec<std::ops::Range<usize>>,
     cut: usize,
 ) -> Vec<std::ops::Range<usize>> {
-    let count = |part: &[std::ops::Range<usize>]| part.iter().map(ExactSizeIterator::len).sum::<usize>();
     let tail = ranges.split_off(cut);
-    if count(&tail) > count(&ranges) {
+    if points_in(&tail) > points_in(&ranges) {
         tail
     } else {
         ranges

@@ -2,31 +2,32 @@
 //! judged, until they hold together.
 
 use super::chain::{
-    LEAST_END_POINTS, is_free_flight, longest_chain, richest_run, without_straight_ends, without_weak_arc,
+    LEAST_END_POINTS, is_free_flight, longest_chain, points_in, richest_run, without_straight_ends, without_weak_arc,
 };
 use super::fit::Forces;
 use super::impacts::finish;
 use super::join::join;
 use super::linking::{Spot, Track};
 use super::samples::{fine_sigma, samples_of, segment_sigma, shows_fall};
-use super::segment::{self, Fall};
+use super::segment::{self, Fall, Gravity, Motion, Stretch};
 use super::set_aside::{LEAST_FIT_POINTS, emptied_arc, fit_and_set_aside, mostly_set_aside};
-use super::{Flight, SpotUse, overhead};
+use super::{Flight, SpotUse, launch, overhead};
 
 /// The flight along the track, from a first idea of the fall: where the arcs then show another fall, they are cut again
 /// with that.
 pub(super) fn build(
     spots: &[Spot],
     track: &Track,
-    gravity: f64,
+    gravity: Gravity,
     forces: Forces,
     interval_s: f64,
 ) -> Option<Flight> {
     let mut flight = cut_and_fit(spots, track, gravity, forces, interval_s)?;
     let mut known = gravity;
     for _ in 0..FALL_ROUNDS {
-        let shown = flight.fit.gravity();
-        if (shown - known).abs() <= SAME_FALL * known.abs() {
+        let shown = flight.fit.acceleration();
+        let change = (shown.down - known.down).hypot(shown.across - known.across);
+        if change <= SAME_FALL * known.down.abs() {
             break;
         }
         known = shown;
@@ -41,6 +42,9 @@ pub(super) fn build(
 /// Falls that differ by less than this part cut a track alike: half a second of fall, 1.2 m, then ends within 2 mm.
 const SAME_FALL: f64 = 0.002;
 
+/// Times that the first arc is made to begin at the edge of a bench that it shows.
+const EDGE_ROUNDS: usize = 6;
+
 /// Times that a track is cut again.
 const FALL_ROUNDS: usize = 4;
 
@@ -48,7 +52,7 @@ const FALL_ROUNDS: usize = 4;
 fn cut_and_fit(
     spots: &[Spot],
     track: &Track,
-    gravity: f64,
+    gravity: Gravity,
     forces: Forces,
     interval_s: f64,
 ) -> Option<Flight> {
@@ -59,10 +63,16 @@ fn cut_and_fit(
     }
     let samples = samples_of(spots, track, sigma);
     let fall = Fall::Known(gravity);
-    let mut ranges = segment::arcs(&samples, fall);
-    ranges.retain(|r| is_free_flight(&samples[r.clone()], gravity, falls));
-    let ranges = join(&samples, ranges, fall);
-    let ranges = richest_run(longest_chain(&samples, ranges, interval_s));
+    let stretches = segment::stretches(&samples, fall);
+    let gravity = gravity.down;
+    let chain = |flight: &[Stretch]| {
+        let mut ranges: Vec<_> = flight.iter().map(|s| s.range.clone()).collect();
+        ranges.retain(|r| is_free_flight(&samples[r.clone()], gravity, falls));
+        longest_chain(&samples, join(&samples, ranges, fall), interval_s)
+    };
+    // A ball that rolls in between was launched once more.
+    let flights = stretches.split(|s| s.motion == Motion::Straight).map(chain);
+    let ranges = richest_run(flights.max_by_key(|ranges| points_in(ranges))?);
     let shows = |least: f64| ranges.iter().any(|r| shows_fall(&samples, r, gravity, least));
     let least = if shows(sigma) {
         sigma
@@ -71,6 +81,7 @@ fn cut_and_fit(
     };
     let mut ranges = without_straight_ends(&samples, ranges, gravity, least, falls);
     let mut untrimmed: Option<Flight> = None;
+    let mut edge_rounds = EDGE_ROUNDS;
     // Arcs that do not meet as a ball's do are two flights, or none: the longer part is tried again.
     while !ranges.is_empty() {
         let mut uses = vec![SpotUse::NotFree; track.len()];
@@ -86,15 +97,27 @@ fn cut_and_fit(
             ranges.remove(no_arc);
             continue;
         }
-        let flight = finish(spots, track, uses, fit, interval_s);
+        let mut flight = finish(spots, track, uses, fit, interval_s);
         let shows = |k: usize| shows_fall(&samples, &ranges[k], gravity, sigma);
         if let Some(chance) = (1..ranges.len().saturating_sub(1)).find(|&k| flight.is_detour(k)) {
             ranges.remove(chance);
             continue;
         }
         let last = ranges.len() - 1;
+        if last > 0 && !shows(0) && flight.is_carried(0, ranges[0].len()) {
+            ranges.remove(0);
+            continue;
+        }
         if last > 0 && !shows(last) && flight.is_carried(last, ranges[last].len()) {
             ranges.pop();
+            continue;
+        }
+        flight.launch = launch::find(&flight);
+        if let Some(start) = flight.first_after_edge(&ranges[0])
+            && edge_rounds > 0
+        {
+            edge_rounds -= 1;
+            ranges[0].start = start;
             continue;
         }
         let Some(cut) = flight.impacts.iter().position(Option::is_none) else {

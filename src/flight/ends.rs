@@ -1,4 +1,4 @@
-//! The ends of arcs, where a point may be of the other side of an impact without being told by its distance.
+//! The ends of arcs, where a point may be of the other side of an impact (or of a launch) without being told by its distance.
 
 use super::Flight;
 use super::chain::LEAST_END_POINTS;
@@ -58,6 +58,14 @@ impl Flight {
             }
         }
         ranges != before
+    }
+
+    /// The first point of the first arc `range` by the launch, where that is another than the arc has: in front of the edge the
+    /// ball is on its bench. `None` where there was none, or the arc would be lost by it.
+    pub(super) fn first_after_edge(&self, range: &std::ops::Range<usize>) -> Option<usize> {
+        let edge_s = self.launch?.time_s;
+        let start = self.points[..range.end].partition_point(|p| p.spot.time_s < edge_s);
+        (start != range.start && start + LEAST_END_POINTS <= range.end).then_some(start)
     }
 
     /// When the last arc is back at the height of the impact before it, that height and the speed then: there is the next

@@ -1,8 +1,11 @@
 //! The arcs of a flight fitted together: each with its own place and velocity, all with the same gravity and drag.
 //!
 //! ```text
-//! r'' = -β |v| r'          h'' = -g - β |v| h'          |v| = √(r'² + h'²)
+//! r'' = a - β |v| r'          h'' = -g - β |v| h'          |v| = √(r'² + h'²)
 //! ```
+//!
+//! a, the acceleration along r, is what gravity has there where "up" of the picture is not quite the plane's: the fall leans
+//! by atan(a/g). What is known of that beforehand is a prior of a ([`Upright`]).
 //!
 //! with place and velocity of arc k at its mean time t_k ([`Planar`]). Without drag (β = 0) that is the exact parabola and
 //! the fit is linear. With drag (β = ρ C_D π R² / 2m) the fit is Gauss-Newton; drag is a small part, so three steps settle
@@ -15,8 +18,8 @@
 use super::drag::{Drag, DragLaw};
 use super::overhead::{self, Overhead};
 use super::planar::Planar;
-pub use super::planar::{ARCS, DRAG, GRAVITY, Motion};
-use super::segment::Sample;
+pub use super::planar::{ACROSS, ARCS, DRAG, GRAVITY, Motion};
+use super::segment::{Gravity, Sample};
 use nalgebra::{DMatrix, DVector};
 
 /// A point for the fit.
@@ -28,13 +31,28 @@ pub struct FitPoint {
     pub sample: Sample,
 }
 
+/// How well the direction of "up" is known without the fall: the standard uncertainty of the angle by which the fall may lean,
+/// rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upright {
+    /// rad; infinite where only the fall tells.
+    pub std_rad: f64,
+}
+
+impl Upright {
+    /// Nothing is known: the fall alone tells.
+    pub const UNKNOWN: Self = Self {
+        std_rad: f64::INFINITY,
+    };
+}
+
 /// What is known of the forces on the ball in flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Forces {
     /// Gravity is fitted; drag where the flight shows it.
-    Fall,
+    Fall(Upright),
     /// Gravity is fitted; this is known of drag.
-    FallWithDrag(Drag),
+    FallWithDrag(Upright, Drag),
     /// None that shows: a top view from far away.
     None,
     /// Towards the floor, which a camera above sees by perspective.
@@ -45,14 +63,33 @@ impl Forces {
     /// Whether gravity acts in the plane.
     #[must_use]
     pub fn falls(self) -> bool {
-        matches!(self, Self::Fall | Self::FallWithDrag(_))
+        matches!(self, Self::Fall(_) | Self::FallWithDrag(..))
+    }
+
+    /// What is known of "up" where gravity acts in the plane.
+    #[must_use]
+    pub fn upright(&self) -> Option<Upright> {
+        match self {
+            Self::Fall(upright) | Self::FallWithDrag(upright, _) => Some(*upright),
+            Self::None | Self::Overhead(_) => None,
+        }
+    }
+
+    /// The same with another knowledge of "up".
+    #[must_use]
+    pub fn with_upright(self, upright: Upright) -> Self {
+        match self {
+            Self::Fall(_) => Self::Fall(upright),
+            Self::FallWithDrag(_, drag) => Self::FallWithDrag(upright, drag),
+            other => other,
+        }
     }
 
     /// How drag changes with the speed.
     #[must_use]
     pub fn drag_law(&self) -> DragLaw {
         match self {
-            Self::FallWithDrag(drag) => drag.law,
+            Self::FallWithDrag(_, drag) => drag.law,
             _ => DragLaw::default(),
         }
     }
@@ -63,7 +100,7 @@ impl Forces {
 pub struct ArcFit {
     /// Mean time of each arc, s.
     pub times: Vec<f64>,
-    /// g, β, then r, vr, h, vh of each arc at its mean time.
+    /// g, β, the acceleration along r, then r, vr, h, vh of each arc at its mean time.
     pub parameters: DVector<f64>,
     /// Their covariance, excess included.
     pub covariance: DMatrix<f64>,
@@ -78,21 +115,33 @@ pub struct ArcFit {
 /// Drag without a prior is believed when it stands out by this many standard uncertainties.
 const DRAG_SIGMAS: f64 = 4.0;
 
+/// What is known of "up" is contradicted by a fall that leans by more than this many standard uncertainties.
+const CONTRADICTS_SIGMAS: f64 = 4.0;
+
 /// A step of Gauss-Newton that changes no residual by more than this part of its uncertainty is the last.
 const SETTLED: f64 = 1e-6;
 
 impl ArcFit {
-    /// Fits `arcs` arcs to `points`; `None` when some arc has too few points, or gravity is not determined.
+    /// Fits `arcs` arcs to `points`; `None` when some arc has too few points, or gravity is not determined. What is known of
+    /// "up" counts unless the fall contradicts it.
     #[must_use]
     pub fn new(points: &[FitPoint], arcs: usize, forces: Forces) -> Option<Self> {
+        let fit = Self::as_known(points, arcs, forces)?;
+        if fit.lean_contradicts() {
+            return Self::as_known(points, arcs, forces.with_upright(Upright::UNKNOWN));
+        }
+        Some(fit)
+    }
+
+    fn as_known(points: &[FitPoint], arcs: usize, forces: Forces) -> Option<Self> {
         if let Forces::Overhead(known) = forces {
             return Self::overhead(points, arcs, known);
         }
         let plain = Self::with(points, arcs, forces, None)?;
         match forces {
             Forces::None | Forces::Overhead(_) => Some(plain),
-            Forces::FallWithDrag(_) => Self::with(points, arcs, forces, Some(&plain)),
-            Forces::Fall => {
+            Forces::FallWithDrag(..) => Self::with(points, arcs, forces, Some(&plain)),
+            Forces::Fall(_) => {
                 let dragged = Self::with(points, arcs, forces, Some(&plain));
                 let shows = |f: &Self| {
                     let std = f.covariance[(DRAG, DRAG)].max(0.0).sqrt();
@@ -108,11 +157,17 @@ impl ArcFit {
         let times = mean_times(points, arcs)?;
         let drag = plain.is_some();
         let mut parameters = plain.map_or_else(|| DVector::zeros(ARCS + 4 * arcs), |p| p.parameters.clone());
-        let held = [!forces.falls(), !drag];
+        let held = [!forces.falls(), !drag, !forces.falls()];
         let mut covariance = None;
         let mut chi2 = f64::NAN;
         // Linear without drag: one step is the solution, the second shows that nothing moves.
-        for _ in 0..if drag { 8 } else { 1 } {
+        // A prior of the lean goes with gravity, which the first step finds.
+        let rounds = match (drag, forces.upright()) {
+            (true, _) => 8,
+            (false, Some(upright)) if upright.std_rad.is_finite() => 2,
+            (false, _) => 1,
+        };
+        for _ in 0..rounds {
             let (matrix, right) = system(points, &times, &parameters, forces, held);
             let (mut step, inverse) = solve(&matrix, &right)?;
             keep(&mut step, held);
@@ -158,7 +213,7 @@ impl ArcFit {
             return overhead::fit::response(points, self.arcs(), known, &self.parameters, shifts);
         }
         // What was held has no variance.
-        let held = [GRAVITY, DRAG].map(|i| self.covariance[(i, i)] == 0.0);
+        let held = [GRAVITY, DRAG, ACROSS].map(|i| self.covariance[(i, i)] == 0.0);
         let (matrix, mut right) = system(points, &self.times, &self.parameters, self.forces, held);
         right.fill(0.0);
         for (i, (p, (dr, dh))) in points.iter().zip(shifts).enumerate() {
@@ -177,10 +232,45 @@ impl ArcFit {
         self.times.len()
     }
 
-    /// Fitted gravity, plane units/s².
+    /// Size of the fitted gravity, plane units/s².
     #[must_use]
     pub fn gravity(&self) -> f64 {
-        self.parameters[GRAVITY]
+        match self.parameters[ACROSS] {
+            0.0 => self.parameters[GRAVITY],
+            across => self.parameters[GRAVITY].hypot(across).copysign(self.parameters[GRAVITY]),
+        }
+    }
+
+    /// By how much the fall leans along +r, rad: "up" of the plane is turned by so much from that of the picture, towards −r.
+    #[must_use]
+    pub fn lean_rad(&self) -> f64 {
+        lean_rad(self.parameters.as_slice())
+    }
+
+    /// The lean of the fall by the points alone, without what was known of it, and its standard uncertainty, rad; `None` where
+    /// they tell nothing of it.
+    #[must_use]
+    pub fn lean_seen_rad(&self) -> Option<(f64, f64)> {
+        let known = self.forces.upright()?.std_rad;
+        let std = self.covariance[(ACROSS, ACROSS)].max(0.0).sqrt() / self.gravity().abs();
+        let share = 1.0 - (std / known).powi(2);
+        (share > 0.0 && std > 0.0).then(|| (self.lean_rad() / share, std / share.sqrt()))
+    }
+
+    /// Whether the points contradict what is known of "up".
+    fn lean_contradicts(&self) -> bool {
+        let known = self.forces.upright().map_or(f64::INFINITY, |u| u.std_rad);
+        let seen = self.lean_seen_rad().filter(|_| known.is_finite());
+        seen.is_some_and(|(lean, std)| lean.abs() > CONTRADICTS_SIGMAS * std.hypot(known))
+    }
+
+    /// The common acceleration, plane units/s².
+    #[must_use]
+    pub fn acceleration(&self) -> Gravity {
+        Gravity {
+            down: self.parameters[GRAVITY],
+            across: self.parameters[ACROSS],
+        }
     }
 
     /// Drag β in use, 1 / plane unit.
@@ -251,6 +341,16 @@ impl ArcFit {
     }
 }
 
+/// The lean of the fall for any parameters, rad; 0 where nothing falls.
+#[must_use]
+pub fn lean_rad(parameters: &[f64]) -> f64 {
+    if parameters[ACROSS] == 0.0 {
+        0.0
+    } else {
+        parameters[ACROSS].atan2(parameters[GRAVITY])
+    }
+}
+
 /// Factor on a covariance for errors that last from point to point (a codec's, a lamp's): (1 + ρ)/(1 − ρ) with ρ the
 /// correlation of successive residuals of one arc; 1 where it does not show.
 pub(super) fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
@@ -299,18 +399,15 @@ fn system(
     times: &[f64],
     parameters: &DVector<f64>,
     forces: Forces,
-    held: [bool; 2],
+    held: [bool; ARCS],
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let prior = match forces {
-        Forces::FallWithDrag(drag) if !held[DRAG] => Some((drag.beta, drag.std)),
-        _ => None,
-    };
+    let priors = priors(parameters, forces, held);
     let planar = Planar {
         parameters: parameters.as_slice(),
         times,
         law: forces.drag_law(),
     };
-    let extra = held.iter().filter(|&&h| h).count() + usize::from(prior.is_some());
+    let extra = held.iter().filter(|&&h| h).count() + priors.len();
     let rows = 2 * points.len() + extra;
     let mut matrix = DMatrix::zeros(rows, parameters.len());
     let mut right = DVector::zeros(rows);
@@ -328,6 +425,9 @@ fn system(
         if !held[GRAVITY] {
             matrix[(2 * i + 1, GRAVITY)] = -0.5 * w * t * t;
         }
+        if !held[ACROSS] {
+            matrix[(2 * i, ACROSS)] = 0.5 * w * t * t;
+        }
         if !held[DRAG] {
             let (dr, dh) = planar.drag_shift(p.arc, p.sample.t);
             matrix[(2 * i, DRAG)] = w * dr;
@@ -339,16 +439,33 @@ fn system(
         matrix[(row, i)] = 1.0;
         row += 1;
     }
-    if let Some((value, std)) = prior {
-        matrix[(row, DRAG)] = 1.0 / std;
-        right[row] = (value - parameters[DRAG]) / std;
+    for (i, value, std) in priors {
+        matrix[(row, i)] = 1.0 / std;
+        right[row] = (value - parameters[i]) / std;
+        row += 1;
     }
     (matrix, right)
 }
 
+/// What is known beforehand: which parameter, its value, its standard uncertainty.
+fn priors(parameters: &DVector<f64>, forces: Forces, held: [bool; ARCS]) -> Vec<(usize, f64, f64)> {
+    let mut priors = Vec::new();
+    if let Forces::FallWithDrag(_, drag) = forces
+        && !held[DRAG]
+    {
+        priors.push((DRAG, drag.beta, drag.std));
+    }
+    let lean = forces.upright().map(|u| u.std_rad * parameters[GRAVITY].abs());
+    // Before gravity is known there is no scale for it; the round that follows has it.
+    if let Some(std) = lean.filter(|&std| std > 0.0 && std.is_finite() && !held[ACROSS]) {
+        priors.push((ACROSS, 0.0, std));
+    }
+    priors
+}
+
 /// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of
 /// 1e-11 in place of none, times the square of a ball's speed in pixels, is a force.
-fn keep(step: &mut DVector<f64>, held: [bool; 2]) {
+fn keep(step: &mut DVector<f64>, held: [bool; ARCS]) {
     for (i, _) in held.iter().enumerate().filter(|(_, held)| **held) {
         step[i] = 0.0;
     }

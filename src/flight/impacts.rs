@@ -20,7 +20,7 @@ pub(super) fn finish(
         }
     }
     let impacts: Vec<Option<f64>> = (1..fit.arcs())
-        .map(|k| impact_after(&fit, &spans, k - 1, interval_s))
+        .map(|k| impact_after(&fit, &spans, k - 1, interval_s).filter(|_| !goes_elsewhere(&uses, k - 1)))
         .collect();
     for (&i, u) in track.iter().zip(&mut uses) {
         let near = |t: &f64| (spots[i].time_s - t).abs() < 1.5 * interval_s;
@@ -40,7 +40,26 @@ pub(super) fn finish(
         spans,
         impacts,
         interval_s,
+        launch: None,
     }
+}
+
+/// Points between two arcs that are on neither, at most: frames of a contact and what shadow and smear spoil, ...
+const MOST_BETWEEN: usize = 4;
+
+/// ... or one to so many points of both arcs.
+const ARC_POINTS_FOR_ONE: usize = 4;
+
+/// Whether the ball was seen between arcs `k` and `k + 1` where neither has it: then they do not meet there.
+fn goes_elsewhere(uses: &[SpotUse], k: usize) -> bool {
+    let on = |arc: usize| uses.iter().filter(|u| **u == SpotUse::Used(arc)).count();
+    let last = uses.iter().rposition(|u| *u == SpotUse::Used(k));
+    let first = uses.iter().position(|u| *u == SpotUse::Used(k + 1));
+    let (Some(last), Some(first)) = (last, first) else {
+        return false;
+    };
+    let between = first.saturating_sub(last + 1);
+    between > MOST_BETWEEN.max((on(k) + on(k + 1)) / ARC_POINTS_FOR_ONE)
 }
 
 /// The impact in which arcs `k` and `k + 1` meet, as its forces have it.

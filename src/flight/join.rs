@@ -77,12 +77,12 @@ fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
     .fold(0.0, f64::max);
     // Near an apex cut in two the sign of the rise is noise: the turn must be worth the gap's fall at least.
     let turn = match fall {
-        Fall::Known(g) if g > 0.0 => {
-            let least = 2.0 * g * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
+        Fall::Known(g) if g.down > 0.0 => {
+            let least = 2.0 * g.down * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
             before.1 < 0.0 && after.1 > 0.0 && after.1 - before.1 > least
         }
         // Where nothing falls, nothing bends a path but an impact.
-        Fall::Known(g) => g == 0.0,
+        Fall::Known(g) => g.down == 0.0,
         Fall::Free | Fall::Overhead(_) => true,
     };
     jump > LEAST_JUMP * speed || turn

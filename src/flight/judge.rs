@@ -98,9 +98,9 @@ impl Flight {
         falls && !(on_floor(k - 1) && on_floor(k)) && direct().is_some()
     }
 
-    /// Whether the points of the last arc `k`, cut from `cut` of the track, contradict its fall as precisely as their centres are
-    /// known: a ball that stays down after an impact, or a row of bounces that frames do not resolve, lies close to a
-    /// short parabola.
+    /// Whether the points of the first or last arc `k`, cut from `cut` of the track, contradict its fall as precisely as their centres are
+    /// known: a ball on its bench, one that stays down after an impact, or a row of bounces that frames do not resolve, lies
+    /// close to a short parabola.
     pub(super) fn is_carried(&self, k: usize, cut: usize) -> bool {
         // Where the whole flight is no parabola to the precision of the centres, no arc of it is.
         let precise = self.excess() < MOST_EXCESS || self.fit.persistence < MOST_PERSISTENCE;

@@ -5,6 +5,8 @@
 //!    person, a swinging cloth do not. The track with the most evidence of one common fall is the ball's (`candidate`).
 //! 3. With that fall the track is cut again (`cut`), and arcs that are one flight are joined (`join`, `chain`).
 //! 4. [`fit`]: all arcs together, with one gravity. Points that do not fit are set aside with the reason (`set_aside`).
+//!    What moves straight in between (on a bench, on the floor) is no arc; where it leads into the first one the ball was
+//!    launched ([`launch`]).
 //! 5. Two arcs that meet between the last point of one and the first of the next are an impact (`meeting`, `impacts`).
 //! 6. What is no ball's flight is refused (`judge`), and points at the ends of arcs that may be another's go (`ends`).
 //!
@@ -21,6 +23,7 @@ pub mod fit;
 mod impacts;
 mod join;
 mod judge;
+pub mod launch;
 pub mod linking;
 mod meeting;
 pub mod overhead;
@@ -36,6 +39,7 @@ use crate::quantity;
 use candidate::{Candidate, with_continuations};
 use cut::build;
 use fit::{ArcFit, FitPoint, Forces};
+use launch::Launch;
 use linking::{Spot, Track};
 use scatter::Extra;
 use set_aside::{fit_point, settled, variance};
@@ -55,6 +59,8 @@ pub struct Flight {
     pub impacts: Vec<Option<f64>>,
     /// Frame interval, s.
     pub interval_s: f64,
+    /// Where the ball left a bench that it was seen moving along, before the first arc.
+    pub launch: Option<Launch>,
 }
 
 /// A spot of the track and what became of it.
@@ -121,7 +127,7 @@ pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
 #[must_use]
 pub fn again(spots: &[Spot], flight: &Flight, forces: Forces) -> Option<Flight> {
     let track: Track = (0..spots.len()).collect();
-    build(spots, &track, flight.fit.gravity(), forces, flight.interval_s)
+    build(spots, &track, flight.fit.acceleration(), forces, flight.interval_s)
 }
 
 /// Median time between successive frames.

@@ -19,10 +19,14 @@ pub struct Motion {
 pub const GRAVITY: usize = 0;
 /// Index of drag in the parameters.
 pub const DRAG: usize = 1;
+/// Index of the acceleration along r, which all arcs share as they share gravity: the fall of a picture whose "up" is not
+/// quite the plane's.
+pub const ACROSS: usize = 2;
 /// Index of the first arc's place in the parameters; four an arc: r, vr, h, vh at the arc's mean time.
-pub const ARCS: usize = 2;
+pub const ARCS: usize = 3;
 
-/// The arcs of a parameter vector: g, β, then r, vr, h, vh of each arc at its mean time.
+/// The arcs of a parameter vector: g (down along h), β, the acceleration along r, then r, vr, h, vh of each arc at its mean
+/// time.
 #[derive(Debug, Clone, Copy)]
 pub struct Planar<'a> {
     /// The parameters; there may be more behind them.
@@ -55,7 +59,11 @@ impl Planar<'_> {
     #[must_use]
     pub fn pushed_by(&self, k: usize, t: f64, field: impl Fn(f64, f64) -> (f64, f64)) -> Motion {
         const PARTS: usize = 12;
-        let (g, a) = (self.parameters[GRAVITY], self.arc(k));
+        let (g, across, a) = (
+            self.parameters[GRAVITY],
+            self.parameters[ACROSS],
+            self.arc(k),
+        );
         let dt = (t - self.times[k]) / PARTS as f64;
         let mut sum = Motion {
             r: 0.0,
@@ -65,7 +73,8 @@ impl Planar<'_> {
         };
         // ∫∫ f = ∫ (t - s) f(s) ds: Simpson's rule needs no second integration.
         for i in 0..=PARTS {
-            let (fr, fh) = field(a[1], a[3] - g * i as f64 * dt);
+            let since = i as f64 * dt;
+            let (fr, fh) = field(a[1] + across * since, a[3] - g * since);
             let weight = match i {
                 0 | PARTS => 1.0,
                 _ if i % 2 == 1 => 4.0,
@@ -84,14 +93,14 @@ impl Planar<'_> {
     /// Motion on arc `k` at time `t`.
     #[must_use]
     pub fn motion(&self, k: usize, t: f64) -> Motion {
-        let (g, beta) = (self.parameters[GRAVITY], self.parameters[DRAG]);
+        let (g, across) = (self.parameters[GRAVITY], self.parameters[ACROSS]);
         let a = self.arc(k);
         let dt = t - self.times[k];
-        if beta == 0.0 {
+        if self.parameters[DRAG] == 0.0 {
             return Motion {
-                r: a[0] + a[1] * dt,
+                r: a[0] + (a[1] + 0.5 * across * dt) * dt,
                 h: a[2] + (a[3] - 0.5 * g * dt) * dt,
-                vr: a[1],
+                vr: a[1] + across * dt,
                 vh: a[3] - g * dt,
             };
         }
@@ -109,12 +118,13 @@ impl Planar<'_> {
     fn integrate(&self, start: Motion, dt: f64) -> Motion {
         const PARTS: usize = 8;
         let (g, beta) = (self.parameters[GRAVITY], self.parameters[DRAG]);
+        let across = self.parameters[ACROSS];
         let rate = |m: &Motion, beta: f64| {
             let slow = -beta * speed(m.vr, m.vh);
             Motion {
                 r: m.vr,
                 h: m.vh,
-                vr: slow * m.vr,
+                vr: slow * m.vr + across,
                 vh: slow * m.vh - g,
             }
         };
@@ -127,7 +137,7 @@ impl Planar<'_> {
         let s = dt / PARTS as f64;
         let mut m = start;
         for _ in 0..PARTS {
-            let beta = beta * self.law.at(speed(m.vr, m.vh - 0.5 * g * s));
+            let beta = beta * self.law.at(speed(m.vr + 0.5 * across * s, m.vh - 0.5 * g * s));
             let a = rate(&m, beta);
             let b = rate(&along(&m, &a, 0.5 * s), beta);
             let c = rate(&along(&m, &b, 0.5 * s), beta);

@@ -1,8 +1,9 @@
 //! Where a track falls freely: its division into arcs, by dynamic programming.
 //!
-//! A track of n points is cut into arcs (h quadratic in time, r linear) and single points that belong to none, such
-//! that Σ squared residuals / σ² + a price an arc + a price a dropped point is least. All cuts are tried:
-//! best(j) = min over i of best(i) + cost(i..j).
+//! A track of n points is cut into arcs of free fall, stretches of straight motion at constant speed (a ball that rolls on
+//! a bench or on the floor) and single points that belong to none, such that Σ squared residuals / σ² + a price a stretch +
+//! a price a dropped point is least. All cuts are tried: best(j) = min over i of best(i) + cost(i..j). While the fall is not
+//! known, an arc has its own along both axes, and a straight stretch is an arc without one.
 //!
 //! Sums run over times and places relative to the arc's first point, so that no digits are lost at late times.
 
@@ -25,13 +26,36 @@ pub struct Sample {
     pub near_weight: f64,
 }
 
-/// Acceleration along h that the arcs have.
+/// The acceleration of a free fall as the plane shows it, plane units/s².
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gravity {
+    /// Against h: h'' = −down.
+    pub down: f64,
+    /// Along r, where the picture's "up" is not the plane's.
+    pub across: f64,
+}
+
+impl Gravity {
+    /// None: a top view.
+    pub const NONE: Self = Self {
+        down: 0.0,
+        across: 0.0,
+    };
+
+    /// Against h alone.
+    #[must_use]
+    pub const fn upright(down: f64) -> Self {
+        Self { down, across: 0.0 }
+    }
+}
+
+/// Acceleration that the arcs have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fall {
     /// Each arc its own.
     Free,
-    /// The same for all: h'' = −g, plane units/s² (0 in a top view).
-    Known(f64),
+    /// The same for all.
+    Known(Gravity),
     /// Towards the floor that a camera above looks at.
     Overhead(Overhead),
 }
@@ -42,9 +66,9 @@ impl Fall {
     pub fn agrees(self, g: f64, std: f64) -> bool {
         match self {
             Self::Free => true,
-            Self::Known(0.0) => g.abs() < 5.0 * std,
-            Self::Known(common) => (g - common).abs() < 5.0 * std + 0.25 * common.abs(),
-            Self::Overhead(o) => Self::Known(o.fall_per_s2).agrees(g, std),
+            Self::Known(Gravity { down: 0.0, .. }) => g.abs() < 5.0 * std,
+            Self::Known(common) => (g - common.down).abs() < 5.0 * std + 0.25 * common.down.abs(),
+            Self::Overhead(o) => Self::Known(Gravity::upright(o.fall_per_s2)).agrees(g, std),
         }
     }
 }
@@ -59,10 +83,42 @@ const DROP_COST: f64 = 16.0;
 /// than all its points dropped is never best, nor is one that continues it by much.
 const HOPELESS: f64 = 3.0;
 
-/// The arcs of a track: half-open index ranges, in time order. `samples` are in time order.
+/// A straight stretch has to be as long as this, and fit better by this many squared standard deviations than free fall
+/// does: what a few points do not tell apart counts as flight until their centres are known better.
+const LEAST_STRAIGHT_POINTS: usize = 5;
+const STRAIGHT_COST: f64 = 16.0;
+
+/// What a stretch of a track is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Motion {
+    /// Free fall.
+    Falling,
+    /// At constant velocity, where other stretches fall: on a bench, on the floor.
+    Straight,
+}
+
+/// A part of a track with one motion: a half-open range of its samples.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Stretch {
+    /// Which samples.
+    pub range: std::ops::Range<usize>,
+    /// How they move.
+    pub motion: Motion,
+}
+
+/// The stretches of a track, in time order. `samples` are in time order.
+#[must_use]
+pub fn stretches(samples: &[Sample], fall: Fall) -> Vec<Stretch> {
+    divided(samples, fall).0
+}
+
+/// The arcs of a track: those of its stretches that fall.
 #[must_use]
 pub fn arcs(samples: &[Sample], fall: Fall) -> Vec<std::ops::Range<usize>> {
-    divided(samples, fall).0
+    let falling = stretches(samples, fall)
+        .into_iter()
+        .filter(|s| s.motion == Motion::Falling);
+    falling.map(|s| s.range).collect()
 }
 
 /// What the best division of a track costs: squared residuals in variances, and the prices of arcs and dropped points.
@@ -71,7 +127,7 @@ pub fn cost(samples: &[Sample], fall: Fall) -> f64 {
     divided(samples, fall).1
 }
 
-fn divided(samples: &[Sample], fall: Fall) -> (Vec<std::ops::Range<usize>>, f64) {
+fn divided(samples: &[Sample], fall: Fall) -> (Vec<Stretch>, f64) {
     let falling = |first: &Sample| FallSums {
         sums: Sums::new(*first),
         fall,
@@ -89,6 +145,10 @@ pub trait ArcSums {
     fn add(&mut self, sample: &Sample);
     /// Squared residuals of the best arc, in variances.
     fn residual(&self) -> f64;
+    /// The same of the best straight stretch; `None` where arcs themselves may be straight.
+    fn straight_residual(&self) -> Option<f64> {
+        None
+    }
 }
 
 struct FallSums {
@@ -104,16 +164,23 @@ impl ArcSums for FallSums {
     fn residual(&self) -> f64 {
         self.sums.residual(self.fall)
     }
+
+    fn straight_residual(&self) -> Option<f64> {
+        match self.fall {
+            Fall::Known(g) if g.down != 0.0 => Some(self.sums.residual(Fall::Known(Gravity::NONE))),
+            _ => None,
+        }
+    }
 }
 
 fn cut<S: ArcSums>(
     samples: &[Sample],
     least: usize,
     begin: impl Fn(&Sample) -> S,
-) -> (Vec<std::ops::Range<usize>>, f64) {
+) -> (Vec<Stretch>, f64) {
     let n = samples.len();
     let mut best = vec![f64::INFINITY; n + 1];
-    let mut from: Vec<Option<usize>> = vec![None; n + 1];
+    let mut from: Vec<Option<(usize, Motion)>> = vec![None; n + 1];
     best[0] = 0.0;
     for i in 0..n {
         let dropped = best[i] + DROP_COST;
@@ -128,11 +195,18 @@ fn cut<S: ArcSums>(
             if count < least {
                 continue;
             }
-            let cost = sums.residual();
+            let mut cost = sums.residual();
+            let mut motion = Motion::Falling;
+            if count >= LEAST_STRAIGHT_POINTS
+                && let Some(straight) = sums.straight_residual().map(|s| s + STRAIGHT_COST)
+                && straight < cost
+            {
+                (cost, motion) = (straight, Motion::Straight);
+            }
             let total = best[i] + cost + ARC_COST;
             if total < best[j + 1] {
                 best[j + 1] = total;
-                from[j + 1] = Some(i);
+                from[j + 1] = Some((i, motion));
             }
             if count > 12 && cost > HOPELESS * DROP_COST * count as f64 {
                 break;
@@ -143,8 +217,8 @@ fn cut<S: ArcSums>(
     let mut j = n;
     while j > 0 {
         match from[j] {
-            Some(i) => {
-                found.push(i..j);
+            Some((i, motion)) => {
+                found.push(Stretch { range: i..j, motion });
                 j = i;
             }
             None => j -= 1,
@@ -157,24 +231,26 @@ fn cut<S: ArcSums>(
 /// Own fall of a stretch of samples: (g, its standard deviation), from a free parabola; `None` below 4 points.
 #[must_use]
 pub fn own_fall(samples: &[Sample]) -> Option<(f64, f64)> {
+    own_gravity(samples).map(|(g, std)| (g.down, std))
+}
+
+/// Own acceleration of a stretch of samples along both axes, and the standard deviation of each, from a free parabola;
+/// `None` below 4 points.
+#[must_use]
+pub fn own_gravity(samples: &[Sample]) -> Option<(Gravity, f64)> {
     if samples.len() < 4 {
         return None;
     }
-    let mut sums = Sums::new(samples[0]);
-    samples.iter().for_each(|s| sums.add(s));
-    sums.own_fall()
+    Sums::of(samples)?.own_gravity()
 }
 
 /// Squared residuals of a stretch, in variances, with the best arc through it.
 #[must_use]
 pub fn misfit(samples: &[Sample], fall: Fall) -> f64 {
-    let Some(first) = samples.first() else { return 0.0 };
     if let Fall::Overhead(known) = fall {
         return overhead::segment::Sums::of(known, samples).residual();
     }
-    let mut sums = Sums::new(*first);
-    samples.iter().for_each(|s| sums.add(s));
-    sums.residual(fall)
+    Sums::of(samples).map_or(0.0, |sums| sums.residual(fall))
 }
 
 /// Place (r, h) at `t` of the best arc through a stretch; `None` below two times.
@@ -185,43 +261,40 @@ pub fn place(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
     let (tm, rm, hm) = (mean(|s| s.t), mean(|s| s.r), mean(|s| s.h));
     let g = match fall {
         Fall::Known(g) => g,
-        Fall::Free => own_fall(samples)?.0,
+        Fall::Free => own_gravity(samples)?.0,
         Fall::Overhead(_) => return None,
     };
     // The best arc goes through the mean point, but for the curve's own mean.
-    let bend = mean_square(samples, tm);
+    let bend = samples.iter().map(|s| (s.t - tm).powi(2)).sum::<f64>() / samples.len() as f64;
     let dt = t - tm;
-    Some((rm + vr * dt, hm + 0.5 * g * bend + (vh + 0.5 * g * dt) * dt))
-}
-
-/// Mean of (t - tm)².
-fn mean_square(samples: &[Sample], tm: f64) -> f64 {
-    samples.iter().map(|s| (s.t - tm).powi(2)).sum::<f64>() / samples.len() as f64
+    let at = |mean: f64, v: f64, a: f64| mean - 0.5 * a * bend + (v - 0.5 * a * dt) * dt;
+    Some((at(rm, vr, g.across), at(hm, vh, -g.down)))
 }
 
 /// Velocity (r, h) at `t` of the best arc through a stretch; `None` below two times.
 #[must_use]
 pub fn velocity(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
-    let mut sums = Sums::new(*samples.first()?);
-    samples.iter().for_each(|s| sums.add(s));
+    let sums = Sums::of(samples)?;
     let g = match fall {
         Fall::Known(g) => g,
-        Fall::Free => sums.own_fall()?.0,
+        Fall::Free => sums.own_gravity()?.0,
         Fall::Overhead(_) => return None,
     };
     let [s0, s1, s2, s3, _] = sums.t;
     let det = s0 * s2 - s1 * s1;
-    let slope = |y0: f64, y1: f64| (s0 * y1 - s1 * y0) / det;
-    let r = slope(sums.r[0], sums.r[1]);
-    let h = slope(sums.h[0] + 0.5 * g * s2, sums.h[1] + 0.5 * g * s3) - g * (t - sums.origin.t);
-    (det > 0.0).then_some((r, h))
+    // Without the curve the rest is a straight line.
+    let slope = |y: &[f64; 3], a: f64| {
+        let (y0, y1) = (y[0] - 0.5 * a * s2, y[1] - 0.5 * a * s3);
+        (s0 * y1 - s1 * y0) / det + a * (t - sums.origin.t)
+    };
+    (det > 0.0).then(|| (slope(&sums.r, g.across), slope(&sums.h, -g.down)))
 }
 
 /// Weighted sums relative to the first sample.
 struct Sums {
     origin: Sample,
     t: [f64; 5],
-    r: [f64; 2],
+    r: [f64; 3],
     rr: f64,
     h: [f64; 3],
     hh: f64,
@@ -232,11 +305,18 @@ impl Sums {
         Self {
             origin,
             t: [0.0; 5],
-            r: [0.0; 2],
+            r: [0.0; 3],
             rr: 0.0,
             h: [0.0; 3],
             hh: 0.0,
         }
+    }
+
+    /// Of all `samples`; `None` where there are none.
+    fn of(samples: &[Sample]) -> Option<Self> {
+        let mut sums = Self::new(*samples.first()?);
+        samples.iter().for_each(|s| sums.add(s));
+        Some(sums)
     }
 
     fn add(&mut self, s: &Sample) {
@@ -245,10 +325,8 @@ impl Sums {
         let mut power = w;
         for k in 0..5 {
             self.t[k] += power;
-            if k < 2 {
-                self.r[k] += power * r;
-            }
             if k < 3 {
+                self.r[k] += power * r;
                 self.h[k] += power * h;
             }
             power *= t;
@@ -258,27 +336,37 @@ impl Sums {
     }
 
     fn residual(&self, fall: Fall) -> f64 {
-        let along = linear_residual(&self.t, self.r, self.rr);
-        let up = match fall {
-            Fall::Known(g) => {
-                // h + g t²/2 is a straight line.
-                let a = 0.5 * g;
-                let h = [self.h[0] + a * self.t[2], self.h[1] + a * self.t[3]];
-                let hh = self.hh + 2.0 * a * self.h[2] + a * a * self.t[4];
-                linear_residual(&self.t, h, hh)
-            }
+        let (along, up) = match fall {
+            Fall::Known(g) => (
+                self.known_residual(&self.r, self.rr, g.across),
+                self.known_residual(&self.h, self.hh, -g.down),
+            ),
             // An overhead arc has sums of its own.
-            Fall::Free | Fall::Overhead(_) => {
-                let line = linear_residual(&self.t, [self.h[0], self.h[1]], self.hh);
-                self.bend()
-                    .map_or(line, |(b, information)| line - b * b * information)
-            }
+            Fall::Free | Fall::Overhead(_) => (
+                self.free_residual(&self.r, self.rr),
+                self.free_residual(&self.h, self.hh),
+            ),
         };
-        along + up.max(0.0)
+        along + up
     }
 
-    /// Coefficient of t² after the straight line is taken out, and its information (1/variance).
-    fn bend(&self) -> Option<(f64, f64)> {
+    /// Squared residuals of a coordinate whose acceleration is `a`: y − a t²/2 is a straight line.
+    fn known_residual(&self, y: &[f64; 3], yy: f64, a: f64) -> f64 {
+        let half = 0.5 * a;
+        let line = [y[0] - half * self.t[2], y[1] - half * self.t[3]];
+        linear_residual(&self.t, line, yy - 2.0 * half * y[2] + half * half * self.t[4])
+    }
+
+    /// Squared residuals of a coordinate with an acceleration of its own.
+    fn free_residual(&self, y: &[f64; 3], yy: f64) -> f64 {
+        let line = linear_residual(&self.t, [y[0], y[1]], yy);
+        self.bend(y)
+            .map_or(line, |(b, information)| line - b * b * information)
+            .max(0.0)
+    }
+
+    /// A coordinate's coefficient of t² after the straight line is taken out, and its information (1/variance).
+    fn bend(&self, y: &[f64; 3]) -> Option<(f64, f64)> {
         let [s0, s1, s2, s3, s4] = self.t;
         let det = s0 * s2 - s1 * s1;
         if !(det > 0.0) {
@@ -288,13 +376,18 @@ impl Sums {
         let p = (s2 * s2 - s1 * s3) / det;
         let q = (s0 * s3 - s1 * s2) / det;
         let information = s4 - p * s2 - q * s3;
-        let product = self.h[2] - p * self.h[0] - q * self.h[1];
+        let product = y[2] - p * y[0] - q * y[1];
         (information > 1e-12 * s4 && information > 0.0).then(|| (product / information, information))
     }
 
-    fn own_fall(&self) -> Option<(f64, f64)> {
-        self.bend()
-            .map(|(b, information)| (-2.0 * b, 2.0 / information.sqrt()))
+    fn own_gravity(&self) -> Option<(Gravity, f64)> {
+        let (across, _) = self.bend(&self.r)?;
+        let (up, information) = self.bend(&self.h)?;
+        let gravity = Gravity {
+            down: -2.0 * up,
+            across: 2.0 * across,
+        };
+        Some((gravity, 2.0 / information.sqrt()))
     }
 }
 
@@ -340,7 +433,7 @@ mod tests {
     fn a_bounce_is_two_arcs_at_any_time_of_day() {
         for t0 in [0.0, 3600.0, 1e6] {
             let samples = bounce(200, t0);
-            for fall in [Fall::Free, Fall::Known(981.0)] {
+            for fall in [Fall::Free, Fall::Known(Gravity::upright(981.0))] {
                 let found = arcs(&samples, fall);
                 assert_eq!(found.len(), 2, "{fall:?} at {t0}: {found:?}");
                 assert!((108..=109).contains(&found[0].end), "{found:?}");
@@ -352,10 +445,58 @@ mod tests {
     }
 
     #[test]
+    fn a_ball_that_rolls_before_it_falls_and_after_it_bounced_is_no_arc() {
+        // On a bench at h = 100 for 40 frames, then as `bounce`, then along the floor.
+        let falls = bounce(200, 0.0);
+        let end = falls[199];
+        let rolls = |i: f64, h: f64| Sample {
+            t: end.t + i / 240.0,
+            r: end.r + 100.0 * i / 240.0,
+            h,
+            ..end
+        };
+        let before = (-40..0).map(|i| rolls(f64::from(i) - 199.0, 100.0));
+        let after = (1..41).map(|i| rolls(f64::from(i), 0.0));
+        let samples: Vec<Sample> = before.chain(falls).chain(after).collect();
+        let found = stretches(&samples, Fall::Known(Gravity::upright(981.0)));
+        let kinds: Vec<Motion> = found.iter().map(|s| s.motion).collect();
+        let (f, s) = (Motion::Falling, Motion::Straight);
+        assert_eq!(kinds, [s, f, f, s], "{found:?}");
+        assert!((38..=46).contains(&found[0].range.end), "{found:?}");
+    }
+
+    #[test]
+    fn a_leaning_fall_is_cut_as_an_upright_one() {
+        let mut samples = bounce(200, 0.0);
+        let (sin, cos) = 0.1_f64.sin_cos();
+        for s in &mut samples {
+            (s.r, s.h) = (s.r * cos + s.h * sin, s.h * cos - s.r * sin);
+        }
+        let fall = Gravity {
+            down: 981.0 * cos,
+            across: -981.0 * sin,
+        };
+        for fall in [Fall::Free, Fall::Known(fall)] {
+            let found = arcs(&samples, fall);
+            assert_eq!(found.len(), 2, "{found:?}");
+            let (v, w) = (
+                velocity(&samples[..100], fall, 0.2).unwrap(),
+                place(&samples[..100], fall, 0.2).unwrap(),
+            );
+            let (vr, vh) = (100.0 * cos - 196.2 * sin, -196.2 * cos - 100.0 * sin);
+            assert!((v.0 - vr).abs() < 1e-6 && (v.1 - vh).abs() < 1e-6, "{v:?}");
+            let (r, h) = (20.0, 100.0 - 490.5 * 0.04);
+            assert!((w.0 - (r * cos + h * sin)).abs() < 1e-6 && (w.1 - (h * cos - r * sin)).abs() < 1e-6);
+        }
+        let (own, _) = own_gravity(&samples[..100]).unwrap();
+        assert!((own.across - fall.across).abs() < 1e-5, "{own:?}");
+    }
+
+    #[test]
     fn a_wild_point_is_dropped_and_does_not_split_the_arc_for_long() {
         let mut samples = bounce(200, 0.0);
         samples[50].h += 30.0;
-        let found = arcs(&samples, Fall::Known(981.0));
+        let found = arcs(&samples, Fall::Known(Gravity::upright(981.0)));
         let covered: usize = found.iter().map(ExactSizeIterator::len).sum();
         assert_eq!(covered, 199, "{found:?}");
     }

@@ -4,8 +4,8 @@
 use super::camera::in_plane;
 use super::world::WorldFrame;
 use super::{
-    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, VideoFacts, Warning, Work, doubt, drawing,
-    is_used, refine, warn,
+    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts, Warning, Work,
+    doubt, drawing, is_used, refine, warn,
 };
 use crate::bounce::air::Lift;
 use crate::bounce::impacts::{ImpactKind, Picture, Scene};
@@ -29,6 +29,8 @@ impl Work<'_> {
         let bounces = scene.bounces();
         let distances = scene.distances(&bounces);
         let gravity = scene.gravity_m_s2();
+        let (floor, launch) = (scene.floor(), scene.bench_launch());
+        let up = self.up(&scene);
         let radius_m = self.radius_m(metres_per_unit);
         let frame = WorldFrame::new(&scene, &bounces, metres_per_unit, radius_m, self.calibration);
         let walls = (0..flight.impacts.len())
@@ -45,6 +47,10 @@ impl Work<'_> {
             walls,
             impossible: scene.impossible(&bounces),
             x0_missing: distances.x0_m.is_none(),
+            up,
+            floor,
+            launch,
+            units_per_px: self.units_per_px(),
             interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
         };
         self.warnings.extend(warn::measured(&judged));
@@ -67,6 +73,9 @@ impl Work<'_> {
             outcome,
             track: self.track(flight, &frame),
             gravity_m_s2: gravity,
+            up,
+            floor,
+            launch,
             distances,
             readings: self.falls().then(|| reading::read(&bounces)).flatten(),
             bounces,
@@ -82,9 +91,9 @@ impl Work<'_> {
             Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
             _ => flight.points.first(),
         };
-        let first_right = first
+        let first = first
             .and_then(|p| in_plane(flight, p))
-            .map_or(0.0, |place| place.right);
+            .unwrap_or_default();
         let units_per_px = self.units_per_px();
         let displaced_px = flight.displaced_std() / units_per_px;
         let picture = Picture {
@@ -97,9 +106,22 @@ impl Work<'_> {
             self.calibration,
             metres_per_unit,
             picture,
-            first_right,
+            first,
             lift,
         )
+    }
+
+    /// How far the fall and the calibration together have "up" from where the calibration alone has it.
+    fn up(&self, scene: &Scene<'_>) -> Option<UpTilt> {
+        let tilt_rad = scene.tilt_rad()?;
+        let prior = self.calibration.upright_std_rad();
+        let by_fall = tilt_rad.std_uncertainty.is_none_or(|std| std * std < 0.5 * prior * prior);
+        let source = if by_fall {
+            UpSource::Fall
+        } else {
+            UpSource::Calibration
+        };
+        Some(UpTilt { tilt_rad, source })
     }
 
     /// That the light changes during the flight.
@@ -122,6 +144,9 @@ impl Work<'_> {
                 points: Vec::new(),
             },
             gravity_m_s2: None,
+            up: None,
+            floor: None,
+            launch: None,
             bounces: Vec::new(),
             distances: Distances::default(),
             readings: None,

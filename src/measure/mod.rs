@@ -154,6 +154,10 @@ fn opened(
     Ok(source)
 }
 
+/// Where the rim of a ball is in its blurred edge depends on the lens's line spread, on focus and on the light: the radius is
+/// no better known than this, px, however many frames agree.
+const EDGE_STD_PX: f64 = 0.05;
+
 /// A recording under measurement.
 struct Work<'a> {
     video: &'a Path,
@@ -272,7 +276,9 @@ impl<'a> Work<'a> {
             let mut radii: Vec<f64> = self.found.iter().map(usual).collect();
             Quantity::undetermined(median(&mut radii)?)
         };
-        self.shared.as_ref().map(|s| s.radius_px).or_else(outlines)
+        let radius = self.shared.as_ref().map(|s| s.radius_px).or_else(outlines)?;
+        let std = radius.std_uncertainty.map_or(f64::NAN, |s| s.hypot(EDGE_STD_PX));
+        Quantity::new(radius.value, std)
     }
 
     /// Metres a plane unit, from whatever scale the calibration names.

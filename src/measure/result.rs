@@ -1,6 +1,6 @@
 //! What a measurement of one recording consists of: the shapes that `measure` fills and `report` writes.
 
-use crate::bounce::{Bounce, Distances, Readings};
+use crate::bounce::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 pub use crate::calibration::View;
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
@@ -20,6 +20,12 @@ pub struct Measurement {
     pub track: Track,
     /// Magnitude of the acceleration in flight, m/s², where the scale does not itself come from gravity.
     pub gravity_m_s2: Option<Quantity>,
+    /// How far "up" is from where the calibration has it, in a side view.
+    pub up: Option<UpTilt>,
+    /// The floor's slope, in a side view.
+    pub floor: Option<FloorSlope>,
+    /// Where the ball left a bench that it was seen on.
+    pub launch: Option<BenchLaunch>,
     /// The impacts on the floor, in time order.
     pub bounces: Vec<Bounce>,
     /// x0 and x.
@@ -51,6 +57,25 @@ pub struct VideoFacts {
     pub duration_s: f64,
     /// Where times come from.
     pub time_source: TimeSource,
+}
+
+/// The direction of "up" in use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UpTilt {
+    /// Angle from the calibration's "up" (straight up in the picture where it has none) to the one in use, rad; positive to
+    /// the right in the picture.
+    pub tilt_rad: Quantity,
+    /// What tells it more closely.
+    pub source: UpSource,
+}
+
+/// What tells "up".
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UpSource {
+    /// The calibration.
+    Calibration,
+    /// The direction in which all arcs fall.
+    Fall,
 }
 
 /// Where times come from.

@@ -4,7 +4,7 @@ use super::refine::{self, Found, Shared};
 use super::{Work, is_used, pairs};
 use crate::detect::centre::Accuracy;
 use crate::detect::centre::appearance::Radius;
-use crate::flight::fit::Forces;
+use crate::flight::fit::{Forces, Upright};
 use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight};
 
@@ -51,7 +51,7 @@ impl Work<'_> {
     fn find_flight_as_timed(&mut self) -> Result<Flight, NoFlight> {
         let spots = self.first_spots();
         let forces = if self.falls() {
-            Forces::Fall
+            Forces::Fall(self.upright())
         } else {
             self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
         };
@@ -213,7 +213,16 @@ impl Work<'_> {
                 .map_or(Forces::None, Forces::Overhead);
         }
         self.drag(scale, flight.usual_speed())
-            .map_or(Forces::Fall, Forces::FallWithDrag)
+            .map_or(Forces::Fall(self.upright()), |drag| {
+                Forces::FallWithDrag(self.upright(), drag)
+            })
+    }
+
+    /// What the calibration knows of "up".
+    fn upright(&self) -> Upright {
+        Upright {
+            std_rad: self.calibration.upright_std_rad(),
+        }
     }
 
     fn spots_of(&self, found: &[Found]) -> Vec<Spot> {

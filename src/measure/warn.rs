@@ -3,7 +3,8 @@
 
 use super::observe::Observation;
 use super::result::Warning;
-use crate::bounce::Bounce;
+use super::result::UpTilt;
+use crate::bounce::{BenchLaunch, Bounce, FloorSlope, Impossible};
 use crate::bounce::impacts::{Scene, SoftBall};
 use crate::calibration::{Calibration, Scale, View};
 use crate::detect::centre::Accuracy;
@@ -13,11 +14,8 @@ use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
 use crate::quantity::Quantity;
 
-/// Gravity must differ by this part before it is worth a word: drag on light balls costs about as much.
-const GRAVITY_PART: f64 = 0.01;
-
-/// And by this many standard uncertainties.
-const GRAVITY_SIGMAS: f64 = 3.0;
+/// What is measured contradicts what is given when they differ by more than this many of their standard uncertainties together.
+const CONTRADICTS_SIGMAS: f64 = 4.0;
 
 /// Residuals this much larger than the centres' own uncertainty say that the flight is not a parabola.
 const LARGE_EXCESS: f64 = 4.0;
@@ -224,13 +222,21 @@ pub struct Judged<'a> {
     pub walls: usize,
     pub impossible: usize,
     pub x0_missing: bool,
+    pub up: Option<UpTilt>,
+    pub floor: Option<FloorSlope>,
+    pub launch: Option<BenchLaunch>,
+    pub units_per_px: f64,
     pub interval_s: f64,
 }
 
 /// Oddities of the measured flight.
 pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
-    out.extend(j.gravity.and_then(|g| gravity(g, j)));
+    out.extend(j.gravity.map(|g| gravity(g, j)).unwrap_or_default());
+    out.extend(up_tilted(j));
+    out.extend(floor_slope(j));
+    out.extend(bench(j));
+    out.extend(impossible_tangential(j.bounces));
     out.extend(distance_against_fall(j));
     out.extend(j.scene.bend().map(bent));
     out.extend(scale_against_ball(j));
@@ -257,7 +263,7 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     if j.flight.excess() > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
         out.push(warning(
             "not_a_parabola",
-            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, or a lens without correction. The uncertainties contain this.", j.flight.excess()),
+            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.excess()),
         ));
     }
     out.extend(j.scene.may_be_soft().map(soft));
@@ -298,12 +304,13 @@ pub fn unlearned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
 }
 
 /// The self-check: gravity as the flight shows it, and what would explain another.
-fn gravity(g: Quantity, j: &Judged<'_>) -> Option<Warning> {
+fn gravity(g: Quantity, j: &Judged<'_>) -> Vec<Warning> {
     let expected = j.calibration.gravity_m_s2;
     let off = (g.value - expected).abs();
     let std = g.std_uncertainty.unwrap_or(0.0);
-    if !(off > GRAVITY_SIGMAS * std && off > GRAVITY_PART * expected) {
-        return None;
+    let local = j.calibration.gravity_uncertainty_m_s2();
+    if !(off > CONTRADICTS_SIGMAS * std.hypot(local)) {
+        return Vec::new();
     }
     let ratio = expected / g.value;
     let mut causes = Vec::new();
@@ -316,29 +323,177 @@ fn gravity(g: Quantity, j: &Judged<'_>) -> Option<Warning> {
             rounded(n * n),
             rounded(n / j.interval_s),
         ));
-    }
-    if !matches!(j.calibration.scale, Scale::Gravity) {
+    } else {
         causes.push(format!(
-            "scale: it would be right with lengths times {ratio:.4} ({:.6} m/px in place of {:.6}): check the two ends and the length of the ruler, and that it stood in the plane of motion (\"scale\")",
-            j.scene.metres_per_unit.value * ratio,
-            j.scene.metres_per_unit.value,
+            "time: it would be right with {:.4} Hz in place of {:.4} Hz (\"frame_rate_hz\")",
+            ratio.sqrt() / j.interval_s,
+            1.0 / j.interval_s,
         ));
     }
+    causes.push(format!(
+        "scale: it would be right with lengths times {ratio:.4} ({:.6} m/px in place of {:.6}): check the two ends and the length of the ruler, and that it stood in the plane of motion (\"scale\")",
+        j.scene.metres_per_unit.value * ratio,
+        j.scene.metres_per_unit.value,
+    ));
     if ratio > 1.0 && ratio < 1.35 {
         causes.push(format!(
-            "tilt: a plane of motion or camera turned by {:.0} degrees would do it; and air drag lowers g on light balls",
+            "tilt: a plane of motion or camera that leans away by {:.1} degrees would do it",
             (1.0 / ratio).acos().to_degrees()
         ));
     }
-    Some(warning(
+    if j.calibration.ball.mass_kg.is_none() || j.calibration.ball.radius_m.is_none() {
+        causes.push("air: drag on a light ball, if \"ball\" had its radius and mass".to_owned());
+    }
+    let mut out = vec![warning(
         "gravity_mismatch",
         format!(
-            "the flight falls with {:.3} ± {:.3} m/s², not {expected:.2}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
+            "the flight falls with {:.4} ± {:.4} m/s², not {expected} ± {local:.4}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
             g.value,
             std,
             causes.join("; ")
         ),
-    ))
+    )];
+    if j.scene.metres_per_unit.std_uncertainty.is_none() {
+        out.push(warning(
+            "refuted_calibration",
+            format!(
+                "scale and frame rate are stated as exact, and the fall refutes them: together they are off by {:.2} % in g. Give the scale's \"std_uncertainty\", or measure it again.",
+                100.0 * (1.0 / ratio - 1.0)
+            ),
+        ));
+    }
+    out
+}
+
+/// "Up" that is not worth a word where nobody said where it is, rad.
+const UPRIGHT_RAD: f64 = 0.0175;
+
+/// That the fall has another "up" than the calibration.
+fn up_tilted(j: &Judged<'_>) -> Option<Warning> {
+    let up = j.up?;
+    let given = j.calibration.up_given || matches!(j.calibration.scale, Scale::Homography(_));
+    let degrees = |rad: f64| rad.to_degrees();
+    let (lean, std) = j.flight.fit.lean_seen_rad()?;
+    let tilt = -lean;
+    let (prior, word) = (j.calibration.upright_std_rad(), if tilt > 0.0 { "right" } else { "left" });
+    if given && tilt.abs() > CONTRADICTS_SIGMAS * std.hypot(prior) {
+        return Some(warning(
+            "up_tilted",
+            format!(
+                "the ball falls {:.2} ± {:.2} degrees to the {word} of \"up_px\", which is stated to {:.2} degrees: the direction of the fall was used. Check \"up_px\" (a plumb line in the picture), or leave it out.",
+                degrees(tilt.abs()),
+                degrees(std),
+                degrees(prior),
+            ),
+        ));
+    }
+    let seen = up.tilt_rad.value.abs();
+    let shows = seen > UPRIGHT_RAD && seen > CONTRADICTS_SIGMAS * up.tilt_rad.std_uncertainty.unwrap_or(0.0);
+    (!given && shows).then(|| {
+        warning(
+            "up_tilted",
+            format!(
+                "\"up\" is {:.2} degrees to the {word} of the picture's, as the fall shows: x, z and angles are along and against the fall. If the camera stood level, the plane of motion is seen at a slant, or something pushes the ball sideways.",
+                degrees(seen),
+            ),
+        )
+    })
+}
+
+/// A floor steeper than this is worth a word, rad: half a degree.
+const STEEP_RAD: f64 = 0.0087;
+
+/// That the floor slopes, or is said to do otherwise than it does.
+fn floor_slope(j: &Judged<'_>) -> Option<Warning> {
+    let slope = j.floor?.slope_rad;
+    let (value, std) = (slope.value, slope.std_uncertainty.unwrap_or(0.0));
+    let found = format!("{:.2} ± {:.2} degrees", value.to_degrees(), std.to_degrees());
+    if let Some((said, std)) = j.scene.floor_contradicts().filter(|_| j.calibration.floor.given) {
+        return Some(warning(
+            "floor_contradicts",
+            format!(
+                "the floor slopes by {found} along x as the picture shows it, and by {:.2} ± {:.2} degrees by \"floor.slope_deg\": the first was used. Check that the impacts are on one floor, and the calibration's sign (positive where the floor rises along the launch).",
+                said.to_degrees(),
+                std.to_degrees(),
+            ),
+        ));
+    }
+    (value.abs() > STEEP_RAD && value.abs() > CONTRADICTS_SIGMAS * std).then(|| {
+        warning(
+            "floor_slopes",
+            format!("the floor slopes by {found} along x, if the impacts are on one plane floor: restitution, friction and angles are along it and its normal. If it is level, the impacts are at different heights (a step, a mat), and these numbers are off by the slope."),
+        )
+    })
+}
+
+/// A pixel read off a picture by eye, where its uncertainty is not given, px.
+const READ_PX: f64 = 1.0;
+
+/// What a bench that is seen says against the calibration.
+fn bench(j: &Judged<'_>) -> Vec<Warning> {
+    let Some(launch) = &j.launch else { return Vec::new() };
+    let mut out = Vec::new();
+    let Some(edge) = launch.edge_x_m else {
+        let gap = launch.gap_m.map_or(0.0, |g| 1e3 * g.value);
+        out.push(warning(
+            "launch_unclear",
+            format!("the ball moves along a bench for {:.3} s, but its flight does not begin where that ends: followed back, it is {gap:.2} mm above the bench (below, if negative). It tipped round the edge, went over a step, or was pushed: the edge is not told.", launch.rolled_s),
+        ));
+        return out;
+    };
+    if let Some(said) = j.calibration.launch.edge_x_m.filter(|_| j.calibration.has_origin()) {
+        let metre = j.scene.metres_per_unit.value * j.units_per_px;
+        let read = j.calibration.origin_std_px.unwrap_or(READ_PX) * metre;
+        let std = edge.std_uncertainty.unwrap_or(0.0);
+        if (edge.value - said).abs() > CONTRADICTS_SIGMAS * std.hypot(read) {
+            out.push(warning(
+                "edge_mismatch",
+                format!(
+                    "the ball leaves its bench at x = {:.2} ± {:.2} mm, the calibration has the edge at {:.2} ± {:.2} mm: x0 counts from the latter. Check \"origin_px\" and \"launch.edge_x_m\", or leave origin_px out: then x = 0 is where the bench ends.",
+                    1e3 * edge.value,
+                    1e3 * std,
+                    1e3 * said,
+                    1e3 * read,
+                ),
+            ));
+        }
+    }
+    if j.calibration.launch.spin_ratio == Some(0.0) {
+        out.push(warning(
+            "rolling_unsaid",
+            format!("the ball is seen moving along its bench for {:.3} s, and \"launch.spin_ratio\" is 0: if it rolled, e_x, spins and regimes are wrong. Set \"spin_ratio\": \"rolling\" (with \"track_width_m\" on a track), or null where nobody knows.", launch.rolled_s),
+        ));
+    }
+    out
+}
+
+/// Impacts whose motion along the floor no contact makes.
+fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
+    let found: Vec<String> = bounces
+        .iter()
+        .enumerate()
+        .filter_map(|(i, (_, b))| {
+            let words = match b.impossible? {
+                Impossible::Reversed(e_x) => format!(
+                    "e_x would be {:.2} ± {:.2}",
+                    e_x.value,
+                    e_x.std_uncertainty.unwrap_or(f64::NAN)
+                ),
+                Impossible::Driven(gain) => format!(
+                    "the slip grows by {:.3} ± {:.3} m/s",
+                    gain.value,
+                    gain.std_uncertainty.unwrap_or(f64::NAN)
+                ),
+            };
+            Some(format!("bounce {}: {words}", i + 1))
+        })
+        .collect();
+    (!found.is_empty()).then(|| {
+        warning(
+            "impossible_tangential",
+            format!("no contact does that ({}), so e_x, spins and friction are left out there. Possible: the ball spun before (\"launch.spin_ratio\": a number, \"rolling\" or null), it moves out of the plane, the floor slopes, or two things were taken for one.", found.join("; ")),
+        )
+    })
 }
 
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.

@@ -3,7 +3,7 @@
 use crate::bounce::Bounce;
 use crate::bounce::impacts::Scene;
 use crate::calibration::{Calibration, View};
-use crate::geometry::WorldPoint;
+use crate::geometry::{PlanePoint, WorldPoint};
 use crate::quantity::Quantity;
 
 /// From the plane to the world, for points and drawing (values only; uncertainties are [`Scene`]'s).
@@ -11,7 +11,9 @@ use crate::quantity::Quantity;
 pub struct WorldFrame {
     x_sign: f64,
     pub metres_per_unit: f64,
-    zero_right: f64,
+    zero: PlanePoint,
+    /// Sine and cosine of the angle by which the fall leans.
+    lean: (f64, f64),
     floor_m: f64,
 }
 
@@ -40,15 +42,18 @@ impl WorldFrame {
         Self {
             x_sign: scene.x_sign,
             metres_per_unit: metres_per_unit.value,
-            zero_right: scene.zero_right,
+            zero: scene.zero,
+            lean: scene.lean_rad().sin_cos(),
             floor_m,
         }
     }
 
     pub fn world(&self, right: f64, up: f64) -> WorldPoint {
+        let (right, up) = (right - self.zero.right, up - self.zero.up);
+        let (sin, cos) = self.lean;
         WorldPoint {
-            x_m: self.x_sign * self.metres_per_unit * (right - self.zero_right),
-            up_m: self.metres_per_unit * up - self.floor_m,
+            x_m: self.x_sign * self.metres_per_unit * (right * cos + up * sin),
+            up_m: self.metres_per_unit * (up * cos - right * sin) - self.floor_m,
         }
     }
 }

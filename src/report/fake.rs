@@ -2,13 +2,14 @@
 //! good recording has, and its less fortunate relatives.
 
 use crate::bounce::{
-    Bounce, Correlation, Distances, EERegime, Leg, MuERegime, Preferred, Readings, Speed, XSource,
+    AlongFloor, BenchLaunch, Bounce, Correlation, Distances, EERegime, FloorSlope, FloorSource, Leg, MuERegime,
+    Preferred, Readings, Speed, XSource,
 };
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::measure::{
     ArcSample, ArcTrace, Measurement, Outcome, PointUse, Strobe, StrobeBall, TimeSource, Track, TrackPoint,
-    VideoFacts, View, Warning,
+    UpSource, UpTilt, VideoFacts, View, Warning,
 };
 use crate::quantity::Quantity;
 use std::path::PathBuf;
@@ -202,7 +203,9 @@ fn bounces() -> Vec<Bounce> {
                 },
                 restitution: q(RESTITUTION + 0.0004, 0.0013),
                 tangential_ratio: q(after.vx / before.vx, 0.0016),
+                regime: EERegime::Ordinary,
                 friction: q((before.vx - after.vx) / (-down + after.vz), 0.000_38),
+                friction_at_least: None,
                 tangential_restitution: q(-sideways(&after) / sideways(&before), 0.0056),
                 spin_in_m_s: q(before.spin, if before.spin == 0.0 { f64::NAN } else { 0.0041 }),
                 spin_out_m_s: q(after.spin, 0.0041),
@@ -211,6 +214,12 @@ fn bounces() -> Vec<Bounce> {
                     of: (Speed::IncidentVx, Speed::ReboundVx),
                     value: 0.4,
                 }],
+                along_floor: Some(AlongFloor {
+                    incident_m_s: (q(before.vx, 0.0012), q(down, 0.0029)),
+                    rebound_m_s: (q(after.vx, 0.0011), q(after.vz, 0.0024)),
+                    correlations: Vec::new(),
+                }),
+                impossible: None,
             }
         })
         .collect()
@@ -294,6 +303,22 @@ pub fn two_bounces() -> Measurement {
         view: View::Side,
         outcome: Outcome::Measured,
         gravity_m_s2: q(9.806, 0.011),
+        up: q(0.0011, 0.000_35).map(|tilt_rad| UpTilt {
+            tilt_rad,
+            source: UpSource::Fall,
+        }),
+        floor: q(0.000_52, 0.000_17).map(|slope_rad| FloorSlope {
+            slope_rad,
+            source: FloorSource::Impacts,
+        }),
+        launch: Some(BenchLaunch {
+            edge_x_m: q(0.0, 0.000_21),
+            time_s: q(flights[0].time_s, 0.000_2),
+            speed_m_s: q(LAUNCH_M_S, 0.0012),
+            rolled_s: 0.15,
+            drop_height_m: q(DROP_M, 0.000_4),
+            gap_m: q(0.0, 0.000_02),
+        }),
         distances: Distances {
             x0_m: q(flights[1].x_m, 0.000_31),
             x_m: q(flights[2].x_m - flights[1].x_m, 0.000_42),
@@ -374,6 +399,7 @@ pub fn rejected() -> Measurement {
             .to_owned(),
     };
     m.gravity_m_s2 = None;
+    (m.up, m.floor, m.launch) = (None, None, None);
     m.bounces.clear();
     m.distances = Distances::default();
     m.readings = None;
@@ -412,8 +438,10 @@ pub fn no_scale() -> Measurement {
     for sample in m.arcs.iter_mut().flat_map(|arc| &mut arc.samples) {
         sample.world = None;
     }
+    (m.floor, m.launch) = (None, None);
     for bounce in &mut m.bounces {
         bounce.x_m = None;
+        bounce.along_floor = None;
         bounce.spin_in_m_s = None;
         bounce.spin_out_m_s = None;
         for leg in [&mut bounce.incident, &mut bounce.rebound] {
@@ -429,6 +457,7 @@ pub fn top_view() -> Measurement {
     let mut m = two_bounces();
     m.view = View::Top;
     m.gravity_m_s2 = None;
+    (m.up, m.floor, m.launch) = (None, None, None);
     m.readings = None;
     m.distances = Distances::default();
     m.bounces.truncate(1);
@@ -439,6 +468,8 @@ pub fn top_view() -> Measurement {
     }
     bounce.restitution = None;
     bounce.friction = None;
+    bounce.regime = EERegime::Undetermined;
+    bounce.along_floor = None;
     bounce.tangential_restitution = None;
     bounce.azimuth_rad = q(0.21, 0.004);
     m

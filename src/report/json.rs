@@ -3,8 +3,13 @@
 //! Angles are degrees here and radians everywhere else. What is unknown is `null`; a number that is not finite becomes
 //! `null` too, as JSON has no word for it.
 
-use crate::bounce::{Bounce, Correlation, EERegime, Leg, MuERegime, Preferred, Readings, XSource};
-use crate::measure::{Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, VideoFacts, View};
+use super::words;
+use crate::bounce::{
+    AlongFloor, BenchLaunch, Bounce, Correlation, EERegime, FloorSource, Leg, MuERegime, Preferred, Readings, XSource,
+};
+use crate::measure::{
+    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,
+};
 use crate::quantity::Quantity;
 use serde_json::{Value, json};
 
@@ -31,6 +36,22 @@ pub fn result_json(measurement: &Measurement) -> Value {
         "video": video(&measurement.video),
         "track": track(&measurement.track, measurement.view),
         "gravity_m_s2": quantity(measurement.gravity_m_s2),
+        "up": measurement.up.map(|up| json!({
+            "tilt_deg": angle(Some(up.tilt_rad)),
+            "source": match up.source {
+                UpSource::Calibration => "calibration",
+                UpSource::Fall => "fall",
+            },
+        })),
+        "floor": measurement.floor.map(|floor| json!({
+            "slope_deg": angle(Some(floor.slope_rad)),
+            "source": match floor.source {
+                FloorSource::Impacts => "impacts",
+                FloorSource::Calibration => "calibration",
+                FloorSource::Level => "assumed_level",
+            },
+        })),
+        "launch": measurement.launch.as_ref().map(launch),
         "bounces": measurement.bounces.iter().map(bounce).collect::<Vec<_>>(),
         "x0_m": quantity(measurement.distances.x0_m),
         "x_m": quantity(measurement.distances.x_m),
@@ -112,6 +133,16 @@ fn point(point: &TrackPoint, view: View) -> Value {
     row
 }
 
+fn launch(launch: &BenchLaunch) -> Value {
+    json!({
+        "edge_x_m": quantity(launch.edge_x_m),
+        "time_s": quantity(launch.time_s),
+        "speed_m_s": quantity(launch.speed_m_s),
+        "rolled_s": launch.rolled_s,
+        "drop_height_m": quantity(launch.drop_height_m),
+    })
+}
+
 fn bounce(bounce: &Bounce) -> Value {
     json!({
         "time_s": quantity(bounce.time_s),
@@ -120,12 +151,25 @@ fn bounce(bounce: &Bounce) -> Value {
         "rebound": leg(&bounce.rebound),
         "restitution": quantity(bounce.restitution),
         "tangential_ratio": quantity(bounce.tangential_ratio),
+        "regime": words::regime(bounce.regime),
         "friction": quantity(bounce.friction),
+        "friction_at_least": quantity(bounce.friction_at_least),
         "tangential_restitution": quantity(bounce.tangential_restitution),
         "spin_in_m_s": quantity(bounce.spin_in_m_s),
         "spin_out_m_s": quantity(bounce.spin_out_m_s),
         "azimuth_deg": angle(bounce.azimuth_rad),
         "correlations": correlations(&bounce.correlations),
+        "along_floor": bounce.along_floor.as_ref().map(along_floor),
+    })
+}
+
+fn along_floor(v: &AlongFloor) -> Value {
+    json!({
+        "incident_tangential_m_s": quantity(v.incident_m_s.0),
+        "incident_normal_m_s": quantity(v.incident_m_s.1),
+        "rebound_tangential_m_s": quantity(v.rebound_m_s.0),
+        "rebound_normal_m_s": quantity(v.rebound_m_s.1),
+        "correlations": correlations(&v.correlations),
     })
 }
 
@@ -197,6 +241,9 @@ mod tests {
                 "video",
                 "track",
                 "gravity_m_s2",
+                "up",
+                "floor",
+                "launch",
                 "bounces",
                 "x0_m",
                 "x_m",
@@ -234,13 +281,22 @@ mod tests {
                 "rebound",
                 "restitution",
                 "tangential_ratio",
+                "regime",
                 "friction",
+                "friction_at_least",
                 "tangential_restitution",
                 "spin_in_m_s",
                 "spin_out_m_s",
                 "azimuth_deg",
-                "correlations"
+                "correlations",
+                "along_floor"
             ]
+        );
+        assert_eq!(keys(&result["floor"]), ["slope_deg", "source"]);
+        assert_eq!(keys(&result["up"]), ["tilt_deg", "source"]);
+        assert_eq!(
+            keys(&result["launch"]),
+            ["edge_x_m", "time_s", "speed_m_s", "rolled_s", "drop_height_m"]
         );
         for leg in ["incident", "rebound"] {
             assert_eq!(

@@ -60,6 +60,7 @@ pub fn report_html(measurement: &Measurement) -> Result<String, PageError> {
     }
     plot_section(&mut page, measurement, &[along, up]);
     if trusted {
+        scene_section(&mut page, measurement);
         bounce_section(&mut page, measurement);
     }
     track_section(&mut page, measurement);
@@ -176,17 +177,22 @@ fn side_tiles(measurement: &Measurement) -> Vec<Tile> {
         ("restitution", "e", first.and_then(|b| b.restitution), ""),
         ("incident angle", "θ", incident, "°"),
         ("rebound angle", "φ", rebound, "°"),
-        (
-            "friction, if the ball slid",
-            "μ",
-            first.and_then(|b| b.friction),
-            "",
-        ),
+        friction_tile(first),
         ("tangential restitution", "e_x", e_x, ""),
         ("launch edge to impact 1", "x_0", distances.x0_m, "m"),
         (second_impact, "x", distances.x_m, "m"),
         ("gravity from the flight", "g", measurement.gravity_m_s2, "m/s²"),
     ]
+}
+
+/// μ of a ball that slid; of another what friction was at least.
+fn friction_tile(bounce: Option<&Bounce>) -> Tile {
+    match bounce {
+        Some(b) if b.friction.is_none() && b.friction_at_least.is_some() => {
+            ("friction, at least", "μ", b.friction_at_least, "")
+        }
+        _ => ("friction", "μ", bounce.and_then(|b| b.friction), ""),
+    }
 }
 
 fn top_tiles(measurement: &Measurement) -> Vec<Tile> {
@@ -351,6 +357,44 @@ fn plot_section(page: &mut String, measurement: &Measurement, plots: &[Option<Pl
     page.push_str("</p>\n</section>\n");
 }
 
+/// Launch, floor and "up", which every angle and coefficient rests on.
+fn scene_section(page: &mut String, measurement: &Measurement) {
+    if measurement.floor.is_none() && measurement.launch.is_none() && measurement.up.is_none() {
+        return;
+    }
+    page.push_str("<section>\n<h2>Launch, floor and up</h2>\n<table class=\"facts\">\n");
+    if let Some(launch) = &measurement.launch {
+        fact(page, "launch edge", &format_quantity(launch.edge_x_m, "m"));
+        fact(page, "left it at", &format_quantity(launch.time_s, "s"));
+        fact(page, "launch speed", &format_quantity(launch.speed_m_s, "m/s"));
+        fact(
+            page,
+            "drop to the first impact",
+            &format_quantity(launch.drop_height_m, "m"),
+        );
+        fact(
+            page,
+            "seen on the bench for",
+            &format!("{} s", words::trimmed(launch.rolled_s, 3)),
+        );
+    }
+    if let Some(floor) = &measurement.floor {
+        let slope = format_quantity(words::degrees(Some(floor.slope_rad)), "°");
+        fact(
+            page,
+            "slope of the floor along x",
+            &format!("{slope} ({})", words::floor_source(floor.source)),
+        );
+    }
+    if let Some(up) = &measurement.up {
+        fact(page, "up", &words::up(up));
+    }
+    page.push_str(
+        "</table>\n<p class=\"soft\">Angles, restitution and friction are along the floor and its normal; velocities along x and \
+         straight up.</p>\n</section>\n",
+    );
+}
+
 fn bounce_section(page: &mut String, measurement: &Measurement) {
     let bounces = &measurement.bounces;
     if bounces.is_empty() {
@@ -376,7 +420,11 @@ fn bounce_section(page: &mut String, measurement: &Measurement) {
         {
             bounce_row(page, row, chunk);
         }
-        page.push_str("</tbody></table></div>\n");
+        page.push_str("<tr class=\"part\"><th scope=\"row\">regime</th><td class=\"symbol\"></td><td class=\"unit\"></td>");
+        for bounce in chunk {
+            let _ = write!(page, "<td class=\"v\" colspan=\"2\">{}</td>", words::regime(bounce.regime));
+        }
+        page.push_str("</tr>\n</tbody></table></div>\n");
     }
     page.push_str("<p class=\"soft\">“Before” and “after” are just before and after the impact");
     if bounces.iter().any(|bounce| bounce.spin_out_m_s.is_some()) {

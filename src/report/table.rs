@@ -25,6 +25,7 @@ pub fn table(measurement: &Measurement) -> String {
             "gravity",
             &format_quantity(measurement.gravity_m_s2, "m/s²"),
         );
+        scene_lines(&mut text, measurement);
         bounce_lines(&mut text, &measurement.bounces);
         distance_lines(&mut text, &measurement.distances);
     }
@@ -49,7 +50,7 @@ pub(super) struct BounceRow {
 }
 
 /// The rows of the per-bounce table in reading order.
-pub(super) const BOUNCE_ROWS: [BounceRow; 15] = [
+pub(super) const BOUNCE_ROWS: [BounceRow; 16] = [
     row("time", "t", "s", |b| b.time_s),
     row("place", "x", "m", |b| b.x_m),
     first(row("x velocity before", "v_ox", "m/s", |b| b.incident.vx_m_s)),
@@ -66,6 +67,7 @@ pub(super) const BOUNCE_ROWS: [BounceRow; 15] = [
     first(row("restitution", "e", "", |b| b.restitution)),
     row("tangential ratio", "v_x/v_ox", "", |b| b.tangential_ratio),
     row("friction", "μ", "", |b| b.friction),
+    row("friction, at least", "μ", "", |b| b.friction_at_least),
     row("tang. restitution", "e_x", "", |b| b.tangential_restitution),
     first(row("spin before", "Rω_o", "m/s", |b| b.spin_in_m_s)),
     row("spin after", "Rω", "m/s", |b| b.spin_out_m_s),
@@ -130,6 +132,24 @@ fn file_lines(text: &mut String, measurement: &Measurement) {
     );
 }
 
+/// Launch, floor and "up" as they were found.
+fn scene_lines(text: &mut String, measurement: &Measurement) {
+    if let Some(launch) = &measurement.launch {
+        line(text, "launch", &words::launch(launch));
+    }
+    if let Some(floor) = &measurement.floor {
+        let slope = format_quantity(words::degrees(Some(floor.slope_rad)), "°");
+        line(
+            text,
+            "floor",
+            &format!("slope {slope} along x ({})", words::floor_source(floor.source)),
+        );
+    }
+    if let Some(up) = &measurement.up {
+        line(text, "up", &words::up(up));
+    }
+}
+
 fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
     for (block, chunk) in bounces.chunks(BOUNCES_A_ROW).enumerate() {
         let cells: Vec<Vec<String>> = chunk
@@ -156,7 +176,8 @@ fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
         }
         let _ = writeln!(text, "{:<LABEL$}{:<SYMBOL$}{}", "", "", heading.trim_end());
         for (index, row) in BOUNCE_ROWS.iter().enumerate() {
-            if chunk.iter().all(|bounce| (row.quantity)(bounce).is_none()) && row.symbol == "α" {
+            let no_bounce_has_it = bounces.iter().all(|bounce| (row.quantity)(bounce).is_none());
+            if no_bounce_has_it && ["azimuth", "friction, at least"].contains(&row.name) {
                 continue; // A side view has no azimuth: a dash there would look like a failure.
             }
             let mut values = String::new();
@@ -171,6 +192,17 @@ fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
                 values.trim_end()
             );
         }
+        let mut regimes = String::new();
+        for bounce in chunk {
+            let _ = write!(regimes, "  {:<width$}", words::regime(bounce.regime));
+        }
+        let _ = writeln!(
+            text,
+            "{:<LABEL$}{:<SYMBOL$}{}",
+            "regime",
+            "",
+            regimes.trim_end()
+        );
     }
 }
 

@@ -1,7 +1,7 @@
 //! Numbers and findings in words, shared by the table and the page.
 
-use crate::bounce::{EERegime, MuERegime, Preferred, XSource};
-use crate::measure::{Measurement, PointUse, TimeSource};
+use crate::bounce::{BenchLaunch, EERegime, FloorSource, MuERegime, Preferred, XSource};
+use crate::measure::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
 
 /// What stands where there is no value.
@@ -183,6 +183,53 @@ pub(super) fn e_e_regime(regime: EERegime) -> (&'static str, &'static str) {
             "undetermined",
             "the uncertainty of e_x does not tell its sign (or the spin before the bounce is not known)",
         ),
+    }
+}
+
+/// What the contact point did, in a word.
+pub(super) fn regime(regime: EERegime) -> &'static str {
+    match regime {
+        EERegime::Ordinary => "sliding",
+        EERegime::Nonsliding => "nonsliding",
+        EERegime::Grip => "grip",
+        EERegime::Undetermined => "undetermined",
+    }
+}
+
+/// Where and how the ball left its bench.
+pub(super) fn launch(launch: &BenchLaunch) -> String {
+    let seen = format!("seen on the bench for {} s", trimmed(launch.rolled_s, 3));
+    let speed = format_quantity(launch.speed_m_s, "m/s");
+    match (launch.edge_x_m, launch.drop_height_m) {
+        (Some(_), height) => format!(
+            "edge at x = {}, left at {} with {speed}; {}{seen}",
+            format_quantity(launch.edge_x_m, "m"),
+            format_quantity(launch.time_s, "s"),
+            height.map_or(String::new(), |_| format!(
+                "{} above the first impact; ",
+                format_quantity(height, "m")
+            )),
+        ),
+        _ => format!("{seen}, but its flight does not begin where the bench ends: no edge is told"),
+    }
+}
+
+/// Which way is up.
+pub(super) fn up(up: &UpTilt) -> String {
+    let tilt = format_quantity(degrees(Some(up.tilt_rad)), "°");
+    let source = match up.source {
+        UpSource::Calibration => "mostly by the calibration",
+        UpSource::Fall => "by the fall",
+    };
+    format!("{tilt} to the right of the calibration's ({source})")
+}
+
+/// Where the floor's slope comes from.
+pub(super) fn floor_source(source: FloorSource) -> &'static str {
+    match source {
+        FloorSource::Impacts => "from the places of the impacts",
+        FloorSource::Calibration => "from the calibration",
+        FloorSource::Level => "nothing tells it: taken as level to 0.1 degrees, as a bench is",
     }
 }
 

@@ -11,7 +11,7 @@ use track::bounce::impacts::{Picture, Scene};
 use track::bounce::reading;
 use track::bounce::{Bounce, Distances, Readings};
 use track::calibration::{Calibration, Scale};
-use track::flight::fit::{ArcFit, FitPoint, Forces};
+use track::flight::fit::{ArcFit, FitPoint, Forces, Upright};
 use track::flight::linking::Spot;
 use track::flight::scatter::Extra;
 use track::flight::segment::Sample;
@@ -198,7 +198,7 @@ impl Film {
                 },
             })
             .collect();
-        let fit = ArcFit::new(&points, 2, Forces::Fall)?;
+        let fit = ArcFit::new(&points, 2, Forces::Fall(Upright::UNKNOWN))?;
         let span = |arc| {
             let times = || used.iter().filter(|u| u.0 == arc).map(|u| u.1.time_s);
             (
@@ -207,6 +207,7 @@ impl Film {
             )
         };
         let flight = Flight {
+            launch: None,
             spans: vec![span(0), span(1)],
             impacts: vec![fit.impact_time(fit.parameters.as_slice(), 0)],
             fit,
@@ -246,16 +247,16 @@ pub fn measured(
     calibration: &Calibration,
     metres_per_unit: f64,
 ) -> Result<Measured, NoFlight> {
-    let flight = flight::find(spots, Forces::Fall)?;
+    let flight = flight::find(spots, Forces::Fall(Upright::UNKNOWN))?;
     Ok(of_flight(flight, calibration, metres_per_unit))
 }
 
 fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) -> Measured {
-    let first_right = flight.points.first().map_or(0.0, |p| p.spot.place.right);
+    let first = flight.points.first().map_or_else(Default::default, |p| p.spot.place);
     let scale = Quantity::new(metres_per_unit, 1e-9 * metres_per_unit).unwrap();
-    let lifted = Scene::new(&flight, calibration, scale, PICTURE, first_right, Lift::default());
+    let lifted = Scene::new(&flight, calibration, scale, PICTURE, first, Lift::default());
     let (free, lift) = lifted.without_lift();
-    let scene = Scene::new(&free, calibration, scale, PICTURE, first_right, lift);
+    let scene = Scene::new(&free, calibration, scale, PICTURE, first, lift);
     let indexed = scene.bounces();
     let distances = scene.distances(&indexed);
     let gravity_m_s2 = scene.gravity_m_s2();

@@ -4,7 +4,7 @@
 //! fall of the ball, which is taken out. Near and at a distance that is not known, it sees them bent, and what that does to
 //! directions is not known either. Whatever needs the vertical speed is not reported of a top view.
 
-use super::{Bounce, DIRECTION_SIGMAS, Leg, Scene};
+use super::{Bounce, DIRECTION_SIGMAS, EERegime, Leg, Scene};
 use crate::calibration::View;
 use crate::flight::SpotUse;
 use crate::flight::fit::Forces;
@@ -53,12 +53,16 @@ impl Scene<'_> {
             rebound: flat(3),
             restitution: None,
             tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
+            regime: EERegime::Undetermined,
             friction: None,
+            friction_at_least: None,
             tangential_restitution: None,
             spin_in_m_s: None,
             spin_out_m_s: None,
             azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
             correlations: Vec::new(),
+            along_floor: None,
+            impossible: None,
         }
     }
 

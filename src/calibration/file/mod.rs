@@ -9,7 +9,7 @@ pub(super) use write::to_json;
 
 use super::error::{CalibrationError, Problem};
 use super::plane::Rectification;
-use super::{Ball, Calibration, Launch, SCHEMA, Scale, View};
+use super::{Ball, Calibration, Floor, FloorLine, Launch, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};
 pub(crate) use reader::{FINITE, POSITIVE};
@@ -24,7 +24,7 @@ const LARGEST_FILE_BYTES: u64 = 1_000_000;
 /// Larger than any camera's picture.
 const LARGEST_SIDE_PX: u64 = 100_000;
 
-const TOP_KEYS: [&str; 17] = [
+const TOP_KEYS: [&str; 18] = [
     "schema",
     "view",
     "image_size_px",
@@ -42,20 +42,23 @@ const TOP_KEYS: [&str; 17] = [
     "gravity_std_m_s2",
     "ball",
     "launch",
+    "floor",
 ];
 const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_factor"];
-const LAUNCH_KEYS: [&str; 2] = ["edge_x_m", "spin_ratio"];
+const LAUNCH_KEYS: [&str; 3] = ["edge_x_m", "spin_ratio", "track_width_m"];
+const FLOOR_KEYS: [&str; 4] = ["slope_deg", "std_deg", "line_px", "line_std_px"];
 
 const PAIR: &str = "two numbers [u, v]";
 const PLAIN: &str = "write a plain number in the unit of the key's ending";
 
 /// Where a key that stands in the wrong place belongs, or what it is called here.
 pub(super) fn home_of(name: &str) -> Option<String> {
-    let sections: [(&str, &[&str]); 4] = [
+    let sections: [(&str, &[&str]); 5] = [
         ("scale", &SCALE_KEYS),
         ("lens", &LENS_KEYS),
         ("ball", &BALL_KEYS),
         ("launch", &LAUNCH_KEYS),
+        ("floor", &FLOOR_KEYS),
     ];
     let nested = sections.iter().find_map(|(section, keys)| {
         let leaf = name
@@ -183,7 +186,8 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     let ball = ball(reader, top, scale.as_ref());
     check_outside_ball(reader, distance_m, &ball);
     let has_origin = top.get("origin_px").is_some() || scale.as_ref().is_some_and(Scale::has_origin);
-    let launch = launch(reader, top, has_origin);
+    let launch = launch(reader, top, has_origin, &ball);
+    let floor = floor(reader, top);
     if homography {
         check_beside_homography(reader, top, up_px);
     }
@@ -202,6 +206,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         origin_px,
         origin_std_px,
         up_px,
+        up_given: top.get("up_px").is_some(),
         up_std_rad,
         distance_m,
         distance_std_m,
@@ -210,9 +215,11 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         deviations,
         frame_rate_hz,
         gravity_m_s2,
+        gravity_given: top.get("gravity_m_s2").is_some(),
         gravity_std_m_s2,
         ball,
         launch,
+        floor,
     })
 }
 
@@ -354,7 +361,7 @@ fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
     ball
 }
 
-fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool) -> Launch {
+fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball) -> Launch {
     let default = Launch {
         edge_x_m: has_origin.then_some(0.0),
         ..Launch::default()
@@ -372,8 +379,28 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool) -> Launch {
             "give origin_px, or remove edge_x_m",
         );
     }
-    let hint = "R w / u before the first impact: 0 for no spin, 1 for rolling, null for unknown";
-    let spin = reader.number(&section, "spin_ratio", FINITE, hint);
+    let rolling = matches!(section.get("spin_ratio"), Some(Value::String(word)) if word == ROLLING);
+    let track_width_m = reader.number(
+        &section,
+        "track_width_m",
+        POSITIVE,
+        "the distance between the two edges that the ball rolls on, in metres",
+    );
+    if track_width_m.is_some() && !rolling {
+        reader.refuse(
+            section.key("track_width_m"),
+            "a track without a ball that rolls on it",
+            "only with \"spin_ratio\": \"rolling\"",
+            "write \"spin_ratio\": \"rolling\", or remove track_width_m",
+        );
+    }
+    let spin = if rolling {
+        rolling_ratio(reader, &section, track_width_m, ball)
+    } else {
+        let hint = "R w / u before the first impact: 0 for no spin, \"rolling\" for a ball that rolls off its bench, null for \
+                    unknown";
+        reader.number(&section, "spin_ratio", FINITE, hint)
+    };
     Launch {
         edge_x_m: if section.is_explicit_null("edge_x_m") {
             None
@@ -385,6 +412,97 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool) -> Launch {
         } else {
             spin.or(default.spin_ratio)
         },
+        rolling,
+        track_width_m: track_width_m.filter(|_| rolling),
+    }
+}
+
+/// What `launch.spin_ratio` says of a ball that rolls.
+pub(super) const ROLLING: &str = "rolling";
+
+/// R ω/u of a ball that rolls on its bench or track.
+fn rolling_ratio(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    track_width_m: Option<f64>,
+    ball: &Ball,
+) -> Option<f64> {
+    let Some(width_m) = track_width_m else {
+        return Some(1.0);
+    };
+    let Some(radius_m) = ball.radius_m else {
+        reader.refuse(
+            "ball.radius_m".into(),
+            "nothing, but launch.track_width_m is given",
+            POSITIVE.accepted,
+            "how fast a ball turns on a track depends on its radius: give half of its diameter, in metres",
+        );
+        return None;
+    };
+    let ratio = Launch::rolling_ratio(radius_m, width_m);
+    if ratio.is_none() {
+        reader.refuse(
+            section.key("track_width_m"),
+            format!("{width_m}, through which a ball of radius {radius_m} falls"),
+            "less than the ball's diameter",
+            "check the unit: metres, between the two edges that the ball rolls on",
+        );
+    }
+    ratio
+}
+
+/// How well a point on a line of the picture is read by eye, px.
+const LINE_STD_PX: f64 = 1.0;
+
+/// What is known of the floor's slope.
+fn floor(reader: &mut Reader, top: &Section<'_>) -> Floor {
+    let default = Floor::default();
+    let Some(section) = reader.section(top, "floor", &FLOOR_KEYS) else {
+        return default;
+    };
+    let hint = "the angle by which the floor rises along the launch, in degrees; 0 for level";
+    let slope_deg = reader.number(&section, "slope_deg", SLOPE, hint);
+    let std_deg = reader.number(
+        &section,
+        "std_deg",
+        UP_STD,
+        "give degrees, or leave it out for a bench's 0.1",
+    );
+    let ends = section.get("line_px").is_some().then(|| {
+        let ends = section
+            .get("line_px")
+            .and_then(|value| array::<_, 2>(value, |end| array::<_, 2>(end, Value::as_f64)));
+        if ends.is_none() {
+            reader.refuse(
+                section.key("line_px"),
+                section.get("line_px").map_or_else(String::new, text),
+                "two points [[u, v], [u, v]]",
+                "read two pixels off a picture, far apart on a line along the floor in the plane of motion",
+            );
+        }
+        ends
+    });
+    let line_std_px = reader.number(&section, "line_std_px", POSITIVE, "how well a point was read, px");
+    let line = ends.flatten().map(|[a, b]| FloorLine {
+        from: PixelPoint::new(a[0], a[1]),
+        to: PixelPoint::new(b[0], b[1]),
+        std_px: line_std_px.unwrap_or(LINE_STD_PX),
+    });
+    if let Some(line) = line
+        && !(line.from.distance_px(line.to) >= 10.0)
+    {
+        reader.refuse(
+            section.key("line_px"),
+            format!("{:.1} px from end to end", line.from.distance_px(line.to)),
+            "two points 10 px or more apart",
+            "take points as far apart as the picture allows",
+        );
+    }
+    Floor {
+        slope_rad: slope_deg.unwrap_or(0.0).to_radians(),
+        std_rad: std_deg.map_or(default.std_rad, f64::to_radians),
+        given: slope_deg.is_some() || std_deg.is_some(),
+        line,
     }
 }
 
@@ -424,6 +542,10 @@ fn check_beside_homography(reader: &mut Reader, top: &Section<'_>, up_px: [f64; 
 const UP_STD: Range = Range {
     accepted: "a number above 0 (1e-15) and below 45, in degrees",
     holds: |x| (1e-15..45.0).contains(&x),
+};
+const SLOPE: Range = Range {
+    accepted: "a number from -45 to 45, in degrees",
+    holds: |x| (-45.0..=45.0).contains(&x),
 };
 /// To 0.667, as people write 2/3.
 pub(crate) const INERTIA: Range = Range {

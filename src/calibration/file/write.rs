@@ -1,6 +1,7 @@
 //! A calibration in the file's form.
 
 use crate::calibration::{Calibration, Deviation, SCHEMA, Scale, View};
+use super::ROLLING;
 use crate::geometry::PixelPoint;
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
@@ -34,8 +35,27 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
             "edge_x_m",
             (c.launch.edge_x_m.is_some() || c.has_origin()).then(|| c.launch.edge_x_m.into()),
         ),
-        ("spin_ratio", Some(c.launch.spin_ratio.into())),
+        (
+            "spin_ratio",
+            Some(if c.launch.rolling {
+                ROLLING.into()
+            } else {
+                c.launch.spin_ratio.into()
+            }),
+        ),
+        ("track_width_m", c.launch.track_width_m.map(Value::from)),
     ]);
+    let floor = &c.floor;
+    let floor = object([
+        ("slope_deg", floor.given.then(|| floor.slope_rad.to_degrees().into())),
+        ("std_deg", floor.given.then(|| floor.std_rad.to_degrees().into())),
+        (
+            "line_px",
+            floor.line.map(|line| json!([point(line.from), point(line.to)])),
+        ),
+        ("line_std_px", floor.line.map(|line| line.std_px.into())),
+    ]);
+    let says_floor = c.floor.given || c.floor.line.is_some();
     let homography = matches!(c.scale, Scale::Homography(_));
     object([
         ("schema", Some(SCHEMA.into())),
@@ -47,17 +67,18 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
         ("scale", Some(scale(&c.scale))),
         ("origin_px", c.origin_px.map(point)),
         ("origin_std_px", c.origin_std_px.map(Value::from)),
-        ("up_px", (!homography).then(|| json!(c.up_px))),
+        ("up_px", (c.up_given && !homography).then(|| json!(c.up_px))),
         ("up_std_deg", c.up_std_rad.map(|s| s.to_degrees().into())),
         ("distance_m", c.distance_m.map(Value::from)),
         ("distance_std_m", c.distance_std_m.map(Value::from)),
         ("lens", lens),
         ("deviations", deviations(c)),
         ("frame_rate_hz", c.frame_rate_hz.map(Value::from)),
-        ("gravity_m_s2", Some(c.gravity_m_s2.into())),
+        ("gravity_m_s2", c.gravity_given.then(|| c.gravity_m_s2.into())),
         ("gravity_std_m_s2", c.gravity_std_m_s2.map(Value::from)),
         ("ball", Some(ball)),
         ("launch", Some(launch)),
+        ("floor", says_floor.then_some(floor)),
     ])
 }
 

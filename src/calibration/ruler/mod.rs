@@ -47,6 +47,8 @@ pub struct Request {
     pub held: Option<Held>,
     /// Direction of "up" in the picture.
     pub up_px: [f64; 2],
+    /// Whether the user said so; else the fall tells.
+    pub up_given: bool,
     /// Standard uncertainty of "up" or of how the ruler stood, rad.
     pub up_std_rad: Option<f64>,
     /// x = 0 at the floor.
@@ -185,6 +187,7 @@ pub fn calibrate(request: &Request, picture: &Luma) -> Result<Ruled, RulerError>
     let mut calibration = request.known.clone();
     calibration.image_size_px = Some((picture.width, picture.height));
     calibration.up_px = request.up_px;
+    calibration.up_given = request.up_given;
     calibration.up_std_rad = request.up_std_rad;
     let mut marks = Vec::new();
     calibration.scale = match request.length {
@@ -319,6 +322,7 @@ impl Marker<'_> {
         let sign = (axis[0] * given[0] + axis[1] * given[1]).signum();
         // Adding 0 turns −0 into 0.
         calibration.up_px = axis.map(|x| x * sign + 0.0);
+        calibration.up_given = true;
         let read = point_std_px.map_or(0.0, |s| std::f64::consts::SQRT_2 * s / length);
         calibration.up_std_rad =
             Some(read.hypot(self.request.up_std_rad.unwrap_or(0.0))).filter(|s| *s > 0.0);

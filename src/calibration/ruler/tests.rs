@@ -23,6 +23,7 @@ fn request(from: (f64, f64), to: (f64, f64)) -> Request {
         },
         held: None,
         up_px: [0.0, -1.0],
+        up_given: false,
         up_std_rad: None,
         origin: None,
         floor: None,

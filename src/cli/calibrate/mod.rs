@@ -68,9 +68,9 @@ struct Known {
     /// The rate at which the camera captured, for slow-motion files, Hz.
     #[arg(long, value_name = "RATE", value_parser = positive)]
     frame_rate_hz: Option<f64>,
-    /// Acceleration of free fall where you are, m/s².
-    #[arg(long, value_name = "G", value_parser = positive, default_value = "9.81")]
-    gravity_m_s2: f64,
+    /// Acceleration of free fall where you are, m/s²; 9.81 without it.
+    #[arg(long, value_name = "G", value_parser = positive)]
+    gravity_m_s2: Option<f64>,
     /// Where the camera looks.
     #[arg(long, value_enum, default_value = "side")]
     view: Looks,
@@ -88,7 +88,9 @@ impl Known {
         c.ball.radius_m = self.ball_radius_m;
         c.ball.mass_kg = self.ball_mass_kg;
         c.frame_rate_hz = self.frame_rate_hz;
-        c.gravity_m_s2 = self.gravity_m_s2;
+        if let Some(gravity_m_s2) = self.gravity_m_s2 {
+            (c.gravity_m_s2, c.gravity_given) = (gravity_m_s2, true);
+        }
         c.view = match self.view {
             Looks::Side => View::Side,
             Looks::Top => View::Top,

@@ -50,9 +50,9 @@ pub(super) struct RulerArgs {
     /// How well marks were read by eye, each coordinate, px.
     #[arg(long, value_name = "S", value_parser = positive, default_value = "1")]
     point_std_px: f64,
-    /// Direction of "up" in the picture: 1,0 for a camera on its side.
-    #[arg(long, value_name = "DU,DV", value_parser = direction, default_value = "0,-1", allow_hyphen_values = true)]
-    up: [f64; 2],
+    /// Direction of "up" in the picture: 1,0 for a camera on its side. Without it the fall tells.
+    #[arg(long, value_name = "DU,DV", value_parser = direction, allow_hyphen_values = true)]
+    up: Option<[f64; 2]>,
     /// Standard uncertainty of "up" (or of how the ruler stood), degrees.
     #[arg(long, value_name = "S", value_parser = positive)]
     up_std_deg: Option<f64>,
@@ -147,7 +147,10 @@ fn request(args: &RulerArgs) -> anyhow::Result<Request> {
             HeldArg::Upright => Held::Upright,
             HeldArg::Level => Held::Level,
         }),
-        up_px: args.up.map(|x| x / args.up[0].hypot(args.up[1])),
+        up_px: args
+            .up
+            .map_or([0.0, -1.0], |[du, dv]| [du, dv].map(|x| x / du.hypot(dv))),
+        up_given: args.up.is_some(),
         up_std_rad: args.up_std_deg.map(f64::to_radians),
         origin: args.origin,
         floor: args.floor,

@@ -20,7 +20,7 @@ mod knowledge;
 
 use super::lift::{self, Lift};
 use super::{Layout, Overhead, flying, seen};
-use crate::flight::fit::{DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
+use crate::flight::fit::{ACROSS, DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
 use crate::flight::segment::Sample;
 use nalgebra::{DMatrix, DVector};
 
@@ -108,7 +108,9 @@ fn fit_with(
         })
         .collect();
     let (parameters, mut covariance) = job.settle(settled)?;
-    covariance[(GRAVITY, GRAVITY)] = 0.0;
+    for i in [GRAVITY, ACROSS] {
+        covariance[(i, i)] = 0.0;
+    }
     excess.is_finite().then_some(Fitted {
         times: job.times,
         parameters,

@@ -2,7 +2,7 @@
 
 use super::super::flying;
 use super::Job;
-use crate::flight::fit::{DRAG, GRAVITY};
+use crate::flight::fit::{ACROSS, DRAG, GRAVITY};
 use nalgebra::DVector;
 
 /// Half of the contact time is 0 ± this, s: tennis balls take 5 ms, steel balls 0.1 ms.
@@ -37,7 +37,7 @@ impl Job<'_> {
     pub(super) fn knowledge(&self, p: &DVector<f64>) -> Vec<Row> {
         let (known, layout) = (&self.known, self.layout);
         // There is no gravity in the plane.
-        let mut rows = vec![Row::prior(GRAVITY, p[GRAVITY], 0.0, 1.0)];
+        let mut rows: Vec<Row> = [GRAVITY, ACROSS].map(|i| Row::prior(i, p[i], 0.0, 1.0)).into();
         for (i, expected) in [known.foot.right, known.foot.up].into_iter().enumerate() {
             rows.push(Row::prior(
                 layout.foot() + i,

@@ -1,0 +1,78 @@
+//! The launch from a bench in metres: where and when the ball left it, how fast, and from what height.
+
+use super::{BENCH_RATE, Scene, extra};
+use crate::bounce::BenchLaunch;
+use crate::flight::Flight;
+use crate::flight::fit::{ACROSS, ARCS, GRAVITY, Motion, lean_rad};
+use crate::geometry::PlanePoint;
+
+/// Line and arc that miss each other by more than this many standard uncertainties, and this part of the ball's radius, do not
+/// meet as on an edge.
+const GAP_SIGMAS: f64 = 5.0;
+const GAP_PART: f64 = 0.03;
+
+/// Where the first arc of `flight` leaves the bench, in the plane; `None` where it shows none.
+pub(super) fn place(flight: &Flight) -> Option<PlanePoint> {
+    let launch = flight.launch.filter(crate::flight::launch::Launch::is_rolled)?;
+    let m = flight.fit.motion(0, launch.time_s);
+    Some(PlanePoint::new(m.r, m.h))
+}
+
+/// When the first arc is at its highest, s, against gravity.
+pub(super) fn vertex_s(flight: &Flight, p: &[f64]) -> f64 {
+    parting_s(flight, p, 0.0)
+}
+
+/// When the rate of y (along gravity) is `rate` on the first arc, s.
+fn parting_s(flight: &Flight, p: &[f64], rate: f64) -> f64 {
+    let (sin, cos) = lean_rad(p).sin_cos();
+    let size = p[GRAVITY].hypot(p[ACROSS]);
+    let mut t = flight.fit.times[0] - (p[ARCS + 1] * sin - p[ARCS + 3] * cos - rate) / size;
+    // Drag is a small part.
+    for _ in 0..if flight.fit.drag() == 0.0 { 0 } else { 3 } {
+        let m = flight.fit.in_plane(p, 0, t);
+        t -= (m.vr * sin - m.vh * cos - rate) / size;
+    }
+    t
+}
+
+impl Scene<'_> {
+    /// Motion at the edge, m, by any parameters; `None` where no bench is seen.
+    pub(super) fn edge_place(&self, p: &[f64]) -> Option<Motion> {
+        Some(self.world(p, 0, self.edge_s(p)?))
+    }
+
+    fn edge_s(&self, p: &[f64]) -> Option<f64> {
+        let launch = self.flight.launch.filter(crate::flight::launch::Launch::is_rolled)?;
+        Some(parting_s(self.flight, p, launch.rate.0 + extra(p, BENCH_RATE)))
+    }
+
+    /// The launch from a bench; `None` where none is seen.
+    #[must_use]
+    pub fn bench_launch(&self) -> Option<BenchLaunch> {
+        let launch = self.flight.launch.filter(crate::flight::launch::Launch::is_rolled)?;
+        let lands = self.flight.impacts.first().is_some_and(Option::is_some);
+        let out = self.evidence.outputs(|p| {
+            let t = self.edge_s(p).unwrap_or(f64::NAN);
+            let m = self.world(p, 0, t);
+            let touch = if lands { self.impact(p, 0).1.h } else { f64::NAN };
+            let seen = self.flight.fit.in_plane(p, 0, t);
+            let (sin, cos) = lean_rad(p).sin_cos();
+            let above = (seen.h * cos - seen.r * sin - launch.height.0) * self.scale(p);
+            vec![m.r, t, m.vr.hypot(m.vh), m.h - touch, above]
+        });
+        let scale = self.scale(self.evidence.values.as_slice());
+        let gap_std = out.std(4).hypot(launch.gap.1 * scale);
+        let gap = crate::quantity::Quantity::new(out.value(4), gap_std);
+        let radius = self.flight.points.first().map_or(0.0, |p| p.spot.radius) * scale;
+        let meets = out.value(4).abs() <= GAP_SIGMAS * gap_std + GAP_PART * radius;
+        Some(BenchLaunch {
+            edge_x_m: out.quantity(0).filter(|_| meets),
+            time_s: out.quantity(1).filter(|_| meets),
+            speed_m_s: out.quantity(2),
+            rolled_s: launch.time_s - launch.from_s,
+            drop_height_m: out.quantity(3).filter(|_| meets),
+            gap_m: gap,
+        })
+    }
+}
