@@ -148,6 +148,10 @@ fn an_exposure_is_the_mean_over_its_time() {
         let found = light(&recording, index);
         let empty = renderer.backdrop.get().unwrap();
         let mut mean = empty.grey.clone();
+        let fine = Exposure {
+            nodes: fine,
+            shift_px: Vector2::zeros(),
+        };
         renderer.add_ball(recording.trajectory(), &fine, 0.7, empty, &mut mean);
         let worst = largest_difference(&found, &mean);
         assert!(worst < 0.1, "frame {index}: {worst}");
