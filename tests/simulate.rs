@@ -1468,6 +1468,10 @@ fn bumped(amplitude_px: [f64; 2], more: &str, switch: Switch) -> Recording {
     );
     let mut scene = scene_with(STEEL, &format!("{BUMPED}, {camera}"));
     scene.effects.named.insert("bump".into(), switch);
+    // How much `auto` has of these goes with the amplitude: a later impact makes the camera swing later.
+    for name in ["drag", "magnus", "buoyancy", "contact_time"] {
+        scene.effects.named.insert(name.into(), Switch::On);
+    }
     Recording::new(&scene).unwrap()
 }
 

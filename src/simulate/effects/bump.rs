@@ -9,7 +9,7 @@
 
 use super::{Action, Effect, Estimate, Ideal, Shake};
 use crate::simulate::flight::{Impact, Trajectory};
-use crate::simulate::scene::{self, Scene};
+use crate::simulate::scene::{self, Scene, Switch};
 use nalgebra::Vector2;
 use std::f64::consts::PI;
 
@@ -69,6 +69,16 @@ fn shares(trajectory: &Trajectory) -> impl Iterator<Item = (&Impact, f64)> {
         .iter()
         .take_while(|i| i.time_s <= trajectory.end_s())
         .map(move |i| (i, if first > 0.0 { speed(i) / first } else { 0.0 }))
+}
+
+/// The largest speed of the picture, px/s: what makes an impact later shifts it by that for every second.
+pub(super) fn top_speed_px_s(scene: &Scene, trajectory: &Trajectory) -> f64 {
+    let used = scene.effects.of(Bump.name()) != Switch::Off;
+    scene.camera.bump.filter(|_| used).map_or(0.0, |bump| {
+        // |d/dt sin(ω t) exp(−t/τ)| is at most sqrt(ω² + 1/τ²).
+        let rate = (2.0 * PI * bump.frequency_hz).hypot(1.0 / bump.decay_s);
+        bump.amplitude_px.norm() * envelope(&bump, trajectory) * rate
+    })
 }
 
 struct Swing {

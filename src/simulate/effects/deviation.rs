@@ -54,6 +54,8 @@ pub struct Largest {
     pub depth_m: f64,
     /// Change of velocity as a share of the largest speed.
     pub speed_share: f64,
+    /// How much later or earlier an impact is, at most, s.
+    pub impact_late_s: f64,
     /// How much later or earlier the impact is over to which `stop.bounces` counts, s.
     pub late_s: f64,
 }
@@ -90,7 +92,7 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
     let floor = *ideal.trajectory.floor();
     // On a bench nothing disturbs the ball.
     let mut from_s = ideal.trajectory.launch_s();
-    let mut late_s = 0.0;
+    let (mut late_s, mut impact_late_s) = (0.0, 0.0_f64);
     let impacts = ideal.trajectory.impacts().iter().zip(1..).map(Some);
     for impact in impacts.chain([None]) {
         let to_s = impact.map_or(end_s, |(i, _)| i.time_s.min(end_s));
@@ -108,6 +110,9 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
         };
         let jump = disturbance.jump(impact, &floor);
         see(to_s, &now, jump.transient_m);
+        let late_by_s =
+            floor.along_normal(&now.position_m) / floor.along_normal(&impact.incident.velocity_m_s);
+        impact_late_s = impact_late_s.max(late_by_s.abs());
         let delay_s = strike(&mut now, impact, scene, &floor, &jump);
         if number == scene.stop.bounces {
             late_s = delay_s;
@@ -115,7 +120,11 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
         spin = impact.rebound.surface_spin_m_s;
         from_s = to_s;
     }
-    Largest { late_s, ..most }
+    Largest {
+        late_s,
+        impact_late_s,
+        ..most
+    }
 }
 
 /// A step of `step_s` under the disturbing acceleration `a`, m/s²; of a ball that lies, on the floor `lies_on`.

@@ -42,9 +42,12 @@ impl Effect for FloorSlope {
             // One of them never lands: nothing that could be left out.
             return Estimate::px(f64::INFINITY, formula);
         };
+        let late_s = (level.impacts().iter().zip(sloping.impacts()))
+            .map(|(a, b)| (b.time_s - a.time_s).abs())
+            .fold(0.0, f64::max);
         let (shift_px, speed_share) = apart(scene, ideal, &level, &sloping);
         Estimate {
-            coupling: 2.0 * speed_share * ideal.total_px,
+            coupling: ideal.coupling_px(scene, speed_share, late_s),
             ..Estimate::px(shift_px, formula)
         }
     }

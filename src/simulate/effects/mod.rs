@@ -145,7 +145,8 @@ impl Estimate {
     }
 
     /// The shift of a disturbance, to first order along the ideal path; and its coupling: the others' work goes with the
-    /// speed squared at most, so that twice its share of the speed is what it may change in that.
+    /// speed squared at most, so that twice its share of the speed is what it may change in that, and a later impact makes
+    /// the camera swing later.
     #[must_use]
     pub fn path(
         scene: &Scene,
@@ -155,7 +156,7 @@ impl Estimate {
     ) -> Self {
         let alone = ideal.deviation(scene, disturbance);
         Self {
-            coupling: 2.0 * alone.speed_share * ideal.total_px,
+            coupling: ideal.coupling_px(scene, alone.speed_share, alone.impact_late_s),
             ..Self::px(alone.shift_px, formula)
         }
     }
@@ -427,6 +428,18 @@ impl Ideal {
             .filter(|s| ideal.may_show(&s.state.position_m))
             .collect();
         Ok(ideal)
+    }
+
+    /// By how much what changes speeds by `speed_share` and impacts by `late_s` may change what others do, px.
+    fn coupling_px(&self, scene: &Scene, speed_share: f64, late_s: f64) -> f64 {
+        let swing_px_s = bump::top_speed_px_s(scene, &self.trajectory);
+        // A grazing impact may be late without bounds, which matters to a camera that swings only.
+        let swung_px = if swing_px_s > 0.0 {
+            late_s * swing_px_s
+        } else {
+            0.0
+        };
+        2.0 * speed_share * self.total_px + swung_px
     }
 
     /// The rigid flight over another floor.
