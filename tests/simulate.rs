@@ -214,6 +214,8 @@ fn a_minimal_scene_has_the_defaults_of_the_contract() {
         (look.texture_grey, look.reflection, look.flicker),
         (0.0, 0.0, 0.0)
     );
+    assert_eq!((launch.bench, scene.floor.slope_rad), (None, 0.0));
+    assert_eq!((camera.roll_rad, camera.bump), (0.0, None));
     assert_eq!((scene.stop.bounces, scene.stop.tail_s), (2, 0.05));
     assert_eq!(
         (scene.tolerance_px, &scene.effects),
@@ -286,6 +288,61 @@ fn bad_scenes_say_what_is_wrong_and_what_to_try() {
         (
             bad(r#""camera": {"metres_per_pixel": 8e-6}"#),
             &["camera.metres_per_pixel", "px across", "metres"],
+        ),
+        (
+            bad(r#""floor": {"slop_deg": 1}"#),
+            &["floor.slop_deg", "did you mean \"slope_deg\""],
+        ),
+        (
+            bad(r#""floor": {"slope_deg": 25}"#),
+            &["floor.slope_deg is 25", "from -20 to 20"],
+        ),
+        (
+            bad(r#""floor": {"slope_deg": -10}, "launch": {"bench": {"seen_s": 0.6}}"#),
+            &["launch.drop_height_m is 0.1", "above 0.10", "slope_deg"],
+        ),
+        (
+            bad(r#""floor": {"slope_deg": 10}, "launch": {"drop_height_m": 1e-4}"#),
+            &["launch.drop_height_m is 0.0001", "above 0.000193"],
+        ),
+        (
+            bad(r#""launch": {"bench": {"bench_gray": 60}}"#),
+            &["launch.bench.bench_gray", "did you mean \"bench_grey\""],
+        ),
+        (
+            bad(r#""launch": {"bench": {"seen_s": 0}}"#),
+            &["launch.bench.seen_s is 0", "above 0", "null"],
+        ),
+        (
+            bad(r#""launch": {"bench": {"track_width_m": 0.025}}"#),
+            &[
+                "launch.bench.track_width_m is 0.025",
+                "below the ball's diameter, 0.025",
+            ],
+        ),
+        (
+            bad(r#""launch": {"bench": {}, "rise_speed_m_s": 0.1}"#),
+            &["launch.rise_speed_m_s is 0.1", "0 with a launch.bench"],
+        ),
+        (
+            bad(r#""launch": {"bench": {}, "speed_m_s": 0.35}"#),
+            &[
+                "launch.speed_m_s is 0.35",
+                "tips round the edge",
+                "above sqrt(g R) = 0.3502",
+            ],
+        ),
+        (
+            bad(r#""camera": {"roll_deg": 50}"#),
+            &["camera.roll_deg is 50", "from -45 to 45"],
+        ),
+        (
+            bad(r#""camera": {"bump": {}}"#),
+            &["camera.bump.amplitude_px is missing", "2 numbers"],
+        ),
+        (
+            bad(r#""camera": {"bump": {"amplitude_px": [1, 2], "decay_s": 0}}"#),
+            &["camera.bump.decay_s is 0", "above 0"],
         ),
         (
             bad(r#""camera": {"blur_px": 1e4}"#),
@@ -480,14 +537,17 @@ fn the_decision_flips_with_the_tolerance() {
 fn what_is_off_is_never_evaluated() {
     let small = r#""camera": {"image_size_px": [320, 200], "origin_px": [60, 180], "distance_m": 2, "readout_s": 0.001,
         "electrons_per_grey": 100, "lens": {"camera_matrix": [[900,0,160],[0,900,100],[0,0,1]], "distortion": [-0.1,0,0,0,0]}},
-        "look": {"texture_grey": 3, "reflection": 0.2, "shadow": 0.5, "flicker": 0.05, "unevenness": 0.2}"#;
-    let scene = scene_with(STEEL, small);
+        "look": {"texture_grey": 3, "reflection": 0.2, "shadow": 0.5, "flicker": 0.05, "unevenness": 0.2},
+        "launch": {"bench": {"seen_s": 0.02, "bench_grey": 90}}, "floor": {"slope_deg": 3}"#
+        .replace(r#""readout_s""#, r#""roll_deg": 4, "bump": {"amplitude_px": [1, 2]}, "readout_s""#);
+    let scene = scene_with(STEEL, &small);
     let none = Recording::new(&with_effects(&scene, Switch::Off)).unwrap();
     let all = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
     for recording in [&none, &all] {
         let _ = recording.frame(10);
         let _ = recording.truth();
     }
+    assert_eq!(none.decisions().len(), 22);
     for d in none.decisions() {
         assert!(!d.used && d.evaluations() == 0, "{}", d.name);
     }
@@ -806,6 +866,9 @@ fn the_calibration_puts_the_true_centres_where_they_are() {
         r#""view": "side""#,
         r#""view": "top", "origin_px": [60, 100]"#,
         lens,
+        r#""roll_deg": 12"#,
+        r#""view": "top", "origin_px": [60, 100], "roll_deg": -30"#,
+        &format!(r#"{lens}, "roll_deg": 7"#),
     ] {
         let small = format!(r#""camera": {{"image_size_px": [320, 200], "origin_px": [60, 180], {camera}}}"#);
         let recording = Recording::new(&scene_with(STEEL, &small)).unwrap();
@@ -880,6 +943,9 @@ fn a_turned_camera_comes_with_the_homography_that_undoes_it() {
     let lens = r#""lens": {"camera_matrix": [[1900, 0, 639.5], [0, 1900, 359.5], [0, 0, 1]], "distortion": [-0.3, 0.1, 0, 0, 0]}"#;
     for (tilt, more) in [
         (10.0, format!(r#""distance_m": 1.5, {lens}"#)),
+        (15.0, format!(r#""distance_m": 1.5, {lens}, "roll_deg": 8"#)),
+        (-25.0, r#""distance_m": null, "roll_deg": -12"#.to_owned()),
+        (0.0, format!(r#""distance_m": 1.5, {lens}, "roll_deg": -20"#)),
         (-25.0, r#""distance_m": 1.5"#.to_owned()),
         (40.0, r#""distance_m": null"#.to_owned()),
         (0.0, format!(r#""distance_m": 1.5, {lens}"#)),
@@ -919,4 +985,582 @@ fn a_turned_camera_comes_with_the_homography_that_undoes_it() {
     assert!(size(1200.0) < 0.9 * size(80.0));
     let error = Scene::from_json(&scene_text(STEEL, r#""camera": {"tilt_deg": 90}"#)).unwrap_err();
     assert!(error.to_string().contains("tilt_deg"), "{error}");
+}
+
+// ---------------------------------------------------------------------------------------------- bench, slope, roll, bump
+
+/// No effect but those named.
+fn only(scene: &Scene, names: &[&str]) -> Scene {
+    let mut only = with_effects(scene, Switch::Off);
+    for name in names {
+        only.effects.named.insert((*name).to_owned(), Switch::On);
+    }
+    only
+}
+
+/// A recording of a scene with no effect but those named.
+fn recorded(contact: &str, more: &str, names: &[&str]) -> Recording {
+    Recording::new(&only(&scene_with(contact, more), names)).unwrap()
+}
+
+#[test]
+fn bench_slope_roll_and_bump_are_left_out_where_there_is_none() {
+    let more =
+        r#""floor": {"slope_deg": 0}, "launch": {"bench": null}, "camera": {"roll_deg": 0, "bump": null}"#;
+    let scene = scene_with(STEEL, more);
+    let recording = Recording::new(&scene).unwrap();
+    let none = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
+    for name in ["bench", "floor_slope", "camera_roll", "bump"] {
+        let found = decision(&recording, name);
+        assert!(!found.used && found.estimate.amount == 0.0, "{name}");
+        assert!(decision(&none, name).reason.contains("nothing for it to do"));
+    }
+    let truth = recording.truth();
+    assert_eq!((truth.launch, truth.floor_slope_deg), (None, 0.0));
+    let plain = Recording::new(&scene_with(STEEL, "")).unwrap();
+    assert_eq!(recording.frame(20), plain.frame(20));
+    assert_eq!(recording.truth(), plain.truth());
+}
+
+#[test]
+fn centres_with_auto_are_within_tolerance_over_a_slope_and_after_a_bump() {
+    use serde_json::json;
+    let small = || {
+        (-7.0..0.7f64, any::<bool>()).prop_map(|(p, up)| if up { 10f64.powf(p) } else { -(10f64.powf(p)) })
+    };
+    let more = (small(), small(), small(), 0.02..0.2f64, any::<bool>());
+    let mut runner = TestRunner::new_with_rng(
+        Config {
+            cases: 100,
+            failure_persistence: None,
+            ..Config::default()
+        },
+        prop::test_runner::TestRng::from_seed(prop::test_runner::RngAlgorithm::ChaCha, &[8; 32]),
+    );
+    let counts = std::cell::RefCell::new([[0_u32; 2]; 4]);
+    runner
+        .run(
+            &(any_scene(), more),
+            |(text, (slope, roll, bump, seen_s, bench))| {
+                let mut scene: serde_json::Value = serde_json::from_str(&text).unwrap();
+                scene["floor"] = json!({"slope_deg": slope});
+                scene["camera"]["roll_deg"] = json!(roll);
+                scene["camera"]["bump"] = json!({"amplitude_px": [bump, 0.5 * bump]});
+                if bench && scene["launch"]["speed_m_s"].as_f64().unwrap() > 0.6 {
+                    scene["launch"]["bench"] = json!({"seen_s": seen_s});
+                }
+                let both = Scene::from_json(&scene.to_string()).and_then(|scene| {
+                    let auto = Recording::new(&with_effects(&scene, Switch::Auto))?;
+                    Ok((auto, Recording::new(&with_effects(&scene, Switch::On))?, scene))
+                });
+                let (auto, all, scene) = match both {
+                    Ok(both) => both,
+                    Err(error) => {
+                        let told = [
+                            "never enters the picture",
+                            "camera.distance_m",
+                            "in or on a floor",
+                        ];
+                        let error = error.to_string();
+                        prop_assert!(told.iter().any(|t| error.contains(t)), "{error}");
+                        return Err(TestCaseError::reject("never seen"));
+                    }
+                };
+                let apart = apart_px(&auto, &all);
+                prop_assert!(
+                    apart <= scene.tolerance_px,
+                    "{apart} px apart, tolerance {}",
+                    scene.tolerance_px
+                );
+                let names = ["bench", "floor_slope", "camera_roll", "bump"];
+                for (name, count) in names.into_iter().zip(counts.borrow_mut().iter_mut()) {
+                    count[usize::from(decision(&auto, name).used)] += 1;
+                }
+                Ok(())
+            },
+        )
+        .unwrap();
+    let counts = counts.into_inner();
+    // A bench is used or not there.
+    assert!(
+        counts.iter().all(|[out, used]| *out > 10 && *used > 10),
+        "{counts:?}"
+    );
+}
+
+#[test]
+fn a_ball_rolls_along_its_bench_until_the_launch() {
+    for (bench, ratio) in [
+        (r#""bench": {"seen_s": 0.1}"#, 1.0),
+        (
+            r#""bench": {"seen_s": 0.1, "track_width_m": 0.01}"#,
+            0.0125 / (0.0125_f64.powi(2) - 0.01_f64.powi(2) / 4.0).sqrt(),
+        ),
+        (r#""bench": {"seen_s": 0.1}, "spin_ratio": [0, 0.3, 0.2]"#, 0.3),
+    ] {
+        let recording = recorded(STEEL, &format!(r#""launch": {{{bench}}}"#), &["bench"]);
+        assert!((recording.scene().launch.spin_ratio[1] - ratio).abs() < 1e-15);
+        let truth = recording.truth();
+        let launch = truth.launch.unwrap();
+        assert_eq!((launch.time_s, launch.rolled_s, launch.edge_x_m), (0.1, 0.1, 0.0));
+        assert_eq!((launch.speed_m_s, launch.drop_height_m), (1.0, 0.1));
+        assert_eq!(truth.centres[0].x_m, -0.1);
+        for c in &truth.centres {
+            let flown_s = (c.time_s - 0.1).max(0.0);
+            if c.time_s < truth.bounces[0].time_s {
+                assert!((c.x_m - (c.time_s - 0.1)).abs() < 1e-12, "{}", c.time_s);
+                assert!(
+                    (c.z_m - (0.1125 - 0.5 * 9.81 * flown_s * flown_s)).abs() < 1e-12,
+                    "{}",
+                    c.time_s
+                );
+            }
+        }
+        let fall_s = (0.2_f64 / 9.81).sqrt();
+        let first = truth.bounces[0];
+        assert!((first.time_s - 0.1 - fall_s).abs() < 1e-12 && (first.spin_in_m_s - ratio).abs() < 1e-12);
+        // Without the bench the clip begins at the launch.
+        let bare = Recording::new(&only(recording.scene(), &[])).unwrap().truth();
+        assert_eq!((bare.launch, bare.centres[0].x_m), (None, 0.0));
+        assert!((bare.bounces[0].time_s - fall_s).abs() < 1e-12);
+        assert_eq!(truth.centres.len(), bare.centres.len() + 24);
+    }
+}
+
+#[test]
+fn a_clip_without_its_bench_is_the_flight_alone() {
+    let with = recorded(
+        STEEL,
+        &format!(r#"{SMALL}, "launch": {{"bench": {{"bench_grey": 90}}}}"#),
+        &["shading"],
+    );
+    let flight = recorded(
+        STEEL,
+        &format!(r#"{SMALL}, "launch": {{"spin_ratio": [0, 1, 0]}}"#),
+        &["shading"],
+    );
+    assert_eq!(with.frame_count(), flight.frame_count());
+    for i in [0, 7, 30] {
+        assert_eq!(with.frame(i), flight.frame(i));
+    }
+    let (with, flight) = (with.truth(), flight.truth());
+    assert!(with.centres == flight.centres && with.bounces == flight.bounces);
+}
+
+#[test]
+fn a_bench_is_drawn_below_the_ball_and_ends_at_the_edge() {
+    let look = r#""look": {"background_grey": 60, "floor_grey": 80},
+        "camera": {"image_size_px": [320, 200], "origin_px": [100, 180], "metres_per_pixel": 0.001}"#;
+    let frame = |bench: &str| {
+        recorded(
+            STEEL,
+            &format!(r#"{look}, "launch": {{"bench": {bench}}}"#),
+            &["bench"],
+        )
+        .frame(0)
+    };
+    // Its top 100 px above the floor, 30 px thick, its end in column 100.
+    let drawn = frame(r#"{"seen_s": 0.05, "bench_grey": 120}"#);
+    for (v, u, grey) in [
+        (77, 95, 60),
+        (83, 95, 120),
+        (107, 5, 120),
+        (113, 95, 60),
+        (95, 97, 120),
+        (95, 103, 60),
+        (183, 50, 80),
+        (177, 50, 60),
+    ] {
+        assert_eq!(drawn.row(v)[u], grey, "row {v}, column {u}");
+    }
+    let bare = frame(r#"{"seen_s": 0.05}"#);
+    assert_eq!(bare.row(95)[95], 60);
+    // The ball rests on it, at x = -0.05.
+    assert_eq!((drawn.row(77)[50], bare.row(77)[50]), (200, 200));
+    let low = recorded(
+        STEEL,
+        &format!(r#"{look}, "launch": {{"drop_height_m": 0.01, "bench": {{"bench_grey": 120}}}}"#),
+        &["bench"],
+    );
+    assert_eq!((low.frame(0).row(175)[20], low.frame(0).row(183)[20]), (120, 80));
+}
+
+#[test]
+fn val_flight_over_a_slope() {
+    let (g, radius, height, speed, e, mu) = (9.81_f64, 0.0125, 0.1, 1.2, 0.78, 0.07);
+    for slope_deg in [-15.0_f64, -2.0, 0.1, 6.0, 20.0] {
+        let more = format!(
+            r#""floor": {{"slope_deg": {slope_deg}}}, "launch": {{"speed_m_s": {speed}, "spin_ratio": [0, -1, 0]}},
+               "stop": {{"bounces": 4}}"#
+        );
+        let recording = recorded(STEEL, &more, &["floor_slope"]);
+        let truth = recording.truth();
+        assert!((truth.floor_slope_deg - slope_deg).abs() < 1e-12);
+        let (sin, cos) = slope_deg.to_radians().sin_cos();
+        let along = |x: f64, z: f64| (x * cos + z * sin, z * cos - x * sin);
+        // Along the normal g cos s pulls, and the ball starts with -v sin s.
+        let clearance = (height + radius) * cos - radius;
+        let arrival = ((speed * sin).powi(2) + 2.0 * g * cos * clearance).sqrt();
+        let mut time_s = (arrival - speed * sin) / (g * cos);
+        let mut down = arrival;
+        assert_eq!(truth.bounces.len(), 4);
+        for (b, impact) in truth.bounces.iter().zip(recording.trajectory().impacts()) {
+            assert!(
+                (b.time_s - time_s).abs() < 1e-12,
+                "{slope_deg}: {} {time_s}",
+                b.time_s
+            );
+            // The lowest point along the normal is on the plane.
+            let (x, z) = (impact.place_m.x + radius * sin, impact.place_m.z - radius * cos);
+            assert!((z - x * sin / cos).abs() < 1e-12, "{slope_deg}");
+            let (before_t, before_n) = along(b.incident.vx_m_s, b.incident.vz_m_s);
+            let (after_t, after_n) = along(b.rebound.vx_m_s, b.rebound.vz_m_s);
+            assert!((before_n + down).abs() < 1e-12 && (after_n - e * down).abs() < 1e-12);
+            assert!((b.restitution.unwrap() - e).abs() < 1e-12);
+            assert!((b.tangential_ratio.unwrap() - after_t / before_t).abs() < 1e-12);
+            assert!((b.incident.angle_deg - before_t.abs().atan2(down).to_degrees()).abs() < 1e-9);
+            let gained = (before_t - after_t) / 0.4;
+            assert!((b.spin_out_m_s - b.spin_in_m_s - gained).abs() < 1e-12);
+            if b.regime == "sliding" {
+                assert!((b.friction.unwrap() - mu).abs() < 1e-12);
+            }
+            // What it loses is what friction and restitution take: nothing tangential is lost without slip.
+            let slip = before_t - b.spin_in_m_s;
+            let left = after_t - b.spin_out_m_s;
+            let tangential = 0.5 * (slip * slip - left * left) / (1.0 + 1.0 / 0.4);
+            let energy = |vt: f64, vn: f64, w: f64| 0.5 * (vt * vt + vn * vn + 0.4 * w * w);
+            let lost = energy(before_t, before_n, b.spin_in_m_s) - energy(after_t, after_n, b.spin_out_m_s);
+            assert!((lost - 0.5 * down * down * (1.0 - e * e) - tangential).abs() < 1e-12);
+            down *= e;
+            time_s += 2.0 * down / (g * cos);
+        }
+        assert_eq!(truth.bounces[0].regime, "sliding");
+    }
+}
+
+#[test]
+fn slopes_to_both_sides_are_mirror_images() {
+    let path = |slope_deg: f64| {
+        let more = format!(
+            r#""floor": {{"slope_deg": {slope_deg}}}, "launch": {{"speed_m_s": 0}}, "camera": {{"origin_px": [600, 660]}},
+               "ball": {{"contact_modulus_pa": 1e7}}"#
+        );
+        recorded(STEEL, &more, &["floor_slope", "contact_time", "drag"])
+    };
+    let (left, right) = (path(7.0), path(-7.0));
+    for (a, b) in left.truth().centres.iter().zip(&right.truth().centres) {
+        assert!(
+            (a.x_m + b.x_m).abs() < 1e-12 && (a.z_m - b.z_m).abs() < 1e-12,
+            "{}",
+            a.time_s
+        );
+    }
+    // A ball on a floor that rises to the right leaves to the left, to where its own drop was turned by 2 s.
+    let b = left.truth().bounces[0];
+    assert!(b.rebound.vx_m_s < -0.1);
+}
+
+#[test]
+fn a_slope_without_drag_is_the_same_integrated() {
+    for slope_deg in [-10.0, 3.0, 20.0] {
+        let more = format!(
+            r#""floor": {{"slope_deg": {slope_deg}}}, "ball": {{"drag_factor": 0}}, "stop": {{"bounces": 3}}"#
+        );
+        let exact = recorded(STEEL, &more, &["floor_slope"]);
+        let integrated = recorded(STEEL, &more, &["floor_slope", "drag"]);
+        let pairs = exact
+            .trajectory()
+            .impacts()
+            .iter()
+            .zip(integrated.trajectory().impacts());
+        for (a, b) in pairs {
+            assert!(
+                (a.time_s - b.time_s).abs() < 1e-11,
+                "{slope_deg}: {} {}",
+                a.time_s,
+                b.time_s
+            );
+            assert!((a.place_m - b.place_m).norm() < 1e-11);
+            assert!((a.incident.velocity_m_s - b.incident.velocity_m_s).norm() < 1e-10);
+        }
+        for i in 0..=300 {
+            let t = exact.trajectory().end_s() * f64::from(i) / 300.0;
+            let apart = exact.trajectory().state(t).position_m - integrated.trajectory().state(t).position_m;
+            assert!(apart.norm() < 1e-10, "{slope_deg} {t}: {apart}");
+        }
+    }
+}
+
+#[test]
+fn a_contact_on_a_slope_dips_along_the_normal() {
+    let superball = r#""ball": {"radius_m": 0.023, "mass_kg": 0.0464, "contact_modulus_pa": 1e7}, "floor": {"slope_deg": 12}"#;
+    let contact = r#"{"model": "e_e", "restitution": 0.96, "tangential_restitution_x": 0.5}"#;
+    let recording = recorded(contact, superball, &["floor_slope", "contact_time"]);
+    let path = recording.trajectory();
+    let impact = path.impacts()[0];
+    let (sin, cos) = 12.0_f64.to_radians().sin_cos();
+    let gap = |t: f64| {
+        let p = path.state(impact.time_s + t).position_m;
+        p.z * cos - p.x * sin - 0.023
+    };
+    assert!(impact.contact_s > 1e-4);
+    for i in 1..20 {
+        assert!(gap(impact.contact_s * f64::from(i) / 20.0) < 0.0, "{i}");
+    }
+    for t in [0.0, impact.contact_s] {
+        assert!(gap(t).abs() < 1e-12, "{t}: {}", gap(t));
+        let (before, after) = (
+            path.state(impact.time_s + t - 1e-9),
+            path.state(impact.time_s + t + 1e-9),
+        );
+        assert!((after.velocity_m_s - before.velocity_m_s).norm() < 1e-3);
+        assert!((after.position_m - before.position_m).norm() < 1e-7);
+    }
+    // The arcs have the same height above the floor when they meet.
+    let into = recording.truth().bounces[0].arcs_meet_s - impact.time_s;
+    let out = into - impact.contact_s;
+    let arc = |v: track::models::Motion, t: f64| {
+        (v.velocity_m_s.z * cos - v.velocity_m_s.x * sin) * t - 0.5 * 9.81 * cos * t * t
+    };
+    assert!((arc(impact.incident, into) - arc(impact.rebound, out)).abs() < 1e-12);
+}
+
+#[test]
+fn a_ball_that_stays_down_rolls_downhill() {
+    let recording = recorded(
+        r#"{"model": "mu_e", "restitution": 0, "friction": 0.3}"#,
+        r#""floor": {"slope_deg": 5}, "stop": {"bounces": 2, "tail_s": 0.2}"#,
+        &["floor_slope"],
+    );
+    let path = recording.trajectory();
+    let impact = path.impacts()[0];
+    let (sin, cos) = 5.0_f64.to_radians().sin_cos();
+    let after = impact.rebound.velocity_m_s;
+    let along = |t: f64| {
+        let moved = path.state(impact.time_s + t).position_m - impact.place_m;
+        (moved.x * cos + moved.z * sin, moved.z * cos - moved.x * sin)
+    };
+    for t in [0.01, 0.1, 0.2] {
+        let expected = (after.x * cos + after.z * sin) * t - 0.5 * 9.81 * sin / 1.4 * t * t;
+        let (moved, risen) = along(t);
+        assert!((moved - expected).abs() < 1e-12 && risen.abs() < 1e-12, "{t}");
+    }
+}
+
+proptest! {
+    // Whatever slope, restitution and effects, the ball stays above the floor.
+    #[test]
+    fn no_ball_passes_a_sloping_floor(
+        e in 0.0..1.0f64, slope_deg in -20.0..20.0f64, speed in 0.0..4.0f64, bounces in 1..60u32, air in any::<bool>()
+    ) {
+        let contact = format!(r#"{{"model": "mu_e", "restitution": {e}, "friction": 0.1}}"#);
+        let more = format!(
+            r#""floor": {{"slope_deg": {slope_deg}}}, "launch": {{"speed_m_s": {speed}}},
+               "stop": {{"bounces": {bounces}, "tail_s": 0.1}}, "camera": {{"origin_px": [640, 360]}}"#
+        );
+        let names: &[&str] = if air { &["floor_slope", "drag", "buoyancy"] } else { &["floor_slope"] };
+        let recording = recorded(&contact, &more, names);
+        let path = recording.trajectory();
+        let (sin, cos) = slope_deg.to_radians().sin_cos();
+        for i in 0..=1000 {
+            let p = path.state(path.end_s() * f64::from(i) / 1000.0).position_m;
+            prop_assert!(p.z * cos - p.x * sin >= 0.0125 - 1e-9, "{p}");
+        }
+    }
+}
+
+#[test]
+fn a_sloping_floor_is_drawn_with_its_slope() {
+    let camera = r#""camera": {"image_size_px": [320, 200], "origin_px": [100, 150], "metres_per_pixel": 0.001},
+        "look": {"background_grey": 60, "floor_grey": 100, "ball_grey": 200}"#;
+    let frame = |slope_deg: f64| {
+        let more = format!(r#"{camera}, "floor": {{"slope_deg": {slope_deg}}}"#);
+        recorded(STEEL, &more, &["floor_slope"]).frame(0)
+    };
+    let rises = 10.0_f64.to_radians().tan();
+    for (slope_deg, rise) in [(10.0, rises), (-10.0, -rises), (0.0, 0.0)] {
+        let frame = frame(slope_deg);
+        for u in [10, 180, 300] {
+            let row = 150.0 - rise * (u as f64 - 100.0);
+            let above = frame.row((row - 2.0) as usize)[u];
+            let below = frame.row((row + 3.0) as usize)[u];
+            assert_eq!((above, below), (60, 100), "{slope_deg}, column {u}");
+        }
+    }
+}
+
+#[test]
+fn a_rolled_camera_turns_the_picture_about_its_axis() {
+    for (roll_deg, camera) in [
+        (10.0_f64, r#""distance_m": 2"#),
+        (
+            -35.0,
+            r#""distance_m": 2, "view": "top", "origin_px": [120, 360]"#,
+        ),
+        (
+            5.0,
+            r#""lens": {"camera_matrix": [[1900, 0, 600], [0, 1900, 300], [0, 0, 1]]}, "plane_offset_m": 0.1"#,
+        ),
+    ] {
+        let scene = scene_with(
+            STEEL,
+            &format!(r#""camera": {{{camera}, "roll_deg": {roll_deg}}}"#),
+        );
+        let upright = Recording::new(&only(&scene, &["perspective"])).unwrap();
+        let rolled = Recording::new(&only(&scene, &["perspective", "camera_roll"])).unwrap();
+        let (sin, cos) = roll_deg.to_radians().sin_cos();
+        let axis = scene.camera.lens.map_or((639.5, 359.5), |_| (600.0, 300.0));
+        let mut farthest = 0.0_f64;
+        for (a, b) in upright.truth().centres.iter().zip(&rolled.truth().centres) {
+            let (u, v) = (a.u_px - axis.0, a.v_px - axis.1);
+            let expected = (axis.0 + u * cos - v * sin, axis.1 + u * sin + v * cos);
+            assert!((b.u_px - expected.0).hypot(b.v_px - expected.1) < 1e-9);
+            farthest = farthest.max((b.u_px - a.u_px).hypot(b.v_px - a.v_px));
+        }
+        let estimate = decision(&rolled, "camera_roll").estimate.amount;
+        assert!(
+            estimate >= 0.5 * farthest && farthest > 10.0,
+            "{estimate} {farthest}"
+        );
+        let calib = track::simulate::calibration(&rolled);
+        assert!((calib["up_px"][0].as_f64().unwrap() - sin).abs() < 1e-15);
+        assert!((calib["up_px"][1].as_f64().unwrap() + cos).abs() < 1e-15);
+        assert!(track::simulate::calibration(&upright).get("up_px").is_none());
+    }
+}
+
+#[test]
+fn cameras_rolled_to_both_sides_see_mirror_images() {
+    let frame = |roll_deg: f64, i: usize| {
+        let more = format!(
+            r#""camera": {{"image_size_px": [320, 200], "origin_px": [159.5, 180], "roll_deg": {roll_deg}}},
+               "look": {{"background_grey": 60, "floor_grey": 90, "ball_grey": 200, "reflection": 0.3}},
+               "launch": {{"speed_m_s": 0}}"#
+        );
+        recorded(STEEL, &more, &["camera_roll", "defocus", "reflection"]).frame(i)
+    };
+    for i in [0, 30, 34] {
+        let (left, right) = (frame(-8.0, i), frame(8.0, i));
+        for v in 0..200 {
+            let mirrored: Vec<u8> = right.row(v).iter().rev().copied().collect();
+            let most = left
+                .row(v)
+                .iter()
+                .zip(&mirrored)
+                .map(|(a, b)| a.abs_diff(*b))
+                .max()
+                .unwrap();
+            assert!(most <= 1, "frame {i}, row {v}: {most}");
+        }
+        // Rolled to the right, up leans to the right: the floor falls to the right.
+        assert_eq!((right.row(178)[10], right.row(178)[310]), (90, 60));
+    }
+}
+
+const BUMPED: &str = r#""look": {"texture_grey": 6, "reflection": 0.3, "shadow": 0.5, "floor_grey": 90, "unevenness": 0},
+    "stop": {"bounces": 1, "tail_s": 0.05}, "launch": {"bench": {"seen_s": 0.02, "bench_grey": 110}, "speed_m_s": 0.6}"#;
+
+fn bumped(amplitude_px: [f64; 2], more: &str, switch: Switch) -> Recording {
+    let camera = format!(
+        r#""camera": {{"image_size_px": [320, 200], "origin_px": [60, 170], "codec": "lossless", "noise_grey": 0,
+            "bump": {{"amplitude_px": [{}, {}]}} {more}}}"#,
+        amplitude_px[0], amplitude_px[1]
+    );
+    let mut scene = scene_with(STEEL, &format!("{BUMPED}, {camera}"));
+    scene.effects.named.insert("bump".into(), switch);
+    // How much `auto` has of these goes with the amplitude: a later impact makes the camera swing later.
+    for name in ["drag", "magnus", "buoyancy", "contact_time"] {
+        scene.effects.named.insert(name.into(), Switch::On);
+    }
+    Recording::new(&scene).unwrap()
+}
+
+/// The shift that truth says frame `i` has, px.
+fn shift_px(bumped: &Recording, still: &Recording, i: usize) -> (f64, f64) {
+    let (a, b) = (bumped.truth().centres[i], still.truth().centres[i]);
+    (a.u_px - b.u_px, a.v_px - b.v_px)
+}
+
+#[test]
+fn a_bump_shifts_ball_and_backdrop_together() {
+    let still = bumped([1.0, 1.0], "", Switch::Off);
+    let impact_s = still.truth().bounces[0].time_s;
+    let i = (impact_s * 240.0).ceil() as usize + 1;
+    let (unit, _) = shift_px(&bumped([1.0, 0.0], "", Switch::On), &still, i);
+    let since_s = i as f64 / 240.0 - impact_s;
+    let expected = (2.0 * std::f64::consts::PI * 20.0 * since_s).sin() * (-since_s / 0.015).exp();
+    assert!((unit - expected).abs() < 1e-9, "{unit} {expected}");
+    // By whole pixels the picture is the unbumped one, moved.
+    let moved = bumped([5.0 / unit, -3.0 / unit], "", Switch::On);
+    let (du, dv) = shift_px(&moved, &still, i);
+    assert!((du - 5.0).abs() < 1e-9 && (dv + 3.0).abs() < 1e-9, "{du} {dv}");
+    let (a, b) = (still.frame(i), moved.frame(i));
+    let mut differing = 0;
+    for v in 3..200 {
+        for u in 0..315 {
+            let apart = a.row(v)[u].abs_diff(b.row(v - 3)[u + 5]);
+            assert!(apart <= 1, "row {v}, column {u}: {apart}");
+            differing += u32::from(apart);
+        }
+    }
+    // Grey levels that were within rounding of a half.
+    assert!(differing < 20, "{differing}");
+    assert_ne!(a, b);
+    // Before the impact nothing moves.
+    assert_eq!(still.frame(i - 6), moved.frame(i - 6));
+}
+
+#[test]
+fn bumps_go_with_the_speeds_of_the_impacts_and_add_up() {
+    let more = r#""stop": {"bounces": 3}, "camera": {"bump": {"amplitude_px": [0.5, 2], "frequency_hz": 30, "decay_s": 0.4}}"#;
+    let scene = scene_with(STEEL, more);
+    let still = Recording::new(&only(&scene, &[])).unwrap();
+    let shaken = Recording::new(&only(&scene, &["bump"])).unwrap();
+    let impacts: Vec<(f64, f64)> = still
+        .truth()
+        .bounces
+        .iter()
+        .map(|b| (b.time_s, -b.incident.vz_m_s))
+        .collect();
+    let mut most = 0.0_f64;
+    for (a, b) in still.truth().centres.iter().zip(&shaken.truth().centres) {
+        let swing: f64 = impacts
+            .iter()
+            .filter(|(t, _)| *t <= a.time_s)
+            .map(|(t, v)| {
+                let since = a.time_s - t;
+                v / impacts[0].1 * (60.0 * std::f64::consts::PI * since).sin() * (-since / 0.4).exp()
+            })
+            .sum();
+        let (du, dv) = (b.u_px - a.u_px, b.v_px - a.v_px);
+        let expected = if swing.abs() * 2.0 < 9e-4 { 0.0 } else { swing };
+        assert!(
+            (du - 0.5 * expected).abs() < 1e-9 && (dv - 2.0 * expected).abs() < 1e-9,
+            "{}",
+            a.time_s
+        );
+        assert_eq!((a.x_m, a.z_m), (b.x_m, b.z_m));
+        most = most.max(du.hypot(dv));
+    }
+    let estimate = decision(&shaken, "bump").estimate.amount;
+    assert!(estimate >= most && estimate < 3.0 * 2.1, "{estimate} {most}");
+}
+
+#[test]
+fn a_shaken_picture_is_read_out_row_by_row_where_its_rows_are() {
+    // A rolling shutter and a bump of whole rows: the ball is exposed when the rows it is in are.
+    let still = bumped([0.0, 1.0], r#", "readout_s": 0.004"#, Switch::Off);
+    let i = (still.truth().bounces[0].time_s * 240.0).ceil() as usize + 1;
+    let shaken = bumped([0.0, 20.0], r#", "readout_s": 0.004"#, Switch::On);
+    let (_, dv) = shift_px(&shaken, &still, i);
+    let (centre, frame) = (shaken.truth().centres[i], shaken.frame(i));
+    assert!(dv.abs() > 3.0, "{dv}");
+    // The brightest row is that of the ball's lit half; its middle by the columns beyond the background.
+    let row = frame.row(centre.v_px.round() as usize);
+    let lit: Vec<f64> = (0..320_u16)
+        .filter(|u| row[usize::from(*u)] > 125)
+        .map(f64::from)
+        .collect();
+    let middle = 0.5 * (lit[0] + lit[lit.len() - 1]);
+    assert!((middle - centre.u_px).abs() < 1.5, "{middle} {}", centre.u_px);
 }

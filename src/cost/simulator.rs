@@ -155,7 +155,7 @@ fn fly(scene: &Scene, integration: Integration) -> Result<Flown, SceneError> {
     let count = Arc::new(AtomicU64::new(0));
     let acts = Acts {
         forces: vec![Acting::of(Box::new(QuadraticDrag(Arc::clone(&count))))],
-        contact: None,
+        ..Acts::default()
     };
     let flight = Trajectory::integrated(scene, &acts, integration)?;
     let (landed_s, _) = landing();

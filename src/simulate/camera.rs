@@ -7,7 +7,7 @@
 //! and n that towards the camera from the point of the plane in the picture's middle, it sees d cos τ − n sin τ and
 //! d sin τ + n cos τ in their place.
 
-use super::effects::{Acting, Warp};
+use super::effects::{Acting, Plane, Warp};
 use super::scene::{Camera, Scene, View};
 use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -38,6 +38,39 @@ impl Ellipse {
     }
 }
 
+/// A straight edge in the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// A point of it, px.
+    pub at: Vector2<f64>,
+    /// Across it, of length 1: towards what is beyond.
+    pub normal: Vector2<f64>,
+}
+
+impl Line {
+    /// Through two points, with `inside` not beyond it; `None` where the points are the same.
+    #[must_use]
+    pub fn through(from: Vector2<f64>, to: Vector2<f64>, inside: Vector2<f64>) -> Option<Self> {
+        let along = (to - from).try_normalize(0.0)?;
+        let across = Vector2::new(-along.y, along.x);
+        let outward = if across.dot(&(inside - from)) > 0.0 {
+            -across
+        } else {
+            across
+        };
+        Some(Self {
+            at: from,
+            normal: outward,
+        })
+    }
+
+    /// How far a point is beyond it, px; below 0 on the near side.
+    #[must_use]
+    pub fn beyond_px(&self, point: Vector2<f64>) -> f64 {
+        self.normal.dot(&(point - self.at))
+    }
+}
+
 /// The ball in the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outline {
@@ -51,18 +84,32 @@ pub struct Outline {
 pub struct PictureOf {
     camera: Camera,
     radius_m: f64,
+    floor: Plane,
     warps: Vec<Acting<dyn Warp>>,
 }
 
 impl PictureOf {
-    /// The camera of `scene`, with `warps` in their order.
+    /// The camera of `scene`, with `warps` in their order, before a level floor.
     #[must_use]
     pub fn new(scene: &Scene, warps: Vec<Acting<dyn Warp>>) -> Self {
         Self {
             camera: scene.camera.clone(),
             radius_m: scene.ball.radius_m,
+            floor: Plane::LEVEL,
             warps,
         }
+    }
+
+    /// The same before another floor.
+    #[must_use]
+    pub fn before(self, floor: Plane) -> Self {
+        Self { floor, ..self }
+    }
+
+    /// The floor.
+    #[must_use]
+    pub fn floor(&self) -> &Plane {
+        &self.floor
     }
 
     /// The camera.
@@ -91,10 +138,28 @@ impl PictureOf {
         near(centre.u_px, self.camera.width_px) && near(centre.v_px, self.camera.height_px)
     }
 
-    /// Row of the floor line, px; `None` in a top view.
+    /// The floor line, with the floor beyond it; `None` in a top view.
     #[must_use]
-    pub fn floor_row_px(&self) -> Option<f64> {
-        (self.camera.view == View::Side).then_some(self.camera.origin_px[1])
+    pub fn floor_line(&self) -> Option<Line> {
+        let camera = &self.camera;
+        let ideal = match camera.view {
+            View::Top => return None,
+            View::Side if self.floor.is_level() => Line {
+                at: Vector2::from(camera.origin_px),
+                normal: Vector2::y(),
+            },
+            View::Side => {
+                let origin_m = Vector3::new(0.0, camera.plane_offset_m, 0.0);
+                let along = seen(camera, &self.floor.out_of_frame(&Vector3::x()));
+                Line {
+                    at: ideal_pixel(camera, &origin_m),
+                    // Downhill of (right, down) turned by a quarter; never 0, as a camera is turned by less than that.
+                    normal: Vector2::new(along.y, along.x).normalize(),
+                }
+            }
+        };
+        let warped = |line: Line, warp: &Acting<dyn Warp>| warp.apply().warp_line(&line);
+        Some(self.warps.iter().fold(ideal, warped))
     }
 }
 
@@ -122,6 +187,13 @@ fn from_middle(camera: &Camera, point_m: &Vector3<f64>) -> Vector3<f64> {
 pub fn axis_m(camera: &Camera) -> Vector2<f64> {
     let from_origin = axis_px(camera) - Vector2::from(camera.origin_px);
     Vector2::new(from_origin.x, -from_origin.y) * camera.metres_per_pixel
+}
+
+/// What a camera rolled by `roll_rad` about its axis does to directions (right, down) of the picture.
+#[must_use]
+pub fn rolled(roll_rad: f64) -> Matrix2<f64> {
+    let (sin, cos) = roll_rad.sin_cos();
+    Matrix2::new(cos, -sin, sin, cos)
 }
 
 /// A vector (right, up, towards the camera) as the turned camera sees it.

@@ -1,11 +1,16 @@
 //! Where the ball is at any time: the exact parabola, or a numerical flight where forces beyond gravity act; impacts
-//! at the roots of z = R between them.
+//! where the centre is R from the floor between them.
 //!
 //! # Parabola
 //!
 //! z(t) = z_0 + v_z t − g t²/2 meets the floor at height h below its start after t = (v_z + d)/g for v_z ≥ 0,
 //! t = 2 h / (d − v_z) otherwise, with d = sqrt(v_z² + 2 g h): neither subtracts nearly equal numbers. It lands with
-//! exactly −d.
+//! exactly −d. Over a sloping floor the same holds along its normal, with g cos s ([`Plane`]).
+//!
+//! # Bench
+//!
+//! Where the ball is seen on a bench, t = 0 is the beginning of that: at constant height and speed until it is launched from
+//! x = 0.
 //!
 //! # Forces
 //!
@@ -16,9 +21,9 @@
 //! # Piling up
 //!
 //! A ball with e < 1 bounces infinitely often in finite time (Zeno). A hop shorter than [`SHORTEST_HOP_S`], 12 nm
-//! high, is no longer followed: the ball stays on the floor and keeps its horizontal velocity.
+//! high, is no longer followed: the ball stays on the floor and keeps its horizontal velocity; on a slope it rolls downhill.
 
-use super::effects::{Acting, ContactLaw, Dip, Force, Loads};
+use super::effects::{Acting, ContactLaw, Dip, Force, Loads, Plane};
 use super::scene::{Scene, SceneError};
 use crate::models::{Motion, Regime};
 use nalgebra::{Vector3, Vector6};
@@ -41,7 +46,7 @@ const LONGEST_NODE_S: f64 = 2e-3;
 pub struct Impact {
     /// When the ball touches, s.
     pub time_s: f64,
-    /// Its centre then, m; z = R.
+    /// Its centre then, m; R from the floor.
     pub place_m: Vector3<f64>,
     /// Just before.
     pub incident: Motion,
@@ -62,9 +67,11 @@ pub struct State {
     pub velocity_m_s: Vector3<f64>,
 }
 
-/// The whole way of the ball, from the launch at t = 0 on.
+/// The whole way of the ball from t = 0 on: the launch, or the beginning of what is seen of the bench.
 #[derive(Debug, Clone)]
 pub struct Trajectory {
+    floor: Plane,
+    launch_s: f64,
     phases: Vec<Phase>,
     impacts: Vec<Impact>,
     end_s: f64,
@@ -79,10 +86,22 @@ struct Phase {
 
 #[derive(Debug, Clone)]
 enum Path {
-    Parabola { gravity_m_s2: f64 },
-    Nodes { step_s: f64, nodes: Vec<Node> },
-    Contact(Dip),
-    Resting,
+    Parabola {
+        gravity_m_s2: f64,
+    },
+    Nodes {
+        step_s: f64,
+        nodes: Vec<Node>,
+    },
+    /// In the floor's frame.
+    Contact {
+        dip: Dip,
+        floor: Plane,
+    },
+    /// On the bench or on the floor, with this acceleration, m/s².
+    Held {
+        along: Vector3<f64>,
+    },
 }
 
 /// Position, velocity and acceleration at a time.
@@ -100,6 +119,10 @@ pub struct Acts {
     pub forces: Vec<Acting<dyn Force>>,
     /// At the impact.
     pub contact: Option<Acting<dyn ContactLaw>>,
+    /// How long the ball is seen on a bench before the launch, s.
+    pub bench_s: Option<Acting<f64>>,
+    /// The floor, where it is not level.
+    pub floor: Option<Acting<Plane>>,
 }
 
 /// How a flight with forces is integrated.
@@ -138,6 +161,7 @@ impl Trajectory {
         let follower = Follower {
             scene,
             acts,
+            floor: acts.floor.as_ref().map_or(Plane::LEVEL, |f| *f.apply()),
             integration,
             phases: Vec::new(),
             impacts: Vec::new(),
@@ -157,12 +181,34 @@ impl Trajectory {
         self.end_s
     }
 
-    /// Position and velocity at `time_s`; before the launch the launch's parabola is continued backwards.
+    /// When the ball is launched, s: 0 where it is not seen on a bench before.
+    #[must_use]
+    pub fn launch_s(&self) -> f64 {
+        self.launch_s
+    }
+
+    /// The floor on which it bounces.
+    #[must_use]
+    pub fn floor(&self) -> &Plane {
+        &self.floor
+    }
+
+    /// Whether the ball lies or rolls at `time_s`, on the bench or on the floor.
+    #[must_use]
+    pub fn is_held(&self, time_s: f64) -> bool {
+        matches!(self.phase(time_s).path, Path::Held { .. })
+    }
+
+    /// Position and velocity at `time_s`; before t = 0 the first phase, parabola or bench, is continued backwards.
     #[must_use]
     pub fn state(&self, time_s: f64) -> State {
+        self.phase(time_s).state(time_s)
+    }
+
+    fn phase(&self, time_s: f64) -> &Phase {
         let after = self.phases.partition_point(|p| p.start_s <= time_s);
         // There is always a first phase: `Follower::run` starts with one.
-        self.phases[after.saturating_sub(1)].state(time_s)
+        &self.phases[after.saturating_sub(1)]
     }
 
     /// Where the path has kinks between `from_s` and `to_s`: impacts and the ends of contacts, s.
@@ -179,13 +225,13 @@ impl Phase {
     fn state(&self, time_s: f64) -> State {
         let t = time_s - self.start_s;
         match &self.path {
-            Path::Parabola { gravity_m_s2 } => fall(&self.start, *gravity_m_s2, t),
-            Path::Resting => fall(&self.start, 0.0, t),
-            Path::Contact(dip) => {
+            Path::Parabola { gravity_m_s2 } => fall(&self.start, &down(*gravity_m_s2), t),
+            Path::Held { along } => fall(&self.start, &-along, t),
+            Path::Contact { dip, floor } => {
                 let (offset_m, velocity_m_s) = dip.at(t);
                 State {
-                    position_m: self.start.position_m + offset_m,
-                    velocity_m_s,
+                    position_m: self.start.position_m + floor.out_of_frame(&offset_m),
+                    velocity_m_s: floor.out_of_frame(&velocity_m_s),
                 }
             }
             Path::Nodes { step_s, nodes } => {
@@ -202,8 +248,12 @@ impl Phase {
     }
 }
 
-fn fall(start: &State, gravity_m_s2: f64, t: f64) -> State {
-    let down = Vector3::new(0.0, 0.0, gravity_m_s2);
+fn down(gravity_m_s2: f64) -> Vector3<f64> {
+    Vector3::new(0.0, 0.0, gravity_m_s2)
+}
+
+/// With the constant acceleration −`down`, m/s².
+fn fall(start: &State, down: &Vector3<f64>, t: f64) -> State {
     State {
         position_m: start.position_m + start.velocity_m_s * t - down * (0.5 * t * t),
         velocity_m_s: start.velocity_m_s - down * t,
@@ -236,6 +286,7 @@ fn quintic(from: &Node, to: &Node, step: f64, t: f64) -> State {
 struct Follower<'a> {
     scene: &'a Scene,
     acts: &'a Acts,
+    floor: Plane,
     integration: Integration,
     phases: Vec<Phase>,
     impacts: Vec<Impact>,
@@ -256,6 +307,15 @@ impl Follower<'_> {
             position_m: Vector3::new(0.0, 0.0, launch.drop_height_m + self.scene.ball.radius_m),
             velocity_m_s: Vector3::new(launch.speed_m_s, 0.0, launch.rise_speed_m_s),
         };
+        if let Some(bench_s) = &self.acts.bench_s {
+            let bench_s = *bench_s.apply();
+            let mut start = state;
+            start.position_m.x = -launch.speed_m_s * bench_s;
+            let along = Vector3::zeros();
+            self.push(time_s, start, Path::Held { along });
+            time_s = bench_s;
+        }
+        let launch_s = time_s;
         let mut rest_s = None;
         // Bounded: every turn takes at least SHORTEST_HOP_S, or is the last.
         while !self.is_complete(time_s) {
@@ -274,6 +334,8 @@ impl Follower<'_> {
         }
         let stopped_s = self.last_counted_s().or(rest_s).unwrap_or(time_s);
         Ok(Trajectory {
+            floor: self.floor,
+            launch_s,
             end_s: stopped_s + self.scene.stop.tail_s,
             phases: self.phases,
             impacts: self.impacts,
@@ -300,8 +362,12 @@ impl Follower<'_> {
     /// The path of a flight that starts at `start`, and how it ends; `None` where the hop is too short to follow.
     fn fly(&self, start: &State, spin: Vector3<f64>) -> Result<Option<(Path, Landing)>, SceneError> {
         let g = self.scene.gravity_m_s2;
-        let height_m = (start.position_m.z - self.scene.ball.radius_m).max(0.0);
-        let (flight_s, landing_speed) = time_to_floor(height_m, start.velocity_m_s.z, g);
+        let (place_m, rise_m_s) = (
+            self.floor.along_normal(&start.position_m),
+            self.floor.along_normal(&start.velocity_m_s),
+        );
+        let height_m = (place_m - self.scene.ball.radius_m).max(0.0);
+        let (flight_s, landing_speed) = time_to_floor(height_m, rise_m_s, self.floor.gravity_towards(g));
         if flight_s < SHORTEST_HOP_S {
             return Ok(None);
         }
@@ -311,9 +377,13 @@ impl Follower<'_> {
         if flight_s > LONGEST_FLIGHT_S {
             return Err(never_lands(&format!("it would fly for {flight_s:.3e} s")));
         }
-        let mut state = fall(start, g, flight_s);
-        state.position_m.z = self.scene.ball.radius_m;
-        state.velocity_m_s.z = -landing_speed;
+        let reached = fall(start, &down(g), flight_s);
+        let state = State {
+            position_m: self
+                .floor
+                .with_normal(&reached.position_m, self.scene.ball.radius_m),
+            velocity_m_s: self.floor.with_normal(&reached.velocity_m_s, -landing_speed),
+        };
         Ok(Some((
             Path::Parabola { gravity_m_s2: g },
             Landing { flight_s, state },
@@ -330,6 +400,7 @@ impl Follower<'_> {
             scene: self.scene,
             forces: &self.acts.forces,
             spin,
+            floor: self.floor,
             integration: self.integration,
         };
         let step_s = (parabola_s / NODES_PER_HOP).min(LONGEST_NODE_S);
@@ -337,14 +408,15 @@ impl Follower<'_> {
         let mut horizon_s = 1.5 * parabola_s;
         loop {
             let nodes = equations.integrate(start, step_s, horizon_s)?;
-            match find_landing(&nodes, step_s, self.scene.ball.radius_m) {
+            match find_landing(&nodes, step_s, &self.floor, self.scene.ball.radius_m) {
                 Found::Landing(landing) => return Ok(Some((Path::Nodes { step_s, nodes }, landing))),
                 Found::Graze => return Ok(None),
                 Found::StillFlying if horizon_s < LONGEST_FLIGHT_S => {
                     horizon_s = (2.0 * horizon_s).min(LONGEST_FLIGHT_S);
                 }
                 Found::StillFlying => {
-                    let height_m = nodes.last().map_or(0.0, |n| n.position.z) - self.scene.ball.radius_m;
+                    let place_m = nodes.last().map_or(0.0, |n| self.floor.along_normal(&n.position));
+                    let height_m = place_m - self.scene.ball.radius_m;
                     return Err(never_lands(&format!(
                         "after {LONGEST_FLIGHT_S:.0} s it is {height_m:.3} m above the floor"
                     )));
@@ -358,10 +430,9 @@ impl Follower<'_> {
             velocity_m_s: landed.velocity_m_s,
             surface_spin_m_s: spin,
         };
-        let (rebound, regime) = self
-            .scene
-            .contact
-            .impact(&incident, self.scene.ball.inertia_factor);
+        let (rebound, regime) =
+            self.floor
+                .impact(&self.scene.contact, &incident, self.scene.ball.inertia_factor);
         Impact {
             time_s,
             place_m: landed.position_m,
@@ -378,15 +449,21 @@ impl Follower<'_> {
             position_m: impact.place_m,
             velocity_m_s: impact.rebound.velocity_m_s,
         };
+        let (incident, rebound) = (
+            self.floor.motion_in_frame(&impact.incident),
+            self.floor.motion_in_frame(&impact.rebound),
+        );
         let dip = self
             .acts
             .contact
             .as_ref()
-            .and_then(|law| law.apply().dip(&impact.incident, &impact.rebound));
+            .and_then(|law| law.apply().dip(&incident, &rebound));
         if let Some(dip) = dip {
             impact.contact_s = dip.duration_s();
-            leaving.position_m += dip.at(impact.contact_s).0;
-            leaving.position_m.z = self.scene.ball.radius_m;
+            leaving.position_m += self.floor.out_of_frame(&dip.at(impact.contact_s).0);
+            leaving.position_m = self
+                .floor
+                .with_normal(&leaving.position_m, self.scene.ball.radius_m);
             let touching = State {
                 velocity_m_s: impact.incident.velocity_m_s,
                 ..leaving
@@ -397,18 +474,28 @@ impl Follower<'_> {
                     position_m: impact.place_m,
                     ..touching
                 },
-                Path::Contact(dip),
+                Path::Contact {
+                    dip,
+                    floor: self.floor,
+                },
             );
         }
         self.impacts.push(impact);
         (impact.time_s + impact.contact_s, leaving)
     }
 
-    /// The ball stays on the floor and keeps its horizontal velocity: rolling friction is not modelled.
-    fn lie_down(&mut self, start_s: f64, mut state: State) {
-        state.position_m.z = self.scene.ball.radius_m;
-        state.velocity_m_s.z = 0.0;
-        self.push(start_s, state, Path::Resting);
+    /// The ball stays on the floor and keeps its velocity along it, but for what a slope adds: rolling friction is not modelled.
+    fn lie_down(&mut self, start_s: f64, state: State) {
+        let lying = State {
+            position_m: self
+                .floor
+                .with_normal(&state.position_m, self.scene.ball.radius_m),
+            velocity_m_s: self.floor.with_normal(&state.velocity_m_s, 0.0),
+        };
+        let along = self
+            .floor
+            .rolling_acceleration(self.scene.gravity_m_s2, self.scene.ball.inertia_factor);
+        self.push(start_s, lying, Path::Held { along });
     }
 }
 
@@ -436,6 +523,7 @@ struct Equations<'a> {
     scene: &'a Scene,
     forces: &'a [Acting<dyn Force>],
     spin: Vector3<f64>,
+    floor: Plane,
     integration: Integration,
 }
 
@@ -530,7 +618,9 @@ impl System<f64, Vector6<f64>> for Equations<'_> {
     }
 
     fn solout(&mut self, _time_s: f64, y: &Vector6<f64>, _rates: &Vector6<f64>) -> bool {
-        y[2] < self.scene.ball.radius_m && y[5] < 0.0
+        let (position_m, velocity_m_s) = split(y);
+        self.floor.along_normal(&position_m) < self.scene.ball.radius_m
+            && self.floor.along_normal(&velocity_m_s) < 0.0
     }
 }
 
@@ -549,12 +639,17 @@ enum Found {
     StillFlying,
 }
 
-/// The first time the ball's centre comes down to `floor_m`.
-fn find_landing(nodes: &[Node], step_s: f64, floor_m: f64) -> Found {
-    let Some(below) = nodes.iter().skip(1).position(|n| n.position.z < floor_m) else {
+/// Share of the radius that turning a place into a sloping floor's frame and back may cost.
+const TURNED: f64 = 1e-12;
+
+/// The first time the ball's centre comes down to `radius_m` from `floor`.
+fn find_landing(nodes: &[Node], step_s: f64, floor: &Plane, radius_m: f64) -> Found {
+    let above_m = |place_m: &Vector3<f64>| floor.along_normal(place_m) - radius_m;
+    let Some(below) = nodes.iter().skip(1).position(|n| above_m(&n.position) < 0.0) else {
         return Found::StillFlying;
     };
-    if below == 0 && nodes[0].position.z <= floor_m {
+    let touching_m = if floor.is_level() { 0.0 } else { TURNED * radius_m };
+    if below == 0 && above_m(&nodes[0].position) <= touching_m {
         return Found::Graze;
     }
     let at = |t: f64| quintic(&nodes[below], &nodes[below + 1], step_s, t);
@@ -562,14 +657,14 @@ fn find_landing(nodes: &[Node], step_s: f64, floor_m: f64) -> Found {
     let (mut above_s, mut below_s) = (0.0, step_s);
     for _ in 0..60 {
         let middle = 0.5 * (above_s + below_s);
-        if at(middle).position_m.z >= floor_m {
+        if above_m(&at(middle).position_m) >= 0.0 {
             above_s = middle;
         } else {
             below_s = middle;
         }
     }
     let mut state = at(above_s);
-    state.position_m.z = floor_m;
+    state.position_m = floor.with_normal(&state.position_m, radius_m);
     Found::Landing(Landing {
         flight_s: below as f64 * step_s + above_s,
         state,

@@ -39,7 +39,10 @@ impl Recording {
     /// # Errors
     /// [`SceneError::NeverLands`], [`SceneError::NeverSeen`], or a recording of more than [`MOST_FRAMES`] frames.
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
-        check_length(scene, &Trajectory::new(scene, &flight::Acts::default())?)?;
+        check_length(
+            scene,
+            &Trajectory::new(scene, &effects::Chosen::of_the_ideal(scene).acts)?,
+        )?;
         let ideal = Ideal::new(scene)?;
         let (decisions, mut chosen) = effects::decide(scene, &scene.effects, &ideal);
         let trajectory = Trajectory::new(scene, &chosen.acts)?;
@@ -48,9 +51,9 @@ impl Recording {
         let recording = Self {
             scene: scene.clone(),
             decisions,
-            trajectory,
             lossy_crf: chosen.lossy_crf.as_ref().map(|crf| *crf.apply()),
-            renderer: Renderer::new(scene, chosen),
+            renderer: Renderer::new(scene, chosen, *trajectory.floor()),
+            trajectory,
         };
         check_length(scene, &recording.trajectory)?;
         recording.check_seen()?;
@@ -152,7 +155,7 @@ impl Recording {
 /// The longest recording, frames.
 pub const MOST_FRAMES: f64 = 200_000.0;
 
-/// Times of all frames: from the launch to the recording's end.
+/// Times of all frames: from the launch, or from where the bench is first seen, to the recording's end.
 fn frame_times_s(scene: &Scene, trajectory: &Trajectory) -> impl ExactSizeIterator<Item = f64> + use<> {
     let rate_hz = scene.camera.frame_rate_hz;
     // Finite and not negative: the cast saturates where a recording is far too long, which `check_length` refuses.

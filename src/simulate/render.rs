@@ -8,15 +8,20 @@
 //! 3. each pixel sums the cells with the weight of box ∗ Gaussian at their centres. Cells of side h stand for a blur of
 //!    variance h²/12 themselves, which the Gaussian's variance is reduced by; what remains is of fourth order in h.
 //!
+//! A camera that is shaken shifts the whole picture: what was computed for a point is then seen beside it, and the backdrop
+//! is computed anew at the points that the pixels see.
+//!
 //! Then light, flicker, noise and rounding. Noise has a stream of its own for each frame, so that frames do not depend
 //! on the order in which they are made.
 
-use super::camera::{Ellipse, Outline, PictureOf};
+use super::camera::{Ellipse, Line, Outline, PictureOf};
 use super::coverage::Cover;
-use super::effects::{Acting, Chosen, Lamp, Layer, Light, Moment, Noise, Surface, Texture};
+use super::effects::{
+    Acting, Chosen, Fixture, Lamp, Layer, Light, Moment, Noise, Plane, Shake, Surface, Texture,
+};
 use super::flight::Trajectory;
 use super::quadrature::gauss_legendre;
-use super::scene::{Scene, View};
+use super::scene::Scene;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use nalgebra::{Vector2, Vector3};
@@ -31,49 +36,68 @@ pub struct Backdrop {
     height: usize,
     /// Grey by row and column, before light and flicker.
     grey: Vec<f32>,
-    /// Factor of uneven light.
-    gain: Option<Vec<f32>>,
-    /// Row of the floor line, px; `None` in a top view.
-    pub floor_row_px: Option<f64>,
+    /// The floor line of a camera that is not shaken; `None` in a top view.
+    pub floor_line: Option<Line>,
+}
+
+/// A thing before the background: its grey and the edges between which it is.
+struct Standing {
+    grey: f64,
+    sides: Vec<Line>,
 }
 
 impl Backdrop {
-    fn new(
-        scene: &Scene,
-        textures: &[Acting<dyn Texture>],
-        lights: &[Acting<dyn Light>],
-        blur_px: f64,
-    ) -> Self {
-        let (width, height) = (scene.camera.width_px, scene.camera.height_px);
-        let floor_row_px = (scene.camera.view == View::Side).then_some(scene.camera.origin_px[1]);
-        let points = move || {
-            (0..height).flat_map(move |v| (0..width).map(move |u| PixelPoint::new(u as f64, v as f64)))
-        };
-        let look = &scene.look;
-        let plain = |v_px: f64| match floor_row_px {
-            // The share of the pixel's row below the floor line, softened by the blur.
-            Some(row) => {
-                let below = step(v_px - row, blur_px);
-                look.background_grey + (look.floor_grey - look.background_grey) * below
-            }
-            None => look.floor_grey,
-        };
-        let grey = points()
-            .map(|p| (plain(p.v_px) + textures.iter().map(|t| t.apply().grey(p)).sum::<f64>()) as f32)
+    /// As seen by a camera whose picture is shifted by `shift_px`.
+    fn new(renderer: &Renderer, shift_px: Vector2<f64>) -> Self {
+        let (scene, picture) = (&renderer.scene, &renderer.picture);
+        let blur_px = renderer.blur_px.as_ref().map_or(0.0, |b| *b.apply());
+        let floor_line = picture.floor_line();
+        let standing: Vec<Standing> = renderer
+            .fixtures
+            .iter()
+            .map(|f| Standing {
+                grey: f.apply().grey(),
+                sides: f.apply().sides(picture),
+            })
             .collect();
-        let gain = (!lights.is_empty()).then(|| {
-            points()
-                .map(|p| lights.iter().map(|l| l.apply().gain(p)).product::<f64>() as f32)
-                .collect()
-        });
+        let look = &scene.look;
+        let plain = |p: Vector2<f64>| {
+            // The share of the pixel below the floor line, softened by the blur.
+            let below = floor_line.map_or(1.0, |line| step(line.beyond_px(p), blur_px));
+            let mut grey = match floor_line {
+                Some(_) => look.background_grey + (look.floor_grey - look.background_grey) * below,
+                None => look.floor_grey,
+            };
+            for thing in &standing {
+                let share = (thing.sides.iter())
+                    .map(|side| step(-side.beyond_px(p), blur_px))
+                    .product::<f64>()
+                    * (1.0 - below);
+                grey += (thing.grey - grey) * share;
+            }
+            grey
+        };
+        let grey = pixels(scene)
+            .map(|p| {
+                let at = Vector2::new(p.u_px, p.v_px) - shift_px;
+                let seen = PixelPoint::new(at.x, at.y);
+                let texture: f64 = renderer.textures.iter().map(|t| t.apply().grey(seen)).sum();
+                (plain(at) + texture) as f32
+            })
+            .collect();
         Self {
-            width,
-            height,
+            width: scene.camera.width_px,
+            height: scene.camera.height_px,
             grey,
-            gain,
-            floor_row_px,
+            floor_line,
         }
     }
+}
+
+/// The centres of all pixels, row by row.
+fn pixels(scene: &Scene) -> impl Iterator<Item = PixelPoint> + use<> {
+    let (width, height) = (scene.camera.width_px, scene.camera.height_px);
+    (0..height).flat_map(move |v| (0..width).map(move |u| PixelPoint::new(u as f64, v as f64)))
 }
 
 /// Share of a unit interval around `x` that is above 0, blurred by a Gaussian of deviation `sigma`.
@@ -180,12 +204,17 @@ pub struct Renderer {
     readout_s: Option<Acting<f64>>,
     blur_px: Option<Acting<f64>>,
     surface: Option<Acting<dyn Surface>>,
+    fixtures: Vec<Acting<dyn Fixture>>,
+    shakes: Vec<Acting<dyn Shake>>,
     textures: Vec<Acting<dyn Texture>>,
     layers: Vec<Acting<dyn Layer>>,
     lights: Vec<Acting<dyn Light>>,
     lamps: Vec<Acting<dyn Lamp>>,
     noises: Vec<Acting<dyn Noise>>,
+    /// Of a camera at rest.
     backdrop: OnceLock<Backdrop>,
+    /// Factor of uneven light on each pixel.
+    gain: OnceLock<Vec<f32>>,
     cells: usize,
 }
 
@@ -204,9 +233,9 @@ const FINEST_GRAIN_PX: f64 = 0.25;
 const MOST_NODES_A_RULE: usize = 24;
 
 impl Renderer {
-    /// For `scene` with the effects of `chosen`, whose flight has been used up.
+    /// For `scene` with the effects of `chosen`, whose flight has been used up, before `floor`.
     #[must_use]
-    pub fn new(scene: &Scene, chosen: Chosen) -> Self {
+    pub fn new(scene: &Scene, chosen: Chosen, floor: Plane) -> Self {
         let blur_px = chosen.blur_px.as_ref().map_or(0.0, |b| *b.apply());
         let cells = if blur_px > 0.0 {
             ((CELLS_PER_BLUR / blur_px).ceil() as usize).clamp(FEWEST_CELLS, MOST_CELLS)
@@ -215,18 +244,21 @@ impl Renderer {
         };
         Self {
             scene: scene.clone(),
-            picture: PictureOf::new(scene, chosen.warps),
+            picture: PictureOf::new(scene, chosen.warps).before(floor),
             flat: Flat(scene.look.ball_grey),
             exposure_s: chosen.exposure_s,
             readout_s: chosen.readout_s,
             blur_px: chosen.blur_px,
             surface: chosen.surface,
+            fixtures: chosen.fixtures,
+            shakes: chosen.shakes,
             textures: chosen.textures,
             layers: chosen.layers,
             lights: chosen.lights,
             lamps: chosen.lamps,
             noises: chosen.noises,
             backdrop: OnceLock::new(),
+            gain: OnceLock::new(),
             cells,
         }
     }
@@ -245,6 +277,15 @@ impl Renderer {
         })
     }
 
+    /// How far the whole picture is shifted (right, down) in the frame at `time_s`, px.
+    #[must_use]
+    pub fn shift_px(&self, trajectory: &Trajectory, time_s: f64) -> Vector2<f64> {
+        self.shakes
+            .iter()
+            .map(|s| s.apply().shift_px(trajectory, time_s))
+            .sum()
+    }
+
     /// The frame with number `index`.
     #[must_use]
     pub fn frame(&self, trajectory: &Trajectory, index: usize) -> Luma {
@@ -260,13 +301,23 @@ impl Renderer {
         let time_s = index as f64 / self.scene.camera.frame_rate_hz;
         let exposure_s = self.exposure_s.as_ref().map_or(0.0, |e| *e.apply());
         let blur_px = self.blur_px.as_ref().map_or(0.0, |b| *b.apply());
-        let backdrop = self
-            .backdrop
-            .get_or_init(|| Backdrop::new(&self.scene, &self.textures, &self.lights, blur_px));
+        let shift_px = self.shift_px(trajectory, time_s);
+        let shifted;
+        let backdrop = if shift_px == Vector2::zeros() {
+            self.backdrop
+                .get_or_init(|| Backdrop::new(self, Vector2::zeros()))
+        } else {
+            shifted = Backdrop::new(self, shift_px);
+            &shifted
+        };
         let mut grey = backdrop.grey.clone();
-        let nodes = self.exposure_nodes(trajectory, time_s, exposure_s, blur_px);
-        self.add_ball(trajectory, &nodes, blur_px, backdrop, &mut grey);
-        if let Some(gain) = &backdrop.gain {
+        let exposure = Exposure {
+            nodes: self.exposure_nodes(trajectory, time_s, exposure_s, blur_px, shift_px),
+            shift_px,
+        };
+        self.add_ball(trajectory, &exposure, blur_px, backdrop, &mut grey);
+        if !self.lights.is_empty() {
+            let gain = self.gain.get_or_init(|| self.gains());
             grey.iter_mut().zip(gain).for_each(|(g, factor)| *g *= factor);
         }
         if !self.lamps.is_empty() {
@@ -280,6 +331,13 @@ impl Renderer {
         grey
     }
 
+    /// The factor of uneven light on each pixel.
+    fn gains(&self) -> Vec<f32> {
+        pixels(&self.scene)
+            .map(|p| self.lights.iter().map(|l| l.apply().gain(p)).product::<f64>() as f32)
+            .collect()
+    }
+
     /// Times and weights of an exposure around `time_s`: dense enough for the way the ball goes meanwhile, and split where
     /// that has a kink.
     fn exposure_nodes(
@@ -288,13 +346,14 @@ impl Renderer {
         time_s: f64,
         exposure_s: f64,
         blur_px: f64,
+        shift_px: Vector2<f64>,
     ) -> Vec<(f64, f64)> {
         if exposure_s == 0.0 {
             return vec![(time_s, 1.0)];
         }
         let (from_s, to_s) = (time_s - 0.5 * exposure_s, time_s + 0.5 * exposure_s);
         // Rows of a rolling shutter share the split of the row in which the ball is.
-        let row_px = self.outline(trajectory, time_s).ellipse.centre.y;
+        let row_px = self.outline(trajectory, time_s).ellipse.centre.y + shift_px.y;
         let delay_s = self.row_delay_s(row_px);
         let mut ends: Vec<f64> = vec![from_s];
         ends.extend(
@@ -343,22 +402,25 @@ impl Renderer {
         }
     }
 
-    /// Adds what the ball changes in the exposure given by `nodes`.
+    /// Adds what the ball changes in an exposure.
     fn add_ball(
         &self,
         trajectory: &Trajectory,
-        nodes: &[(f64, f64)],
+        exposure: &Exposure,
         blur_px: f64,
         backdrop: &Backdrop,
         grey: &mut [f32],
     ) {
-        let Some(field) = self.field(trajectory, nodes, blur_px, backdrop) else {
+        let Some(field) = self.field(trajectory, exposure, blur_px, backdrop) else {
             return;
         };
-        let mut patch = field.patch(backdrop, self.cells);
+        // On the points that the pixels see, so that the ball and what it does to the picture are where they would be without
+        // a shift.
+        let shift_px = exposure.shift_px;
+        let mut patch = field.patch(backdrop, self.cells, shift_px);
         let empty = patch.grey.clone();
         let mut change = vec![0.0_f32; empty.len()];
-        for (time_s, weight) in nodes {
+        for (time_s, weight) in &exposure.nodes {
             let (low, high) = self.extent(trajectory, *time_s);
             let (columns, rows) = patch.window(low, high);
             for row in rows.clone() {
@@ -367,7 +429,7 @@ impl Renderer {
             }
             if self.readout_s.is_some() {
                 for row in rows.clone() {
-                    let at_s = time_s + self.row_delay_s(patch.row_px(row));
+                    let at_s = time_s + self.row_delay_s(patch.row_px(row) + shift_px.y);
                     self.paint(&self.moment(trajectory, at_s), backdrop, &mut patch, row..row + 1);
                 }
             } else {
@@ -404,21 +466,22 @@ impl Renderer {
     fn field(
         &self,
         trajectory: &Trajectory,
-        nodes: &[(f64, f64)],
+        exposure: &Exposure,
         blur_px: f64,
         backdrop: &Backdrop,
     ) -> Option<Field> {
         let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
-        for (time_s, _) in nodes {
+        for (time_s, _) in &exposure.nodes {
             let (least, most) = self.extent(trajectory, *time_s);
             low = low.inf(&least);
             high = high.sup(&most);
         }
         let margin = (BLUR_REACH * blur_px + 0.5).ceil() + 1.0;
-        Field::new(low, high, margin, backdrop)
+        let shift_px = exposure.shift_px;
+        Field::new(low + shift_px, high + shift_px, margin, backdrop)
     }
 
-    /// Smallest and largest corner of what the ball changes at a time, px.
+    /// Smallest and largest corner of what the ball changes at a time, in a picture that is not shifted, px.
     fn extent(&self, trajectory: &Trajectory, time_s: f64) -> (Vector2<f64>, Vector2<f64>) {
         let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
         // With a rolling shutter the ball's rows may have any time of the readout.
@@ -486,6 +549,14 @@ pub fn normal(unit: Vector2<f64>) -> Vector3<f64> {
     Vector3::new(unit.x, -unit.y, (1.0 - squared.min(1.0)).sqrt())
 }
 
+/// When a frame is exposed, and where its picture is meanwhile.
+struct Exposure {
+    /// Times (s) and weights.
+    nodes: Vec<(f64, f64)>,
+    /// How far the picture is shifted, px.
+    shift_px: Vector2<f64>,
+}
+
 /// The pixels that an exposure changes, with a margin of cells around them that blur carries into them.
 struct Field {
     /// First and one past the last pixel written.
@@ -510,11 +581,11 @@ impl Field {
         })
     }
 
-    /// The empty scene on the fine grid.
-    fn patch(&self, backdrop: &Backdrop, cells: usize) -> Patch {
+    /// The empty scene on the fine grid, by the points that a picture shifted by `shift_px` shows there.
+    fn patch(&self, backdrop: &Backdrop, cells: usize, shift_px: Vector2<f64>) -> Patch {
         let side = 1.0 / cells as f64;
         let corner = Vector2::new(self.columns.start as f64, self.rows.start as f64);
-        let first = corner - Vector2::repeat(self.margin as f64 + 0.5 - 0.5 * side);
+        let first = corner - Vector2::repeat(self.margin as f64 + 0.5 - 0.5 * side) - shift_px;
         // Beyond the picture its edge goes on.
         let pixels = |range: &Range<usize>, size: usize| -> Vec<usize> {
             let margin = self.margin;

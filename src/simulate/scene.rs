@@ -6,6 +6,7 @@ use super::reader::{
 };
 use crate::calibration::INERTIA;
 use crate::models::{Motion, Regime, e_e, grip_slide, mu_e};
+use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -106,6 +107,8 @@ pub struct Scene {
     pub ball: Ball,
     /// What the floor does to it.
     pub contact: Contact,
+    /// Where the floor is.
+    pub floor: Floor,
     /// How it starts.
     pub launch: Launch,
     /// What it flies through.
@@ -175,10 +178,17 @@ impl Contact {
     }
 }
 
-/// The launch, at t = 0 from x = 0, y = 0.
+/// The floor: a plane through x = 0, z = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Floor {
+    /// s, the angle by which it rises along +x, rad.
+    pub slope_rad: f64,
+}
+
+/// The launch from x = 0, y = 0: at t = 0, or after what is seen of the bench.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Launch {
-    /// Height of the ball's lowest point above the floor, m.
+    /// Height of the ball's lowest point above z = 0, m.
     pub drop_height_m: f64,
     /// u_o, along x, m/s.
     pub speed_m_s: f64,
@@ -186,6 +196,19 @@ pub struct Launch {
     pub spin_ratio: [f64; 3],
     /// Speed upwards, m/s.
     pub rise_speed_m_s: f64,
+    /// What it rolls along before, where that is seen.
+    pub bench: Option<Bench>,
+}
+
+/// A level bench along which the ball is seen to roll or slide at the launch speed until it leaves the edge at x = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bench {
+    /// How long it is seen there, s.
+    pub seen_s: f64,
+    /// Width of the track whose edges carry the ball, m; `None`: it rolls on a plane.
+    pub track_width_m: Option<f64>,
+    /// Grey of the bench in a side view; `None`: not drawn.
+    pub bench_grey: Option<f64>,
 }
 
 /// The air.
@@ -260,6 +283,11 @@ pub struct Camera {
     /// Angle by which the camera is turned about the picture's vertical from looking at the plane squarely, rad: above 0
     /// the right side of the plane is the nearer one. The point of the plane in the picture's middle stays there.
     pub tilt_rad: f64,
+    /// Angle by which the camera is rolled about its optical axis, rad: above 0 the world's "up" leans to the right in the
+    /// picture. Said of the picture without it: `origin_px`.
+    pub roll_rad: f64,
+    /// How it swings with the table after an impact.
+    pub bump: Option<Bump>,
     /// The lens.
     pub lens: Option<Lens>,
     /// From the exposure of the first row to that of the last, s; the middle row has the frame's time.
@@ -272,6 +300,17 @@ pub struct Camera {
     pub electrons_per_grey: Option<f64>,
     /// Storage.
     pub codec: Codec,
+}
+
+/// How table and camera swing after an impact: amplitude · sin(2π f t) exp(−t/τ).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bump {
+    /// Shift of the picture (right, down) after the first impact, px; after others by their speed along the floor's normal.
+    pub amplitude_px: Vector2<f64>,
+    /// f, Hz.
+    pub frequency_hz: f64,
+    /// τ, s.
+    pub decay_s: f64,
 }
 
 /// What the picture looks like.
@@ -350,6 +389,10 @@ impl EffectsChoice {
 /// Bounds that keep a scene renderable.
 const MOST_BOUNCES: u64 = 1000;
 const LONGEST_TAIL_S: f64 = 60.0;
+const LONGEST_BENCH_S: f64 = 60.0;
+const STEEPEST_FLOOR_DEG: f64 = 20.0;
+const LARGEST_ROLL_DEG: f64 = 45.0;
+const LARGEST_BUMP_PX: f64 = 500.0;
 const LARGEST_PICTURE_PX: f64 = 8192.0;
 const LARGEST_RADIUS_PX: f64 = 500.0;
 const LARGEST_BLUR_PX: f64 = 50.0;
@@ -381,6 +424,7 @@ impl Scene {
                 "gravity_m_s2",
                 "ball",
                 "contact",
+                "floor",
                 "launch",
                 "air",
                 "camera",
@@ -392,12 +436,15 @@ impl Scene {
             ],
         )?;
         check_schema(&root)?;
+        let gravity_m_s2 = root.number("gravity_m_s2", 9.81, POSITIVE)?;
+        let ball = read_ball(&root)?;
         let scene = Self {
             seed: root.whole("seed", 1, 0, u64::MAX)?,
-            gravity_m_s2: root.number("gravity_m_s2", 9.81, POSITIVE)?,
-            ball: read_ball(&root)?,
+            gravity_m_s2,
+            ball,
             contact: read_contact(&root)?,
-            launch: read_launch(&root)?,
+            floor: read_floor(&root)?,
+            launch: read_launch(&root, &ball, gravity_m_s2)?,
             air: read_air(&root)?,
             camera: read_camera(&root)?,
             look: read_look(&root)?,
@@ -416,8 +463,12 @@ impl Scene {
         if self.effects.of("contact_time") == Switch::Off {
             return Ok(());
         }
-        let squared =
-            self.launch.rise_speed_m_s.powi(2) + 2.0 * self.gravity_m_s2 * self.launch.drop_height_m;
+        // Along the floor's normal.
+        let (launch, floor) = (&self.launch, effects::Plane::sloping(self.floor.slope_rad));
+        let velocity_m_s = Vector3::new(launch.speed_m_s, 0.0, launch.rise_speed_m_s);
+        let fall_m = floor.clearance_m(0.0, launch.drop_height_m, self.ball.radius_m);
+        let squared = floor.along_normal(&velocity_m_s).powi(2)
+            + 2.0 * floor.gravity_towards(self.gravity_m_s2) * fall_m;
         let least_pa = 15.0 * self.ball.mass_kg * squared / (16.0 * self.ball.radius_m.powi(3));
         if self.ball.contact_modulus_pa > least_pa {
             return Ok(());
@@ -433,6 +484,32 @@ impl Scene {
         })
     }
 
+    /// That a sloping floor is below the ball at the launch and where it is first seen on its bench.
+    fn check_above_floor(&self) -> Result<(), SceneError> {
+        let floor = effects::Plane::sloping(self.floor.slope_rad);
+        let (launch, radius_m) = (&self.launch, self.ball.radius_m);
+        if floor.is_level() {
+            return Ok(());
+        }
+        let seen_s = launch.bench.map_or(0.0, |bench| bench.seen_s);
+        let lowest = |x_m: f64| floor.clearance_m(x_m, launch.drop_height_m, radius_m);
+        let gap_m = lowest(0.0).min(lowest(-launch.speed_m_s * seen_s));
+        if gap_m > 0.0 {
+            return Ok(());
+        }
+        let least_m = launch.drop_height_m - gap_m / self.floor.slope_rad.cos();
+        Err(SceneError::Invalid {
+            key: "launch.drop_height_m".into(),
+            found: format!(
+                "{}, in or on a floor that rises by {} degrees",
+                launch.drop_height_m,
+                self.floor.slope_rad.to_degrees()
+            ),
+            accepted: format!("above {least_m:.6}"),
+            hint: "raise it, or lower floor.slope_deg or launch.bench.seen_s".into(),
+        })
+    }
+
     /// What only several keys together can get wrong.
     fn check_together(&self) -> Result<(), SceneError> {
         if self.launch.drop_height_m == 0.0 && self.launch.rise_speed_m_s <= 0.0 {
@@ -443,6 +520,7 @@ impl Scene {
                 hint: "a ball that lies on the floor never lands on it".into(),
             });
         }
+        self.check_above_floor()?;
         let interval_s = 1.0 / self.camera.frame_rate_hz;
         let durations = [
             ("camera.exposure_s", self.camera.exposure_s),
@@ -610,16 +688,106 @@ fn read_mu_e(s: &Section<'_>) -> Result<Contact, SceneError> {
     }))
 }
 
-fn read_launch(root: &Section<'_>) -> Result<Launch, SceneError> {
+fn read_floor(root: &Section<'_>) -> Result<Floor, SceneError> {
+    let s = root.section("floor", &["slope_deg"])?;
+    let slope_deg = s.number(
+        "slope_deg",
+        0.0,
+        super::reader::Accept {
+            words: "a number from -20 to 20",
+            test: |x| (-STEEPEST_FLOOR_DEG..=STEEPEST_FLOOR_DEG).contains(&x),
+            hint: "0 is level; above 0 the floor rises along the launch",
+        },
+    )?;
+    Ok(Floor {
+        slope_rad: slope_deg.to_radians(),
+    })
+}
+
+fn read_launch(root: &Section<'_>, ball: &Ball, gravity_m_s2: f64) -> Result<Launch, SceneError> {
     let s = root.section(
         "launch",
-        &["drop_height_m", "speed_m_s", "spin_ratio", "rise_speed_m_s"],
+        &[
+            "drop_height_m",
+            "speed_m_s",
+            "spin_ratio",
+            "rise_speed_m_s",
+            "bench",
+        ],
     )?;
-    Ok(Launch {
+    let bench = read_bench(&s, ball.radius_m)?;
+    let rolling = bench.map_or(0.0, |bench| bench.rolling_ratio(ball.radius_m));
+    let launch = Launch {
         drop_height_m: s.number("drop_height_m", 0.10, NOT_NEGATIVE)?,
         speed_m_s: s.number("speed_m_s", 1.0, NOT_NEGATIVE)?,
-        spin_ratio: s.numbers("spin_ratio", [0.0; 3], ANY)?,
+        spin_ratio: s.numbers("spin_ratio", [0.0, rolling, 0.0], ANY)?,
         rise_speed_m_s: s.number("rise_speed_m_s", 0.0, ANY)?,
+        bench,
+    };
+    if bench.is_some() {
+        check_leaves_bench(&launch, ball.radius_m, gravity_m_s2)?;
+    }
+    Ok(launch)
+}
+
+impl Bench {
+    /// R ω_y / u_o of a ball of `radius_m` that rolls without slipping: on a track's edges it rolls on a smaller radius.
+    fn rolling_ratio(&self, radius_m: f64) -> f64 {
+        let half_share = self.track_width_m.unwrap_or(0.0) / (2.0 * radius_m);
+        1.0 / (1.0 - half_share * half_share).sqrt()
+    }
+}
+
+fn read_bench(launch: &Section<'_>, radius_m: f64) -> Result<Option<Bench>, SceneError> {
+    if launch.get("bench").is_none() {
+        return Ok(None);
+    }
+    let s = launch.section("bench", &["seen_s", "track_width_m", "bench_grey"])?;
+    let bench = Bench {
+        seen_s: s.number(
+            "seen_s",
+            0.15,
+            super::reader::Accept {
+                words: "a number above 0, at most 60",
+                test: |x| x > 0.0 && x <= LONGEST_BENCH_S,
+                hint: "give null for launch.bench where the ball is not seen before the launch",
+            },
+        )?,
+        track_width_m: s.optional_number("track_width_m", POSITIVE)?,
+        bench_grey: s.optional_number("bench_grey", GREY)?,
+    };
+    match bench.track_width_m {
+        Some(width_m) if width_m >= 2.0 * radius_m => Err(SceneError::Invalid {
+            key: s.name("track_width_m"),
+            found: width_m.to_string(),
+            accepted: format!("below the ball's diameter, {}", 2.0 * radius_m),
+            hint: "a wider track lets the ball through; give null for a plane bench".into(),
+        }),
+        _ => Ok(Some(bench)),
+    }
+}
+
+/// That a ball on a bench moves along it, and flies off its end: it presses on the edge with m (g − v²/R) else, and tips
+/// round it.
+fn check_leaves_bench(launch: &Launch, radius_m: f64, gravity_m_s2: f64) -> Result<(), SceneError> {
+    if launch.rise_speed_m_s != 0.0 {
+        return Err(SceneError::Invalid {
+            key: "launch.rise_speed_m_s".into(),
+            found: launch.rise_speed_m_s.to_string(),
+            accepted: "0 with a launch.bench, which is level".into(),
+            hint: "remove it, or give null for launch.bench".into(),
+        });
+    }
+    let speed_m_s = launch.speed_m_s;
+    let least_m_s = (gravity_m_s2 * radius_m).sqrt();
+    if speed_m_s > 0.0 && speed_m_s >= least_m_s {
+        return Ok(());
+    }
+    Err(SceneError::Invalid {
+        key: "launch.speed_m_s".into(),
+        found: format!("{speed_m_s}, so slow that the ball tips round the edge of launch.bench"),
+        accepted: format!("above sqrt(g R) = {least_m_s:.4}"),
+        hint: "raise it, or give null for launch.bench".into(),
     })
 }
 
@@ -644,6 +812,8 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
             "distance_m",
             "plane_offset_m",
             "tilt_deg",
+            "roll_deg",
+            "bump",
             "lens",
             "readout_s",
             "blur_px",
@@ -691,6 +861,18 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
                 },
             )?
             .to_radians(),
+        roll_rad: s
+            .number(
+                "roll_deg",
+                0.0,
+                super::reader::Accept {
+                    words: "a number from -45 to 45",
+                    test: |x| (-LARGEST_ROLL_DEG..=LARGEST_ROLL_DEG).contains(&x),
+                    hint: "0 has up upright in the picture; above 0 it leans to the right",
+                },
+            )?
+            .to_radians(),
+        bump: read_bump(&s)?,
         lens,
         readout_s: s.number("readout_s", 0.0, NOT_NEGATIVE)?,
         blur_px: s.number(
@@ -710,6 +892,29 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
             Codec::Lossless
         },
     })
+}
+
+fn read_bump(camera: &Section<'_>) -> Result<Option<Bump>, SceneError> {
+    const SHIFT: super::reader::Accept = super::reader::Accept {
+        words: "from -500 to 500",
+        test: |x| (-LARGEST_BUMP_PX..=LARGEST_BUMP_PX).contains(&x),
+        hint: "give [right, down] in px; tables swing by some 0.1 to 5 px",
+    };
+    if camera.get("bump").is_none() {
+        return Ok(None);
+    }
+    let s = camera.section("bump", &["amplitude_px", "frequency_hz", "decay_s"])?;
+    if s.get("amplitude_px").is_none() {
+        return Err(SceneError::Missing {
+            key: s.name("amplitude_px"),
+            accepted: format!("a list of 2 numbers, each {}", SHIFT.words),
+        });
+    }
+    Ok(Some(Bump {
+        amplitude_px: Vector2::from(s.numbers("amplitude_px", [0.0; 2], SHIFT)?),
+        frequency_hz: s.number("frequency_hz", 20.0, POSITIVE)?,
+        decay_s: s.number("decay_s", 0.015, POSITIVE)?,
+    }))
 }
 
 fn read_lens(camera: &Section<'_>) -> Result<Option<Lens>, SceneError> {

@@ -1,16 +1,20 @@
 //! `truth.json`: what a measurement of the recording should find.
 //!
 //! Conventions: frame i is exposed centred on t = i / frame_rate_hz (a rolling shutter's middle row); the clip begins at
-//! the launch, t = 0. Velocities are those of the centre just before and after an impact; an impact's time is the first
-//! touch. Angles are in the x-z plane, from the vertical, positive along the incident direction. `u_px`, `v_px` is the
-//! image of the ball's centre with all geometric effects (perspective, lens, rolling shutter); `x_m`, `y_m`, `z_m` its
+//! t = 0: the launch, or where the ball is first seen on its bench (`launch` then says when it leaves that). Velocities are those of the centre just before and after an impact; an impact's time is the first
+//! touch. Ratios, friction and angles refer to the floor's normal and
+//! tangent, velocities to x, y and z: over a level floor that is the same. Angles are in the x-z plane, from the normal,
+//! positive along the incident direction. `u_px`, `v_px` is the image of the ball's centre with all geometric effects
+//! (perspective, camera roll, lens, bump, rolling shutter); `x_m`, `y_m`, `z_m` its
 //! place in the world at the frame's time.
 
+use super::effects::Plane;
 use super::effects::{Decision, Unit};
 use super::flight::Impact;
 use super::{Recording, frame_times_s};
 use crate::geometry::PixelPoint;
 use crate::models::{Regime, azimuth_rad};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 /// The schema written.
@@ -23,6 +27,10 @@ pub struct Truth {
     pub schema: &'static str,
     /// One line for each effect.
     pub effects: Vec<EffectTruth>,
+    /// How the ball leaves the bench; `null` where it is not seen on one.
+    pub launch: Option<LaunchTruth>,
+    /// By how much the floor rises along +x, degrees.
+    pub floor_slope_deg: f64,
     /// The impacts within the recording.
     pub bounces: Vec<BounceTruth>,
     /// From the edge to the first impact, along x, m.
@@ -52,6 +60,21 @@ pub struct EffectTruth {
     pub reason: String,
 }
 
+/// The launch from a bench, with the keys of a result's launch as plain numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LaunchTruth {
+    /// When the ball's centre is above the edge, s.
+    pub time_s: f64,
+    /// u_o, m/s.
+    pub speed_m_s: f64,
+    /// How long it is seen on the bench before, s.
+    pub rolled_s: f64,
+    /// Where the edge is, m.
+    pub edge_x_m: f64,
+    /// Of the ball's lowest point above z = 0, m.
+    pub drop_height_m: f64,
+}
+
 /// Velocity and angle before or after an impact.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LegTruth {
@@ -61,7 +84,7 @@ pub struct LegTruth {
     pub vy_m_s: f64,
     /// Up, m/s.
     pub vz_m_s: f64,
-    /// In the x-z plane, from the vertical, positive along the incident direction, degrees.
+    /// In the x-z plane, from the floor's normal, positive along the incident direction, degrees.
     pub angle_deg: f64,
 }
 
@@ -81,9 +104,9 @@ pub struct BounceTruth {
     pub rebound: LegTruth,
     /// e.
     pub restitution: Option<f64>,
-    /// v_x after / v_x before.
+    /// v_t after / v_t before.
     pub tangential_ratio: Option<f64>,
-    /// |change of v_x| / (|v_z| (1 + e)).
+    /// |change of v_t| / (|v_n| (1 + e)).
     pub friction: Option<f64>,
     /// e_x.
     pub tangential_restitution: Option<f64>,
@@ -97,7 +120,7 @@ pub struct BounceTruth {
     pub regime: &'static str,
     /// How long ball and floor touched, s.
     pub contact_s: f64,
-    /// When the arcs before and after would meet in height, s: what a fit of two arcs finds. With a contact of τ it is
+    /// When the arcs before and after would meet in height above the floor, s: what a fit of two arcs finds. With a contact of τ it is
     /// (e v τ + g τ²/2) / ((1 + e) v + g τ) after the first touch.
     pub arcs_meet_s: f64,
 }
@@ -129,13 +152,16 @@ impl Truth {
     pub fn of(recording: &Recording) -> Self {
         let impacts = recording.trajectory().impacts();
         let end_s = recording.trajectory().end_s();
+        let floor = recording.trajectory().floor();
         Self {
             schema: SCHEMA,
             effects: recording.decisions().iter().map(effect).collect(),
+            launch: launch(recording),
+            floor_slope_deg: floor.slope_rad().to_degrees(),
             bounces: impacts
                 .iter()
                 .take_while(|i| i.time_s <= end_s)
-                .map(|i| bounce(i, recording.scene().gravity_m_s2))
+                .map(|i| bounce(i, floor, recording.scene().gravity_m_s2))
                 .collect(),
             x0_m: impacts.first().map(|i| i.place_m.x),
             x_m: impacts
@@ -159,33 +185,49 @@ fn effect(decision: &Decision) -> EffectTruth {
     }
 }
 
-fn bounce(impact: &Impact, gravity_m_s2: f64) -> BounceTruth {
-    let (before, after) = (impact.incident.velocity_m_s, impact.rebound.velocity_m_s);
+fn launch(recording: &Recording) -> Option<LaunchTruth> {
+    let launch = &recording.scene().launch;
+    let rolled_s = recording.trajectory().launch_s();
+    recording.uses("bench").then_some(LaunchTruth {
+        time_s: rolled_s,
+        speed_m_s: launch.speed_m_s,
+        rolled_s,
+        edge_x_m: 0.0,
+        drop_height_m: launch.drop_height_m,
+    })
+}
+
+fn bounce(impact: &Impact, floor: &Plane, gravity_m_s2: f64) -> BounceTruth {
+    let (incident, rebound) = (
+        floor.motion_in_frame(&impact.incident),
+        floor.motion_in_frame(&impact.rebound),
+    );
+    let (before, after) = (incident.velocity_m_s, rebound.velocity_m_s);
     let (spin_in, spin_out) = (
         impact.incident.surface_spin_m_s.y,
         impact.rebound.surface_spin_m_s.y,
     );
     let ratio = |a: f64, b: f64| Some(a / b).filter(|q| q.is_finite());
     let forward = if before.x < 0.0 { -1.0 } else { 1.0 };
-    let leg = |v: nalgebra::Vector3<f64>| LegTruth {
-        vx_m_s: v.x,
-        vy_m_s: v.y,
-        vz_m_s: v.z,
-        angle_deg: (forward * v.x).atan2(v.z.abs()).to_degrees(),
+    let leg = |world: Vector3<f64>, framed: Vector3<f64>| LegTruth {
+        vx_m_s: world.x,
+        vy_m_s: world.y,
+        vz_m_s: world.z,
+        angle_deg: (forward * framed.x).atan2(framed.z.abs()).to_degrees(),
     };
     BounceTruth {
         time_s: impact.time_s,
         x_m: impact.place_m.x,
         y_m: impact.place_m.y,
-        incident: leg(before),
-        rebound: leg(after),
+        incident: leg(impact.incident.velocity_m_s, before),
+        rebound: leg(impact.rebound.velocity_m_s, after),
         restitution: ratio(after.z, before.z.abs()),
         tangential_ratio: ratio(after.x, before.x),
         friction: ratio((after.x - before.x).abs(), before.z.abs() + after.z),
         tangential_restitution: ratio(-(after.x - spin_out), before.x - spin_in),
         spin_in_m_s: spin_in,
         spin_out_m_s: spin_out,
-        azimuth_deg: azimuth_rad(&impact.incident, &impact.rebound).map(f64::to_degrees),
+        azimuth_deg: azimuth_rad(&incident, &rebound).map(f64::to_degrees),
         regime: match impact.regime {
             Regime::Sliding => "sliding",
             Regime::Nonsliding => "nonsliding",
@@ -193,18 +235,20 @@ fn bounce(impact: &Impact, gravity_m_s2: f64) -> BounceTruth {
             Regime::Grip => "grip",
         },
         contact_s: impact.contact_s,
-        arcs_meet_s: impact.time_s + meeting_s(impact, gravity_m_s2),
+        arcs_meet_s: impact.time_s
+            + meeting_s(
+                before.z.abs(),
+                after.z,
+                impact.contact_s,
+                floor.gravity_towards(gravity_m_s2),
+            ),
     }
 }
 
-/// How long after the first touch the arcs meet, s: −v t − g t²/2 = e v (t − τ) − g (t − τ)²/2.
-fn meeting_s(impact: &Impact, gravity_m_s2: f64) -> f64 {
-    let (down, up) = (
-        impact.incident.velocity_m_s.z.abs(),
-        impact.rebound.velocity_m_s.z,
-    );
-    let fall = gravity_m_s2 * impact.contact_s;
-    (up + 0.5 * fall) * impact.contact_s / (down + up + fall)
+/// How long after the first touch the arcs meet, s: −v t − g t²/2 = e v (t − τ) − g (t − τ)²/2, all along the floor's normal.
+fn meeting_s(down_m_s: f64, up_m_s: f64, contact_s: f64, gravity_m_s2: f64) -> f64 {
+    let fall = gravity_m_s2 * contact_s;
+    (up_m_s + 0.5 * fall) * contact_s / (down_m_s + up_m_s + fall)
 }
 
 fn centres(recording: &Recording) -> Vec<CentreTruth> {
@@ -228,14 +272,17 @@ fn centres(recording: &Recording) -> Vec<CentreTruth> {
         .collect()
 }
 
-/// Image of the ball's centre in the frame of `time_s`: at the time when a rolling shutter exposes its row.
+/// Image of the ball's centre in the frame of `time_s`: at the time when a rolling shutter exposes its row, and shifted with
+/// the picture.
 fn apparent_centre(recording: &Recording, time_s: f64) -> PixelPoint {
     let renderer = recording.renderer();
+    let shift_px = renderer.shift_px(recording.trajectory(), time_s);
     let at = |t: f64| {
-        renderer
+        let centre = renderer
             .picture()
             .outline(&recording.trajectory().state(t).position_m)
-            .centre
+            .centre;
+        PixelPoint::new(centre.u_px + shift_px.x, centre.v_px + shift_px.y)
     };
     let mut seen = at(time_s);
     // Contracts by speed × readout / height each turn, far below 1; ten turns end below 1e-9 px.

@@ -1,7 +1,7 @@
 //! The files of a recording: video, truth, calibration.
 
 use super::Recording;
-use super::camera::{axis_m, axis_px};
+use super::camera::{axis_m, axis_px, rolled};
 use super::flight::Impact;
 use super::scene::{SceneError, View};
 use crate::frames::encode::{Coding, EncodeError, VideoWriter};
@@ -140,6 +140,10 @@ pub fn calibration(recording: &Recording) -> Value {
             json!({"metres_per_pixel": camera.metres_per_pixel}),
         );
         calib.insert("origin_px".into(), json!(origin_px(recording)));
+        let roll_rad = roll_rad(recording);
+        if roll_rad != 0.0 {
+            calib.insert("up_px".into(), json!([roll_rad.sin(), -roll_rad.cos()]));
+        }
     } else {
         let h = world_from_pixel(recording);
         let rows = [0, 1, 2].map(|i| [h[(i, 0)], h[(i, 1)], h[(i, 2)]]);
@@ -171,8 +175,18 @@ pub fn calibration(recording: &Recording) -> Value {
     Value::Object(calib)
 }
 
+/// By how much the camera is rolled in the picture, rad.
+fn roll_rad(recording: &Recording) -> f64 {
+    if recording.uses("camera_roll") {
+        recording.scene().camera.roll_rad
+    } else {
+        0.0
+    }
+}
+
 /// The homography of the calibrated plane seen by a turned camera: with d = x − x_m and h = z − z_m from the picture's
-/// middle, the point is at (d cos τ, h)/q, times D/(D − d sin τ) where perspective is simulated.
+/// middle, the point is at (d cos τ, h)/q, times D/(D − d sin τ) where perspective is simulated, and
+/// turned about the picture's middle where the camera is rolled.
 fn world_from_pixel(recording: &Recording) -> Matrix3<f64> {
     let camera = &recording.scene().camera;
     let (axis_m, axis_px) = (axis_m(camera), axis_px(camera));
@@ -186,7 +200,8 @@ fn world_from_pixel(recording: &Recording) -> Matrix3<f64> {
     let seen = Matrix3::new(cos / q, 0.0, 0.0, 0.0, -1.0 / q, 0.0, -nearer, 0.0, 1.0);
     let in_picture = Matrix3::new(1.0, 0.0, axis_px.x, 0.0, 1.0, axis_px.y, 0.0, 0.0, 1.0);
     // Never singular: |τ| is at most 80 degrees.
-    let inverse = (in_picture * seen * from_middle).try_inverse();
+    let turned = rolled(roll_rad(recording)).to_homogeneous();
+    let inverse = (in_picture * turned * seen * from_middle).try_inverse();
     let h = inverse.unwrap_or_else(Matrix3::identity);
     h / h[(2, 2)]
 }

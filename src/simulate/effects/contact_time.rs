@@ -11,7 +11,7 @@
 //! the vertical one.
 
 use super::deviation::{Disturbance, Jump};
-use super::{Action, ContactLaw, Effect, Estimate, Ideal};
+use super::{Action, ContactLaw, Effect, Estimate, Ideal, Plane};
 use crate::models::Motion;
 use crate::simulate::flight::Impact;
 use crate::simulate::scene::Scene;
@@ -35,7 +35,10 @@ impl Effect for ContactTime {
             .trajectory
             .impacts()
             .iter()
-            .map(|i| law.elastic_time_s(i.incident.velocity_m_s.z.abs()))
+            .map(|i| {
+                let along = ideal.trajectory.floor().along_normal(&i.incident.velocity_m_s);
+                law.elastic_time_s(along.abs())
+            })
             .filter(|s| s.is_finite())
             .fold(0.0, f64::max);
         Estimate::path(
@@ -95,14 +98,15 @@ impl ContactLaw for Hertz {
 }
 
 impl Disturbance for Hertz {
-    fn jump(&self, impact: &Impact) -> Jump {
-        self.dip(&impact.incident, &impact.rebound)
+    fn jump(&self, impact: &Impact, floor: &Plane) -> Jump {
+        let framed = |motion| floor.motion_in_frame(motion);
+        self.dip(&framed(&impact.incident), &framed(&impact.rebound))
             .map_or_else(Jump::default, |dip| {
                 let delay_s = dip.duration_s();
                 let rebound_m = dip.rebound.norm() * delay_s;
                 Jump {
                     delay_s,
-                    shift_m: dip.at(delay_s).0,
+                    shift_m: floor.out_of_frame(&dip.at(delay_s).0),
                     // During the contact a rigid ball would have flown off already.
                     transient_m: rebound_m + dip.incident.norm() * dip.press_s,
                 }
@@ -110,7 +114,7 @@ impl Disturbance for Hertz {
     }
 }
 
-/// How the centre moves while ball and floor touch.
+/// How the centre moves while ball and floor touch, in the floor's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dip {
     incident: Vector3<f64>,

@@ -2,14 +2,14 @@
 //!
 //! In flight δr' = δv, δv' = a(t), the disturbing acceleration on the undisturbed path; from rest over a fall of
 //! height h, drag a = K v² gives K h²/3 and buoyancy a = β g gives β h. At an impact the disturbed ball arrives
-//! δt = δz / |v_oz| later, which shifts everything after it (the "saltation matrix": Leine and Nijmeijer, Dynamics and
+//! δt = δz / |v_oz| later (z along the floor's normal), which shifts everything after it (the "saltation matrix": Leine and Nijmeijer, Dynamics and
 //! Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7):
 //!
 //! ```text
 //! δr⁺ = δr + (v⁻ − v⁺) δt        δv⁺ = V(v⁻ + δv + a⁻ δt) − V(v⁻) − a⁺ δt        V: the rebound model
 //! ```
 
-use super::Ideal;
+use super::{Ideal, Plane};
 use crate::models::Motion;
 use crate::simulate::camera::{along_axis, picture_shift_px};
 use crate::simulate::flight::{Impact, State};
@@ -28,8 +28,8 @@ pub trait Disturbance {
         Vector3::zeros()
     }
 
-    /// At an impact.
-    fn jump(&self, _impact: &Impact) -> Jump {
+    /// At an impact on `floor`.
+    fn jump(&self, _impact: &Impact, _floor: &Plane) -> Jump {
         Jump::default()
     }
 }
@@ -54,6 +54,8 @@ pub struct Largest {
     pub depth_m: f64,
     /// Change of velocity as a share of the largest speed.
     pub speed_share: f64,
+    /// How much later or earlier an impact is, at most, s.
+    pub impact_late_s: f64,
     /// How much later or earlier the impact is over to which `stop.bounces` counts, s.
     pub late_s: f64,
 }
@@ -87,8 +89,10 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
             most.depth_m = most.depth_m.max(along_axis(&scene.camera, deviation_m).abs());
         }
     };
-    let mut from_s = 0.0;
-    let mut late_s = 0.0;
+    let floor = *ideal.trajectory.floor();
+    // On a bench nothing disturbs the ball.
+    let mut from_s = ideal.trajectory.launch_s();
+    let (mut late_s, mut impact_late_s) = (0.0, 0.0_f64);
     let impacts = ideal.trajectory.impacts().iter().zip(1..).map(Some);
     for impact in impacts.chain([None]) {
         let to_s = impact.map_or(end_s, |(i, _)| i.time_s.min(end_s));
@@ -96,56 +100,57 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
         for i in 0..STEPS_PER_ARC {
             let middle_s = from_s + (f64::from(i) + 0.5) * step_s;
             let state = ideal.trajectory.state(middle_s);
-            fly(&mut now, &state, &spin, step_s, scene, disturbance);
+            let lies_on = ideal.trajectory.is_held(middle_s).then_some(floor);
+            let acceleration = disturbance.acceleration(&state, &spin);
+            fly(&mut now, acceleration, step_s, lies_on);
             see(middle_s + 0.5 * step_s, &now, 0.0);
         }
         let Some((impact, number)) = impact.filter(|(i, _)| i.time_s < end_s) else {
             break;
         };
-        let jump = disturbance.jump(impact);
+        let jump = disturbance.jump(impact, &floor);
         see(to_s, &now, jump.transient_m);
-        let delay_s = strike(&mut now, impact, scene, &jump);
+        let late_by_s =
+            floor.along_normal(&now.position_m) / floor.along_normal(&impact.incident.velocity_m_s);
+        impact_late_s = impact_late_s.max(late_by_s.abs());
+        let delay_s = strike(&mut now, impact, scene, &floor, &jump);
         if number == scene.stop.bounces {
             late_s = delay_s;
         }
         spin = impact.rebound.surface_spin_m_s;
         from_s = to_s;
     }
-    Largest { late_s, ..most }
+    Largest {
+        late_s,
+        impact_late_s,
+        ..most
+    }
 }
 
-fn fly(
-    now: &mut Deviation,
-    state: &State,
-    spin: &Vector3<f64>,
-    step_s: f64,
-    scene: &Scene,
-    disturbance: &dyn Disturbance,
-) {
-    let mut a = disturbance.acceleration(state, spin);
-    let lies = state.velocity_m_s.z == 0.0 && state.position_m.z <= scene.ball.radius_m;
-    if lies {
+/// A step of `step_s` under the disturbing acceleration `a`, m/s²; of a ball that lies, on the floor `lies_on`.
+fn fly(now: &mut Deviation, mut a: Vector3<f64>, step_s: f64, lies_on: Option<Plane>) {
+    if let Some(floor) = lies_on {
         // The floor holds it.
-        a.z = 0.0;
-        now.position_m.z = 0.0;
-        now.velocity_m_s.z = 0.0;
+        a = floor.with_normal(&a, 0.0);
+        now.position_m = floor.with_normal(&now.position_m, 0.0);
+        now.velocity_m_s = floor.with_normal(&now.velocity_m_s, 0.0);
     }
     now.position_m += now.velocity_m_s * step_s + a * (0.5 * step_s * step_s);
     now.velocity_m_s += a * step_s;
 }
 
 /// How much later the ball leaves the floor, s.
-fn strike(now: &mut Deviation, impact: &Impact, scene: &Scene, jump: &Jump) -> f64 {
+fn strike(now: &mut Deviation, impact: &Impact, scene: &Scene, floor: &Plane, jump: &Jump) -> f64 {
     let down = Vector3::new(0.0, 0.0, -scene.gravity_m_s2);
     let (before, after) = (impact.incident.velocity_m_s, impact.rebound.velocity_m_s);
     // A grazing impact has no |v_oz| to divide by; its deviation is then as large as it gets.
-    let late_s = -now.position_m.z / before.z.min(-f64::MIN_POSITIVE);
+    let late_s = -floor.along_normal(&now.position_m) / floor.along_normal(&before).min(-f64::MIN_POSITIVE);
     let disturbed = |times: f64| {
         let motion = Motion {
             velocity_m_s: before + (now.velocity_m_s + down * late_s) * times,
             surface_spin_m_s: impact.incident.surface_spin_m_s + now.spin_m_s * times,
         };
-        scene.contact.impact(&motion, scene.ball.inertia_factor)
+        floor.impact(&scene.contact, &motion, scene.ball.inertia_factor)
     };
     // Where static friction exceeds dynamic friction the rebound jumps at the transition: near it, all disturbances
     // together may cause what one alone does not.

@@ -13,7 +13,10 @@
 //! the *sum* of what is left out, with a margin of [`MARGIN`], stays within `tolerance_px`: then centres with `auto` are
 //! within the tolerance of centres with `all`. Grey levels do not add up to a centre's shift and are decided one by one.
 
+mod bench;
+mod bump;
 mod buoyancy;
+mod camera_roll;
 mod codec;
 mod contact_time;
 mod defocus;
@@ -21,6 +24,7 @@ mod deviation;
 mod drag;
 mod exposure;
 mod flicker;
+mod floor_slope;
 mod lens;
 mod magnus;
 mod noise;
@@ -33,7 +37,7 @@ mod shot_noise;
 mod texture;
 mod uneven_light;
 
-use super::camera::{Outline, PictureOf, picture_shift_px};
+use super::camera::{Line, Outline, PictureOf, picture_shift_px};
 use super::flight::{Acts, State, Trajectory};
 use super::render::{Backdrop, Patch};
 use super::scene::{EffectsChoice, Scene, SceneError, Switch};
@@ -46,15 +50,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub use contact_time::Dip;
 pub use deviation::{Disturbance, Jump, Largest};
 pub use drag::drag_coefficient;
+pub use floor_slope::Plane;
 
 /// All effects, in the order in which they act.
-pub static ALL: [&dyn Effect; 18] = [
+pub static ALL: [&dyn Effect; 22] = [
+    &bench::Bench,
+    &floor_slope::FloorSlope,
     &drag::Drag,
     &magnus::Magnus,
     &buoyancy::Buoyancy,
     &contact_time::ContactTime,
     &perspective::Perspective,
+    &camera_roll::CameraRoll,
     &lens::LensDistortion,
+    &bump::Bump,
     &exposure::ExposureBlur,
     &rolling_shutter::RollingShutter,
     &defocus::Defocus,
@@ -85,6 +94,12 @@ pub trait Effect: Sync {
 
     /// How much it matters, from the scene and its ideal flight alone.
     fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate;
+
+    /// Whether it belongs to what the scene is rather than to what reality adds: then the ideal flight, along which the
+    /// others are estimated, has it, unless it is switched off.
+    fn is_of_the_ideal(&self) -> bool {
+        false
+    }
 
     /// How it disturbs the ball's path, where it does: other effects' estimates may depend on where the ball goes.
     fn disturbance(&self, _scene: &Scene) -> Option<Box<dyn Disturbance>> {
@@ -130,7 +145,8 @@ impl Estimate {
     }
 
     /// The shift of a disturbance, to first order along the ideal path; and its coupling: the others' work goes with the
-    /// speed squared at most, so that twice its share of the speed is what it may change in that.
+    /// speed squared at most, so that twice its share of the speed is what it may change in that, and a later impact makes
+    /// the camera swing later.
     #[must_use]
     pub fn path(
         scene: &Scene,
@@ -140,7 +156,7 @@ impl Estimate {
     ) -> Self {
         let alone = ideal.deviation(scene, disturbance);
         Self {
-            coupling: 2.0 * alone.speed_share * ideal.total_px,
+            coupling: ideal.coupling_px(scene, alone.speed_share, alone.impact_late_s),
             ..Self::px(alone.shift_px, formula)
         }
     }
@@ -171,8 +187,19 @@ pub enum Action {
     Force(Box<dyn Force>),
     /// At an impact.
     Contact(Box<dyn ContactLaw>),
+    /// Before the launch.
+    Bench {
+        /// How long the ball is seen on it, s.
+        seen_s: f64,
+        /// What the picture shows of it.
+        board: Option<Box<dyn Fixture>>,
+    },
+    /// Where the floor is.
+    Floor(Plane),
     /// Between the ideal picture and the real one.
     Warp(Box<dyn Warp>),
+    /// The camera moves.
+    Shake(Box<dyn Shake>),
     /// The exposure is a time average over so many seconds.
     Exposure(f64),
     /// Rows are exposed one after the other, over so many seconds.
@@ -212,7 +239,7 @@ pub trait Force: Send + Sync {
 
 /// An impact that takes time.
 pub trait ContactLaw: Send + Sync {
-    /// How the centre moves while ball and floor touch; `None` where they part at once.
+    /// How the centre moves while ball and floor touch, of motions in the floor's frame; `None` where they part at once.
     fn dip(&self, incident: &Motion, rebound: &Motion) -> Option<Dip>;
 }
 
@@ -220,6 +247,27 @@ pub trait ContactLaw: Send + Sync {
 pub trait Warp: Send + Sync {
     /// Where a ball at `ball_m`, so far at `outline`, goes.
     fn warp(&self, ball_m: &Vector3<f64>, outline: &Outline) -> Outline;
+
+    /// Where a straight edge of the backdrop goes. The floor line of the ideal picture stands for that of the real one, so
+    /// that only what turns the whole picture moves it.
+    fn warp_line(&self, line: &Line) -> Line {
+        *line
+    }
+}
+
+/// A camera that moves.
+pub trait Shake: Send + Sync {
+    /// How far the whole picture is shifted (right, down) in the frame at `time_s`, px.
+    fn shift_px(&self, trajectory: &Trajectory, time_s: f64) -> Vector2<f64>;
+}
+
+/// A thing of one grey that stands before background and floor, above the floor line.
+pub trait Fixture: Send + Sync {
+    /// Its grey.
+    fn grey(&self) -> f64;
+
+    /// The straight edges between which it is, their normals outward.
+    fn sides(&self, picture: &PictureOf) -> Vec<Line>;
 }
 
 /// How bright the ball's surface is.
@@ -301,7 +349,7 @@ impl<T: ?Sized> Acting<T> {
     }
 }
 
-/// What the decision rests on: the path of a rigid ball without air.
+/// What the decision rests on: the path of a rigid ball without air, over the scene's bench and floor.
 pub struct Ideal {
     /// The path.
     pub trajectory: Trajectory,
@@ -311,7 +359,7 @@ pub struct Ideal {
     pub wander_m: f64,
     /// How far all disturbances together may shift the ball in the picture, px.
     pub total_px: f64,
-    /// The ideal picture, and the one with every warp.
+    /// The picture along which effects are estimated, and the one with every warp.
     pictures: [PictureOf; 2],
     /// How far outside the picture the ideal ball may be while the real one is inside, px, with its radius.
     slack_px: f64,
@@ -329,7 +377,7 @@ pub struct Sighting {
 }
 
 impl Ideal {
-    /// Flies the ball of `scene` without any effect, for as long as the recording may last with all of them.
+    /// Flies the ball of `scene` without any effect but those of the ideal, for as long as the recording may last with all of them.
     ///
     /// # Errors
     /// [`SceneError::NeverLands`].
@@ -340,6 +388,7 @@ impl Ideal {
             late_s += disturbed.late_s.abs();
             shift_px += disturbed.shift_px;
         }
+        shift_px += scene.camera.bump.map_or(0.0, |bump| bump.amplitude_px.norm());
         let mut longer = scene.clone();
         longer.stop.tail_s += MARGIN * late_s;
         let radius_px = scene.ball.radius_m / scene.camera.metres_per_pixel;
@@ -355,13 +404,14 @@ impl Ideal {
         for effect in ALL {
             every.take(effect.action(scene), &Arc::default());
         }
+        let base = Chosen::of_the_ideal(scene);
         let mut ideal = Self {
-            trajectory: Trajectory::new(scene, &Acts::default())?,
+            trajectory: Trajectory::new(scene, &base.acts)?,
             visible: Vec::new(),
             wander_m: 0.0,
             total_px: 0.0,
             pictures: [
-                PictureOf::new(scene, Vec::new()),
+                PictureOf::new(scene, base.warps),
                 PictureOf::new(scene, every.warps),
             ],
             slack_px,
@@ -378,6 +428,25 @@ impl Ideal {
             .filter(|s| ideal.may_show(&s.state.position_m))
             .collect();
         Ok(ideal)
+    }
+
+    /// By how much what changes speeds by `speed_share` and impacts by `late_s` may change what others do, px.
+    fn coupling_px(&self, scene: &Scene, speed_share: f64, late_s: f64) -> f64 {
+        let swing_px_s = bump::top_speed_px_s(scene, &self.trajectory);
+        // A grazing impact may be late without bounds, which matters to a camera that swings only.
+        let swung_px = if swing_px_s > 0.0 {
+            late_s * swing_px_s
+        } else {
+            0.0
+        };
+        2.0 * speed_share * self.total_px + swung_px
+    }
+
+    /// The rigid flight over another floor.
+    fn rigid_over(&self, scene: &Scene, floor: Plane) -> Result<Trajectory, SceneError> {
+        let mut acts = Chosen::of_the_ideal(scene).acts;
+        acts.floor = Some(Acting::of(Box::new(floor)));
+        Trajectory::new(scene, &acts)
     }
 
     /// Whether the picture may show the ball when its ideal place is `ball_m`.
@@ -400,7 +469,11 @@ impl Ideal {
     /// The largest speed, m/s; it is above 0, as the ball lands.
     #[must_use]
     pub fn top_speed_m_s(&self) -> f64 {
-        let launch = self.trajectory.state(0.0).velocity_m_s.norm();
+        let launch = self
+            .trajectory
+            .state(self.trajectory.launch_s())
+            .velocity_m_s
+            .norm();
         let impacts = self.trajectory.impacts().iter();
         impacts
             .map(|i| i.incident.velocity_m_s.norm())
@@ -450,6 +523,10 @@ pub struct Chosen {
     pub acts: Acts,
     /// Camera geometry.
     pub warps: Vec<Acting<dyn Warp>>,
+    /// Motion of the camera.
+    pub shakes: Vec<Acting<dyn Shake>>,
+    /// In front of the background.
+    pub fixtures: Vec<Acting<dyn Fixture>>,
     /// s.
     pub exposure_s: Option<Acting<f64>>,
     /// s.
@@ -473,6 +550,17 @@ pub struct Chosen {
 }
 
 impl Chosen {
+    /// The effects of the ideal flight and picture, but those that are switched off.
+    pub fn of_the_ideal(scene: &Scene) -> Self {
+        let mut base = Self::default();
+        for effect in ALL {
+            if effect.is_of_the_ideal() && scene.effects.of(effect.name()) != Switch::Off {
+                base.take(effect.action(scene), &Arc::default());
+            }
+        }
+        base
+    }
+
     /// Puts `action` at its hook; whether it does anything.
     fn take(&mut self, action: Action, evaluations: &Arc<AtomicU64>) -> bool {
         fn acting<T: ?Sized>(what: Box<T>, evaluations: &Arc<AtomicU64>) -> Acting<T> {
@@ -485,6 +573,12 @@ impl Chosen {
             Action::Nothing => return false,
             Action::Force(x) => self.acts.forces.push(acting(x, evaluations)),
             Action::Contact(x) => self.acts.contact = Some(acting(x, evaluations)),
+            Action::Bench { seen_s, board } => {
+                self.acts.bench_s = Some(acting(Box::new(seen_s), evaluations));
+                self.fixtures.extend(board.map(|x| acting(x, evaluations)));
+            }
+            Action::Floor(x) => self.acts.floor = Some(acting(Box::new(x), evaluations)),
+            Action::Shake(x) => self.shakes.push(acting(x, evaluations)),
             Action::Warp(x) => self.warps.push(acting(x, evaluations)),
             Action::Exposure(s) => self.exposure_s = Some(acting(Box::new(s), evaluations)),
             Action::Readout(s) => self.readout_s = Some(acting(Box::new(s), evaluations)),

@@ -48,8 +48,9 @@ struct Mirror {
 
 impl Mirror {
     fn image(&self, moment: &Moment<'_>) -> Outline {
-        let ball = moment.ball_m;
-        moment.picture.outline(&Vector3::new(ball.x, ball.y, -ball.z))
+        moment
+            .picture
+            .outline(&moment.picture.floor().mirrored(&moment.ball_m))
     }
 }
 
@@ -60,15 +61,18 @@ impl Layer for Mirror {
     }
 
     fn paint(&self, moment: &Moment<'_>, backdrop: &Backdrop, patch: &mut Patch, rows: Range<usize>) {
-        let Some(floor_px) = backdrop.floor_row_px else {
+        let Some(floor) = backdrop.floor_line else {
             return;
         };
+        // Away from the floor (right, down), in the ball's axes.
+        let away = moment.picture.floor().out_of_frame(&Vector3::z());
+        let away = Vector2::new(away.x, -away.z);
         patch.paint(&self.image(moment).ellipse, rows, |unit, at, grey| {
-            if at.y < floor_px {
+            if floor.beyond_px(at) < 0.0 {
                 return grey;
             }
             // What the mirror shows below is above on the ball.
-            let upright = normal(Vector2::new(unit.x, -unit.y));
+            let upright = normal(unit - away * (2.0 * unit.dot(&away)));
             grey + self.share * (moment.surface.grey(&upright) as f32 - grey)
         });
     }

@@ -4,9 +4,9 @@
 //! shadow is a flat ellipse just below the floor line. The outline is soft over 0.5 to 1.5 of its size.
 
 use super::{Action, Effect, Estimate, Ideal, Layer, Moment};
-use crate::simulate::camera::{Ellipse, in_plane};
+use crate::simulate::camera::{Ellipse, Line};
 use crate::simulate::render::{Backdrop, Patch};
-use crate::simulate::scene::{Scene, View};
+use crate::simulate::scene::Scene;
 use nalgebra::{Matrix2, Vector2, Vector3};
 use std::ops::Range;
 
@@ -55,28 +55,25 @@ impl Cast {
     /// Its outer edge.
     fn ellipse(&self, moment: &Moment<'_>) -> Ellipse {
         let height_m = self.height_m(moment);
-        let on_floor = Vector3::new(moment.ball_m.x, moment.ball_m.y, self.radius_m) + DRIFT * height_m;
+        let floor = moment.picture.floor();
+        let on_floor =
+            floor.with_normal(&moment.ball_m, self.radius_m) + floor.out_of_frame(&DRIFT) * height_m;
         let below = moment.picture.outline(&on_floor).centre;
+        let below = Vector2::new(below.u_px, below.v_px);
         let size_px = OUTER * (self.radius_m + 0.3 * height_m) / self.metres_per_pixel;
-        let view = moment.picture.camera().view;
-        let (flat, centre) = match view {
-            View::Side => {
-                let touch = in_plane(view, &Vector3::new(0.0, 0.0, self.radius_m)).y / self.metres_per_pixel;
-                (
-                    FLATNESS,
-                    Vector2::new(below.u_px, below.v_px + touch + FLATNESS * size_px),
-                )
-            }
-            View::Top => (1.0, Vector2::new(below.u_px, below.v_px)),
+        let Some(Line { normal: into, .. }) = moment.picture.floor_line() else {
+            return Ellipse::circle(below, size_px);
         };
+        let touch_px = self.radius_m / self.metres_per_pixel;
+        let along = Vector2::new(into.y, -into.x);
         Ellipse {
-            centre,
-            axes: Matrix2::from_diagonal(&Vector2::new(size_px, flat * size_px)),
+            centre: below + into * touch_px + into * (FLATNESS * size_px),
+            axes: Matrix2::from_columns(&[along * size_px, into * (FLATNESS * size_px)]),
         }
     }
 
     fn height_m(&self, moment: &Moment<'_>) -> f64 {
-        (moment.ball_m.z - self.radius_m).max(0.0)
+        (moment.picture.floor().along_normal(&moment.ball_m) - self.radius_m).max(0.0)
     }
 }
 
@@ -88,9 +85,9 @@ impl Layer for Cast {
 
     fn paint(&self, moment: &Moment<'_>, backdrop: &Backdrop, patch: &mut Patch, rows: Range<usize>) {
         let depth = (self.depth * (-self.height_m(moment) / (4.0 * self.radius_m)).exp()) as f32;
-        let floor_px = backdrop.floor_row_px.unwrap_or(f64::NEG_INFINITY);
+        let floor = backdrop.floor_line;
         patch.paint(&self.ellipse(moment), rows, |unit, at, grey| {
-            if at.y < floor_px {
+            if floor.is_some_and(|line| line.beyond_px(at) < 0.0) {
                 return grey;
             }
             // 1 within 0.5 of the size, 0 beyond 1.5, a smooth step between.

@@ -60,6 +60,7 @@ fn flown(
         scene: &scene,
         forces: &forces,
         spin,
+        floor: Plane::LEVEL,
         integration: Integration {
             relative_tolerance,
             fixed_step_s: None,
@@ -172,7 +173,7 @@ fn without_a_force_the_flight_is_the_parabola() {
     let scene = scene(G);
     let acts = Acts {
         forces: vec![Acting::of(Box::new(None_))],
-        contact: None,
+        ..Acts::default()
     };
     let numerical = Trajectory::new(&scene, &acts).unwrap();
     let exact = Trajectory::new(&scene, &Acts::default()).unwrap();

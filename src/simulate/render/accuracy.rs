@@ -148,6 +148,10 @@ fn an_exposure_is_the_mean_over_its_time() {
         let found = light(&recording, index);
         let empty = renderer.backdrop.get().unwrap();
         let mut mean = empty.grey.clone();
+        let fine = Exposure {
+            nodes: fine,
+            shift_px: Vector2::zeros(),
+        };
         renderer.add_ball(recording.trajectory(), &fine, 0.7, empty, &mut mean);
         let worst = largest_difference(&found, &mean);
         assert!(worst < 0.1, "frame {index}: {worst}");
@@ -202,6 +206,26 @@ fn lens_and_perspective_put_the_ball_where_the_truth_says() {
             let error = (at - middle_of_outline(&recording, centre, depth_m)).norm();
             assert!(error < allowed, "{camera}: {error} px");
         }
+    }
+}
+
+#[test]
+fn roll_slope_and_bump_put_the_ball_where_the_truth_says() {
+    let recording = recording(
+        r#""camera": {"image_size_px": [320, 200], "origin_px": [70, 170], "exposure_s": 0, "metres_per_pixel": 0.0007,
+                      "roll_deg": 9, "bump": {"amplitude_px": [3.3, 4.7], "frequency_hz": 11, "decay_s": 0.1}},
+           "look": {"background_grey": 60, "ball_grey": 200, "shading": 0}, "floor": {"slope_deg": 6},
+           "launch": {"drop_height_m": 0.07, "speed_m_s": 0.6, "bench": {"seen_s": 0.02}}"#,
+    );
+    let inside = |u: f64, v: f64| (25.0..295.0).contains(&u) && (25.0..175.0).contains(&v);
+    let centres = recording.truth().centres;
+    let impact_s = recording.trajectory().impacts()[0].time_s;
+    let whole = || centres.iter().filter(|c| inside(c.u_px, c.v_px));
+    assert!(whole().filter(|c| c.time_s > impact_s).count() > 12);
+    for centre in whole().step_by(3) {
+        let (_, at) = moments(&light(&recording, centre.frame), 60.0, 320);
+        let error = (at - Vector2::new(centre.u_px, centre.v_px)).norm();
+        assert!(error < 2e-4, "frame {}: {error} px", centre.frame);
     }
 }
 
