@@ -333,6 +333,7 @@ fn with_a_lens_the_page_and_the_program_agree() {
         },
         held: Some(ruler::Held::Level),
         up_px: [0.0, -1.0],
+        up_given: false,
         up_std_rad: None,
         origin: None,
         floor: Some(p(600.0, 330.0)),

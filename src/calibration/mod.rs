@@ -111,9 +111,9 @@ pub const BENCH_STD_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
 /// A phone or camera whose "up" is given without an uncertainty was levelled to this: 0.3 degrees.
 pub const LEVELLED_STD_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
 
-/// A camera of which nothing is said is held to this standard deviation about its line of sight: 10 degrees. The fall tells
+/// A camera of which nothing is said is held to this standard deviation about its line of sight: 5 degrees. The fall tells
 /// far better.
-const HELD_STD_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
+const HELD_STD_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
 /// Part by which g differs from 9.81 m/s² anywhere on Earth (9.764 to 9.834), and by which it differs from what somebody looked
 /// up for his place.

@@ -21,6 +21,9 @@ pub(super) const MOST_SCATTER: f64 = 2.0;
 /// ... or than this part of the arc's sagitta: a ball of few pixels far away, a little nearer to the camera at one end.
 const SAGITTA_PART: f64 = 0.01;
 
+/// Nobody holds a camera further from level than this without saying so; what leans more is no fall, rad.
+const MOST_LEAN_RAD: f64 = 0.26;
+
 /// An arc whose own fall differs from the common one by this many standard uncertainties, and this part of it (drag), is
 /// none. Fewer than for arcs found by their curve: three of a hundred are wrongly let go, which costs a bounce.
 const CARRIED_SIGMAS: f64 = 3.0;
@@ -74,7 +77,8 @@ impl Flight {
             .sum();
         let all: usize = ranges.iter().map(ExactSizeIterator::len).sum();
         let curved = !self.fit.forces.falls() || curved as f64 >= LEAST_CURVED_PART * all as f64;
-        free && close && curved && (met || self.used() >= LEAST_LONE_POINTS)
+        let upright = self.fit.lean_rad().abs() < MOST_LEAN_RAD;
+        free && close && curved && upright && (met || self.used() >= LEAST_LONE_POINTS)
     }
 
     /// How far arc `k` bends from the straight line between its ends, plane units.
