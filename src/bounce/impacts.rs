@@ -774,7 +774,7 @@ impl<'a> Scene<'a> {
                 .and_then(|_| seen.quantity(0));
         }
         // A horizontal launch is level where it begins: the apex is the edge.
-        let apex = |p: &[f64]| edge::vertex_s(self.flight, p);
+        let apex = |p: &[f64]| self.vertex_s(p);
         let start = self.flight.spans[0].0;
         let best = apex(self.evidence.values.as_slice());
         let level = (best - start).abs() < 2.0 * self.flight.interval_s;

@@ -1,9 +1,10 @@
 //! The launch from a bench in metres: where and when the ball left it, how fast, and from what height.
 
-use super::{BENCH_RATE, Scene, extra};
+use super::{BENCH_RATE, Scene, extra, fall_of};
 use crate::bounce::BenchLaunch;
 use crate::flight::Flight;
-use crate::flight::fit::{ACROSS, ARCS, GRAVITY, Motion, lean_rad};
+use crate::flight::fit::{Motion, lean_rad};
+use crate::flight::launch::Launch;
 use crate::geometry::PlanePoint;
 
 /// Line and arc that miss each other by more than this many standard uncertainties, and this part of the ball's radius, do not
@@ -13,27 +14,9 @@ const GAP_PART: f64 = 0.03;
 
 /// Where the first arc of `flight` leaves the bench, in the plane; `None` where it shows none.
 pub(super) fn place(flight: &Flight) -> Option<PlanePoint> {
-    let launch = flight.launch.filter(crate::flight::launch::Launch::is_rolled)?;
+    let launch = flight.launch.filter(Launch::is_rolled)?;
     let m = flight.fit.motion(0, launch.time_s);
     Some(PlanePoint::new(m.r, m.h))
-}
-
-/// When the first arc is at its highest, s, against gravity.
-pub(super) fn vertex_s(flight: &Flight, p: &[f64]) -> f64 {
-    parting_s(flight, p, 0.0)
-}
-
-/// When the rate of y (along gravity) is `rate` on the first arc, s.
-fn parting_s(flight: &Flight, p: &[f64], rate: f64) -> f64 {
-    let (sin, cos) = lean_rad(p).sin_cos();
-    let size = p[GRAVITY].hypot(p[ACROSS]);
-    let mut t = flight.fit.times[0] - (p[ARCS + 1] * sin - p[ARCS + 3] * cos - rate) / size;
-    // Drag is a small part.
-    for _ in 0..if flight.fit.drag() == 0.0 { 0 } else { 3 } {
-        let m = flight.fit.in_plane(p, 0, t);
-        t -= (m.vr * sin - m.vh * cos - rate) / size;
-    }
-    t
 }
 
 impl Scene<'_> {
@@ -43,20 +26,37 @@ impl Scene<'_> {
     }
 
     fn edge_s(&self, p: &[f64]) -> Option<f64> {
-        let launch = self.flight.launch.filter(crate::flight::launch::Launch::is_rolled)?;
-        Some(parting_s(self.flight, p, launch.rate.0 + extra(p, BENCH_RATE)))
+        let launch = self.flight.launch.filter(Launch::is_rolled)?;
+        Some(self.parting_s(p, launch.rate.0 + extra(p, BENCH_RATE)))
+    }
+
+    /// When the first arc is at its highest, against gravity, s.
+    pub(super) fn vertex_s(&self, p: &[f64]) -> f64 {
+        self.parting_s(p, 0.0)
+    }
+
+    /// When the rate of y (along gravity) is `rate` on the first arc, s.
+    fn parting_s(&self, p: &[f64], rate: f64) -> f64 {
+        let (sin, cos) = lean_rad(p).sin_cos();
+        let mut t = self.flight.fit.times[0];
+        // Without air the first step is exact, and air is a small part.
+        for _ in 0..4 {
+            let m = self.in_plane(p, 0, t);
+            t -= (m.vr * sin - m.vh * cos - rate) / fall_of(p);
+        }
+        t
     }
 
     /// The launch from a bench; `None` where none is seen.
     #[must_use]
     pub fn bench_launch(&self) -> Option<BenchLaunch> {
-        let launch = self.flight.launch.filter(crate::flight::launch::Launch::is_rolled)?;
+        let launch = self.flight.launch.filter(Launch::is_rolled)?;
         let lands = self.flight.impacts.first().is_some_and(Option::is_some);
         let out = self.evidence.outputs(|p| {
             let t = self.edge_s(p).unwrap_or(f64::NAN);
             let m = self.world(p, 0, t);
             let touch = if lands { self.impact(p, 0).1.h } else { f64::NAN };
-            let seen = self.flight.fit.in_plane(p, 0, t);
+            let seen = self.in_plane(p, 0, t);
             let (sin, cos) = lean_rad(p).sin_cos();
             let above = (seen.h * cos - seen.r * sin - launch.height.0) * self.scale(p);
             vec![m.r, t, m.vr.hypot(m.vh), m.h - touch, above]
