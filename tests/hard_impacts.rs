@@ -710,7 +710,9 @@ fn inertia_at_its_limits_gives_no_number_that_is_none() {
         };
         let m = film.fitted().unwrap();
         sound(&m, &format!("k = {k}"));
-        assert!(one(&m, "k").friction.is_some());
+        let b = one(&m, "k");
+        // The velocities are a solid ball's: of one without inertia they would be impossible, and it says so.
+        assert!(b.friction.or(b.friction_at_least).is_some() || b.impossible.is_some());
     }
 }
 

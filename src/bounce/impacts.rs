@@ -38,6 +38,8 @@ pub struct Scene<'a> {
     pub metres_per_unit: Quantity,
     /// Where x = 0 lies in the plane.
     pub zero: PlanePoint,
+    /// Whether the camera stands still.
+    steady: bool,
     /// How the floor's slope follows from impacts and calibration.
     slope: Slope,
 }
@@ -85,6 +87,8 @@ pub struct Picture {
     pub common_std_px: f64,
     /// Standard deviation of what differs of that error between the places of two impacts, px.
     pub places_std_px: f64,
+    /// Whether the camera stands still.
+    pub steady: bool,
 }
 
 /// Half the time of a contact without loss, s, of a ball of unknown size or mass: that of a small hard ball.
@@ -173,6 +177,7 @@ impl<'a> Scene<'a> {
             units_per_px,
             common_std_px,
             places_std_px,
+            steady,
         } = picture;
         let fit = &flight.fit;
         let n = fit.parameters.len();
@@ -235,6 +240,7 @@ impl<'a> Scene<'a> {
             launch_seen: true,
             metres_per_unit,
             zero,
+            steady,
             slope: Slope::default(),
         };
         scene.in_contact().since_launch().on_floor()

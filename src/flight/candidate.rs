@@ -17,7 +17,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    pub(super) fn new(spots: &[Spot], track: &Track, forces: Forces) -> Option<Self> {
+    pub(super) fn new(spots: &[Spot], track: &Track, forces: Forces, leaning: bool) -> Option<Self> {
         let sigma = segment_sigma(spots, track, forces);
         let samples = samples_of(spots, track, sigma);
         if let Forces::Overhead(known) = forces {
@@ -42,7 +42,7 @@ impl Candidate {
                 span: (first.t, last.t),
             });
         }
-        let found = segment::arcs(&samples, Fall::Free);
+        let found = segment::arcs(&samples, Fall::Free { leaning });
         let falling_beyond = |sigma: f64| -> Vec<Curved> {
             let curved = found.iter().filter(|a| a.len() >= 5).filter_map(|a| {
                 let part = &samples[a.clone()];
@@ -84,7 +84,7 @@ impl Candidate {
         };
         let gravity = Gravity {
             down: mean(|a| a.own.down),
-            across: leaning(mean(|a| a.own.across), 1.0 / information.sqrt(), centre),
+            across: if leaning { mean(|a| a.own.across) } else { 0.0 },
         };
         // Much of the track must be in that fall, or it is a hand that happened to swing like it.
         let falls_for: usize = agree.iter().map(|a| a.points).sum();
@@ -122,20 +122,6 @@ struct Curved {
     sagitta: f64,
 }
 
-/// A lean of the fall is cut with where it stands out by so many standard deviations and is more than this angle: rough
-/// centres, of a ball with its shadow say, make a smaller one.
-const LEAN_SIGMAS: f64 = 4.0;
-const LEAST_LEAN_RAD: f64 = 0.03;
-
-/// The acceleration `across` ± `std` to cut a track with, where the fall is `down`.
-fn leaning(across: f64, std: f64, down: f64) -> f64 {
-    if across.abs() > LEAN_SIGMAS * std && across.abs() > LEAST_LEAN_RAD * down {
-        across
-    } else {
-        0.0
-    }
-}
-
 /// The best track with others that are the same ball before or after it (it left the picture, or was hidden): of the
 /// same size, not at the same time, with arcs of the same fall that lead to it.
 pub(super) fn with_continuations(
@@ -143,6 +129,7 @@ pub(super) fn with_continuations(
     tracks: &[Track],
     best: &Candidate,
     forces: Forces,
+    leaning: bool,
 ) -> Track {
     let mut whole = best.track.clone();
     match forces {
@@ -158,7 +145,7 @@ pub(super) fn with_continuations(
     for track in tracks.iter().filter(|t| t.len() >= 5 && **t != best.track) {
         let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
         let alike = (median(&mut radii) / radius - 1.0).abs() < 0.25;
-        let Some(other) = Candidate::new(spots, track, forces).filter(|_| alike) else {
+        let Some(other) = Candidate::new(spots, track, forces, leaning).filter(|_| alike) else {
             continue;
         };
         let (from, to) = other.span;

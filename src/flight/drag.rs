@@ -6,6 +6,13 @@ pub const AIR_DENSITY_KG_M3: f64 = 1.204;
 /// The same air's viscosity, Pa s.
 const AIR_VISCOSITY_PA_S: f64 = 1.81e-5;
 
+/// Drag β of the lightest ball, times its radius: 3 ρ_air C_d/(8 ρ_ball) with C_d = 0.45 and a table tennis ball's 84 kg/m³.
+pub const LIGHTEST_DRAG: f64 = 0.0024;
+
+/// The same of a light ball, a tennis ball with its 370 kg/m³ and C_d = 0.6: of balls of which nothing is said most are heavier,
+/// and a table tennis ball is three times that.
+pub const USUAL_LIGHT_DRAG: f64 = 0.0008;
+
 /// Below this Reynolds number a ball all but stands, and what drag it has moves nothing.
 const LEAST_REYNOLDS: f64 = 1.0;
 
@@ -64,6 +71,16 @@ impl DragLaw {
 }
 
 impl Drag {
+    /// None, or up to about `most`: nothing is known of the ball.
+    #[must_use]
+    pub fn unknown(most: f64) -> Self {
+        Self {
+            beta: 0.0,
+            std: most,
+            law: DragLaw::default(),
+        }
+    }
+
     /// That of a sphere of `radius_m` and `mass_kg`, usually at `speed` plane units a second, known to the part
     /// `relative_std`.
     #[must_use]

@@ -10,12 +10,12 @@
 //! with place and velocity of arc k at its mean time t_k ([`Planar`]). Without drag (β = 0) that is the exact parabola and
 //! the fit is linear. With drag (β = ρ C_D π R² / 2m) the fit is Gauss-Newton; drag is a small part, so three steps settle
 //! it. β comes with a prior, and with the way it changes with the speed, where the ball's mass and size are known; otherwise
-//! it is the same at all speeds, fitted where the flight shows it, and zero elsewhere.
+//! it is the same at all speeds, and anything from none to that of a light ball.
 //!
 //! Weighted least squares by QR of the whitened rows; times are centred, so nothing is lost at late times. The
 //! covariance is that of the QR, times the excess of the residuals over the stated uncertainties (never below 1).
 
-use super::drag::{Drag, DragLaw};
+use super::drag::{Drag, DragLaw, USUAL_LIGHT_DRAG};
 use super::overhead::{self, Overhead};
 use super::planar::Planar;
 pub use super::planar::{ACROSS, ARCS, DRAG, GRAVITY, Motion};
@@ -37,13 +37,32 @@ pub struct FitPoint {
 pub struct Upright {
     /// rad; infinite where only the fall tells.
     pub std_rad: f64,
+    /// A fall that leans by less does not contradict that, rad.
+    pub tolerated_rad: f64,
 }
 
 impl Upright {
     /// Nothing is known: the fall alone tells.
     pub const UNKNOWN: Self = Self {
         std_rad: f64::INFINITY,
+        tolerated_rad: 0.0,
     };
+
+    /// A camera that stands level, as far as rough centres tell: while arcs are looked for, so that what is no ball's path does not
+    /// pass for one that leans.
+    pub const AS_IT_STANDS: Self = Self {
+        std_rad: 0.002,
+        tolerated_rad: 0.035,
+    };
+
+    /// Known to a standard uncertainty.
+    #[must_use]
+    pub const fn to(std_rad: f64) -> Self {
+        Self {
+            std_rad,
+            tolerated_rad: 0.0,
+        }
+    }
 }
 
 /// What is known of the forces on the ball in flight.
@@ -81,6 +100,18 @@ impl Forces {
         match self {
             Self::Fall(_) => Self::Fall(upright),
             Self::FallWithDrag(_, drag) => Self::FallWithDrag(upright, drag),
+            other => other,
+        }
+    }
+
+    /// The same where nothing is known of the ball's drag: none to that of a light ball of this `radius`, plane units.
+    /// Without that a lean of the fall would take the place of what drag does along the path.
+    #[must_use]
+    pub fn of_a_ball(self, radius: f64) -> Self {
+        match self {
+            Self::Fall(upright) if radius > 0.0 => {
+                Self::FallWithDrag(upright, Drag::unknown(USUAL_LIGHT_DRAG / radius))
+            }
             other => other,
         }
     }
@@ -140,7 +171,15 @@ impl ArcFit {
         let plain = Self::with(points, arcs, forces, None)?;
         match forces {
             Forces::None | Forces::Overhead(_) => Some(plain),
-            Forces::FallWithDrag(..) => Self::with(points, arcs, forces, Some(&plain)),
+            Forces::FallWithDrag(_, drag) => {
+                let dragged = Self::with(points, arcs, forces, Some(&plain));
+                // No ball is driven by the air: where nothing is known of its drag and the points show less than none, it has none.
+                let drives = |f: &Self| drag.beta == 0.0 && !(f.drag() > 0.0);
+                match dragged {
+                    Some(f) if drives(&f) => Some(plain),
+                    other => other,
+                }
+            }
             Forces::Fall(_) => {
                 let dragged = Self::with(points, arcs, forces, Some(&plain));
                 let shows = |f: &Self| {
@@ -259,9 +298,12 @@ impl ArcFit {
 
     /// Whether the points contradict what is known of "up".
     fn lean_contradicts(&self) -> bool {
-        let known = self.forces.upright().map_or(f64::INFINITY, |u| u.std_rad);
-        let seen = self.lean_seen_rad().filter(|_| known.is_finite());
-        seen.is_some_and(|(lean, std)| lean.abs() > CONTRADICTS_SIGMAS * std.hypot(known))
+        let Some(known) = self.forces.upright().filter(|u| u.std_rad.is_finite()) else {
+            return false;
+        };
+        self.lean_seen_rad().is_some_and(|(lean, std)| {
+            lean.abs() > (CONTRADICTS_SIGMAS * std.hypot(known.std_rad)).max(known.tolerated_rad)
+        })
     }
 
     /// The common acceleration, plane units/s².

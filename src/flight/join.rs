@@ -83,7 +83,7 @@ fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
         }
         // Where nothing falls, nothing bends a path but an impact.
         Fall::Known(g) => g.down == 0.0,
-        Fall::Free | Fall::Overhead(_) => true,
+        Fall::Free { .. } | Fall::Overhead(_) => true,
     };
     jump > LEAST_JUMP * speed || turn
 }

@@ -106,6 +106,24 @@ pub enum NoFlight {
 ///
 /// [`NoFlight`] with what was found instead.
 pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
+    let upright = find_leaning(spots, forces, false);
+    let leans = |f: &Flight| f.fit.lean_rad().abs() > LEAST_LEAN_RAD;
+    if !forces.falls() || upright.as_ref().is_ok_and(|f| !leans(f)) {
+        return upright;
+    }
+    // A camera that is rolled by degrees bends every path along r, too: arcs then have a curve of their own there.
+    match (find_leaning(spots, forces, true), upright) {
+        (Ok(leaning), Ok(upright)) if leaning.used() <= upright.used() => Ok(upright),
+        (Ok(leaning), _) => Ok(leaning),
+        (Err(_), upright) => upright,
+    }
+}
+
+/// A fall that leans by more than this is looked for as one, rad.
+const LEAST_LEAN_RAD: f64 = 0.035;
+
+/// The flight where the fall may lean or not.
+fn find_leaning(spots: &[Spot], forces: Forces, leaning: bool) -> Result<Flight, NoFlight> {
     let tracks = linking::link(spots);
     let longest = tracks.first().map_or(0, Vec::len);
     if longest < 4 {
@@ -114,11 +132,11 @@ pub fn find(spots: &[Spot], forces: Forces) -> Result<Flight, NoFlight> {
     let best = tracks
         .iter()
         .filter(|t| t.len() >= 4)
-        .filter_map(|t| Candidate::new(spots, t, forces))
+        .filter_map(|t| Candidate::new(spots, t, forces, leaning))
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
         .ok_or(NoFlight::NothingFalls { longest })?;
     let interval_s = interval(&best.track.iter().map(|&i| spots[i].time_s).collect::<Vec<_>>());
-    let whole = with_continuations(spots, &tracks, &best, forces);
+    let whole = with_continuations(spots, &tracks, &best, forces, leaning);
     build(spots, &whole, best.gravity, forces, interval_s).ok_or(NoFlight::NothingFalls { longest })
 }
 
@@ -216,17 +234,39 @@ impl Flight {
                 p.spot.place.up += up;
             }
         }
+        self.settled(points, self.fit.forces)
+    }
+
+    /// The same points under other `forces`; `None` where they do not determine the arcs.
+    #[must_use]
+    pub fn under(&self, forces: Forces) -> Option<Self> {
+        let mut flight = self.settled(self.points.clone(), forces)?;
+        for (k, impact) in flight.impacts.iter_mut().enumerate() {
+            let p = flight.fit.parameters.as_slice();
+            *impact = impact.and_then(|_| flight.fit.impact_time(p, k));
+        }
+        flight.launch = launch::find(&flight);
+        Some(flight)
+    }
+
+    fn settled(&self, points: Vec<FlightPoint>, forces: Forces) -> Option<Self> {
         let spots: Vec<Spot> = points.iter().map(|p| p.spot).collect();
         let uses: Vec<SpotUse> = points.iter().map(|p| p.use_).collect();
         let track: Track = (0..spots.len()).collect();
-        let (arcs, forces) = (self.fit.arcs(), self.fit.forces);
-        let (fit, extra) = settled(&spots, &track, &uses, arcs, forces, self.extra)?;
+        let (fit, extra) = settled(&spots, &track, &uses, self.fit.arcs(), forces, self.extra)?;
         Some(Self {
             points,
             fit,
             extra,
             ..self.clone()
         })
+    }
+
+    /// Radius of the ball in use, plane units.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        let used = self.points.iter().filter(|p| matches!(p.use_, SpotUse::Used(_)));
+        median(&mut used.map(|p| p.spot.radius).collect::<Vec<_>>())
     }
 
     /// Number of points in use.

@@ -42,6 +42,11 @@ impl Gravity {
         across: 0.0,
     };
 
+    /// The same, or against h alone.
+    fn leaning(self, leaning: bool) -> Self {
+        if leaning { self } else { Self::upright(self.down) }
+    }
+
     /// Against h alone.
     #[must_use]
     pub const fn upright(down: f64) -> Self {
@@ -52,8 +57,11 @@ impl Gravity {
 /// Acceleration that the arcs have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fall {
-    /// Each arc its own.
-    Free,
+    /// Each arc its own along h; along r, too, where the fall may lean.
+    Free {
+        /// Whether it may.
+        leaning: bool,
+    },
     /// The same for all.
     Known(Gravity),
     /// Towards the floor that a camera above looks at.
@@ -65,7 +73,7 @@ impl Fall {
     #[must_use]
     pub fn agrees(self, g: f64, std: f64) -> bool {
         match self {
-            Self::Free => true,
+            Self::Free { .. } => true,
             Self::Known(Gravity { down: 0.0, .. }) => g.abs() < 5.0 * std,
             Self::Known(common) => (g - common.down).abs() < 5.0 * std + 0.25 * common.down.abs(),
             Self::Overhead(o) => Self::Known(Gravity::upright(o.fall_per_s2)).agrees(g, std),
@@ -87,6 +95,9 @@ const HOPELESS: f64 = 3.0;
 /// does: what a few points do not tell apart counts as flight until their centres are known better.
 const LEAST_STRAIGHT_POINTS: usize = 5;
 const STRAIGHT_COST: f64 = 16.0;
+
+/// A bench or a floor rises by no more than this part of the way along it.
+const LEVEL_PART: f64 = 0.2;
 
 /// What a stretch of a track is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,9 +142,10 @@ fn divided(samples: &[Sample], fall: Fall) -> (Vec<Stretch>, f64) {
     let falling = |first: &Sample| FallSums {
         sums: Sums::new(*first),
         fall,
+        duration: 0.0,
     };
     match fall {
-        Fall::Free => cut(samples, 5, falling),
+        Fall::Free { .. } => cut(samples, 5, falling),
         Fall::Known(_) => cut(samples, 3, falling),
         Fall::Overhead(known) => cut(samples, 4, |first| overhead::segment::Sums::new(known, first.t)),
     }
@@ -154,11 +166,14 @@ pub trait ArcSums {
 struct FallSums {
     sums: Sums,
     fall: Fall,
+    /// From the first sample to the last, s.
+    duration: f64,
 }
 
 impl ArcSums for FallSums {
     fn add(&mut self, sample: &Sample) {
         self.sums.add(sample);
+        self.duration = sample.t - self.sums.origin.t;
     }
 
     fn residual(&self) -> f64 {
@@ -166,10 +181,18 @@ impl ArcSums for FallSums {
     }
 
     fn straight_residual(&self) -> Option<f64> {
-        match self.fall {
-            Fall::Known(g) if g.down != 0.0 => Some(self.sums.residual(Fall::Known(Gravity::NONE))),
-            _ => None,
+        let Fall::Known(g) = self.fall else { return None };
+        let size = g.down.hypot(g.across);
+        if !(size > 0.0) {
+            return None;
         }
+        let (vr, vh) = self.sums.line_velocity()?;
+        let rise = (vr * g.across - vh * g.down) / size;
+        let along = (vr * g.down + vh * g.across) / size;
+        // To three standard deviations of a point: a ball that is held moves neither way.
+        let slack = 3.0 / (self.sums.t[0] / self.sums.count).sqrt();
+        let level = rise.abs() * self.duration <= LEVEL_PART * along.abs() * self.duration + slack;
+        level.then(|| self.sums.residual(Fall::Known(Gravity::NONE)))
     }
 }
 
@@ -261,7 +284,7 @@ pub fn place(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
     let (tm, rm, hm) = (mean(|s| s.t), mean(|s| s.r), mean(|s| s.h));
     let g = match fall {
         Fall::Known(g) => g,
-        Fall::Free => own_gravity(samples)?.0,
+        Fall::Free { leaning } => own_gravity(samples)?.0.leaning(leaning),
         Fall::Overhead(_) => return None,
     };
     // The best arc goes through the mean point, but for the curve's own mean.
@@ -277,7 +300,7 @@ pub fn velocity(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
     let sums = Sums::of(samples)?;
     let g = match fall {
         Fall::Known(g) => g,
-        Fall::Free => sums.own_gravity()?.0,
+        Fall::Free { leaning } => sums.own_gravity()?.0.leaning(leaning),
         Fall::Overhead(_) => return None,
     };
     let [s0, s1, s2, s3, _] = sums.t;
@@ -293,6 +316,7 @@ pub fn velocity(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
 /// Weighted sums relative to the first sample.
 struct Sums {
     origin: Sample,
+    count: f64,
     t: [f64; 5],
     r: [f64; 3],
     rr: f64,
@@ -304,6 +328,7 @@ impl Sums {
     fn new(origin: Sample) -> Self {
         Self {
             origin,
+            count: 0.0,
             t: [0.0; 5],
             r: [0.0; 3],
             rr: 0.0,
@@ -322,6 +347,7 @@ impl Sums {
     fn add(&mut self, s: &Sample) {
         let t = s.t - self.origin.t;
         let (r, h, w) = (s.r - self.origin.r, s.h - self.origin.h, s.weight);
+        self.count += 1.0;
         let mut power = w;
         for k in 0..5 {
             self.t[k] += power;
@@ -342,7 +368,11 @@ impl Sums {
                 self.known_residual(&self.h, self.hh, -g.down),
             ),
             // An overhead arc has sums of its own.
-            Fall::Free | Fall::Overhead(_) => (
+            Fall::Free { leaning: false } | Fall::Overhead(_) => (
+                self.known_residual(&self.r, self.rr, 0.0),
+                self.free_residual(&self.h, self.hh),
+            ),
+            Fall::Free { leaning: true } => (
                 self.free_residual(&self.r, self.rr),
                 self.free_residual(&self.h, self.hh),
             ),
@@ -378,6 +408,14 @@ impl Sums {
         let information = s4 - p * s2 - q * s3;
         let product = y[2] - p * y[0] - q * y[1];
         (information > 1e-12 * s4 && information > 0.0).then(|| (product / information, information))
+    }
+
+    /// Velocity of the best straight line.
+    fn line_velocity(&self) -> Option<(f64, f64)> {
+        let [s0, s1, s2, ..] = self.t;
+        let det = s0 * s2 - s1 * s1;
+        let slope = |y: &[f64; 3]| (s0 * y[1] - s1 * y[0]) / det;
+        (det > 0.0).then(|| (slope(&self.r), slope(&self.h)))
     }
 
     fn own_gravity(&self) -> Option<(Gravity, f64)> {
@@ -433,7 +471,7 @@ mod tests {
     fn a_bounce_is_two_arcs_at_any_time_of_day() {
         for t0 in [0.0, 3600.0, 1e6] {
             let samples = bounce(200, t0);
-            for fall in [Fall::Free, Fall::Known(Gravity::upright(981.0))] {
+            for fall in [Fall::Free { leaning: false }, Fall::Known(Gravity::upright(981.0))] {
                 let found = arcs(&samples, fall);
                 assert_eq!(found.len(), 2, "{fall:?} at {t0}: {found:?}");
                 assert!((108..=109).contains(&found[0].end), "{found:?}");
@@ -476,7 +514,7 @@ mod tests {
             down: 981.0 * cos,
             across: -981.0 * sin,
         };
-        for fall in [Fall::Free, Fall::Known(fall)] {
+        for fall in [Fall::Free { leaning: true }, Fall::Known(fall)] {
             let found = arcs(&samples, fall);
             assert_eq!(found.len(), 2, "{found:?}");
             let (v, w) = (

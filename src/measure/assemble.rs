@@ -18,6 +18,7 @@ use crate::quantity::{Quantity, median};
 
 impl Work<'_> {
     pub(super) fn measured(mut self, mut flight: Flight) -> Result<Measurement, CalibrationError> {
+        flight = self.with_all_unknowns(flight);
         let metres_per_unit = self.metres_per_unit(&flight, self.radius_px())?;
         let (free, lift) = self
             .scene(&flight, metres_per_unit, Lift::default())
@@ -100,6 +101,7 @@ impl Work<'_> {
             units_per_px,
             common_std_px: refine::common_std_px(self.shared.as_ref(), displaced_px),
             places_std_px: refine::places_std_px(displaced_px),
+            steady: self.seen.detector.background.registrar.fixed,
         };
         Scene::new(
             flight,

@@ -51,7 +51,7 @@ impl Work<'_> {
     fn find_flight_as_timed(&mut self) -> Result<Flight, NoFlight> {
         let spots = self.first_spots();
         let forces = if self.falls() {
-            Forces::Fall(self.upright())
+            Forces::Fall(Upright::AS_IT_STANDS)
         } else {
             self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
         };
@@ -213,16 +213,21 @@ impl Work<'_> {
                 .map_or(Forces::None, Forces::Overhead);
         }
         self.drag(scale, flight.usual_speed())
-            .map_or(Forces::Fall(self.upright()), |drag| {
-                Forces::FallWithDrag(self.upright(), drag)
+            .map_or(Forces::Fall(Upright::AS_IT_STANDS), |drag| {
+                Forces::FallWithDrag(Upright::AS_IT_STANDS, drag)
             })
     }
 
-    /// What the calibration knows of "up".
-    fn upright(&self) -> Upright {
-        Upright {
-            std_rad: self.calibration.upright_std_rad(),
+    /// The flight under everything that is not known of it: how "up" leans by what the calibration knows alone, and the drag
+    /// of a ball of which nothing is said. (While arcs are looked for in rough centres, so much freedom would let them
+    /// follow what is no ball's.)
+    pub(super) fn with_all_unknowns(&self, flight: Flight) -> Flight {
+        let upright = Upright::to(self.calibration.upright_std_rad());
+        let forces = flight.fit.forces.with_upright(upright).of_a_ball(flight.radius());
+        if forces == flight.fit.forces {
+            return flight;
         }
+        flight.under(forces).unwrap_or(flight)
     }
 
     fn spots_of(&self, found: &[Found]) -> Vec<Spot> {

@@ -10,7 +10,7 @@ use track::bounce::air::Lift;
 use track::bounce::impacts::{Picture, Scene};
 use track::bounce::reading;
 use track::bounce::{Bounce, Distances, Readings};
-use track::calibration::{Calibration, Scale};
+use track::calibration::{Calibration, Floor, Scale};
 use track::flight::fit::{ArcFit, FitPoint, Forces, Upright};
 use track::flight::linking::Spot;
 use track::flight::scatter::Extra;
@@ -88,6 +88,13 @@ impl Film {
         })
         .with_origin(PixelPoint::new(self.origin_px[0], self.origin_px[1]));
         c.up_px = [self.tilt_rad.sin(), -self.tilt_rad.cos()];
+        // One impact tells no slope: what is asked here is not how level a bench is.
+        (c.up_given, c.up_std_rad) = (true, Some(1e-7));
+        c.floor = Floor {
+            std_rad: 1e-7,
+            given: true,
+            ..Floor::default()
+        };
         c.ball.inertia_factor = self.inertia_factor;
         c.launch.spin_ratio = self.spin_ratio;
         c.launch.edge_x_m = None;
@@ -230,6 +237,7 @@ const PICTURE: Picture = Picture {
     units_per_px: 1.0,
     common_std_px: 0.03,
     places_std_px: 0.01,
+    steady: true,
 };
 
 /// What the numeric layer makes of spots.
@@ -284,7 +292,8 @@ pub fn quantities(b: &Bounce) -> Vec<(&'static str, Option<Quantity>)> {
         ("angle after", b.rebound.angle_rad),
         ("restitution", b.restitution),
         ("tangential ratio", b.tangential_ratio),
-        ("friction", b.friction),
+        // Of a ball that did not slide for sure, what friction was at least.
+        ("friction", b.friction.or(b.friction_at_least)),
         ("tangential restitution", b.tangential_restitution),
         ("spin before", b.spin_in_m_s),
         ("spin after", b.spin_out_m_s),

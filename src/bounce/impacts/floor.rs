@@ -10,7 +10,8 @@
 //! speak of velocities along the floor and its normal, as the picture shows both: so what is unsure of "up" is in the last
 //! source alone, and impacts make e and μ free of it.
 //!
-//! Assumed: one plane floor. Touches whose places do not lie on one line (two floors, a step) tell no slope.
+//! Assumed: one plane floor, and a camera that stands still: one in a hand turns from impact to impact, and its impacts are
+//! not asked. Touches whose places do not lie on one line (two floors, a step) tell no slope.
 
 use super::{EXTRAS, FLOOR_LEVEL, FLOOR_LINE, ImpactKind, Motion, PLACES_UP, Scene, extra};
 use crate::bounce::{FloorSlope, FloorSource};
@@ -24,6 +25,10 @@ const STEP_SIGMAS: f64 = 5.0;
 
 /// Touches that enter: more tell hardly more, and every number of every bounce is worked out through them.
 const MOST_TOUCHES: usize = 5;
+
+/// Impacts that tell the slope no better than this are not asked: a ball that is dropped, whose places are next to each other,
+/// rad.
+const VAGUE_RAD: f64 = 0.006;
 
 /// Steeper than this is no floor of a lab, rad.
 const STEEPEST_RAD: f64 = 0.35;
@@ -125,6 +130,7 @@ impl Scene<'_> {
             });
             (shown.value(0), shown.std(1).hypot(self.soft_slope_std(touches)))
         });
+        let seen = seen.filter(|s| s.1 < VAGUE_RAD);
         // What the picture shows first; a number against gravity as far as it does not contradict that.
         let mut sources: Vec<(f64, f64)> = seen.into_iter().chain(line.map(|l| (l.1, l.2))).collect();
         let of_picture = combined(&sources);
@@ -158,6 +164,9 @@ impl Scene<'_> {
     /// The touches that tell the floor's slope, each with its weight: those on the floor in a row, as far as their places lie on
     /// one line; `None` where they do not, or are fewer than two.
     fn touches_of_one_floor(&self) -> Option<Vec<(usize, f64)>> {
+        if !self.steady {
+            return None;
+        }
         let all = (0..self.arcs().saturating_sub(1)).take_while(|&k| self.kind(k) == Some(ImpactKind::Floor));
         let floors = crate::frames::evenly_of(all.collect::<Vec<_>>().into_iter(), MOST_TOUCHES);
         let heights = self

@@ -20,6 +20,7 @@ mod knowledge;
 
 use super::lift::{self, Lift};
 use super::{Layout, Overhead, flying, seen};
+use crate::flight::drag::LIGHTEST_DRAG;
 use crate::flight::fit::{ACROSS, DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
 use crate::flight::segment::Sample;
 use nalgebra::{DMatrix, DVector};
@@ -57,9 +58,6 @@ const SETTLED: f64 = 1e-8;
 /// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the foot's two, the fall's, the
 /// shadow's two.
 const LOCAL: usize = 15;
-
-/// Drag β of the lightest ball, times its radius: 3 ρ_air C_d/(8 ρ_ball) with C_d = 0.45 and a table tennis ball's 84 kg/m³.
-const LIGHTEST_DRAG: f64 = 0.0024;
 
 /// Fits `arcs` arcs to `points` (in time order). `None` when an arc has too few points or the fit does not settle.
 #[must_use]
@@ -107,8 +105,10 @@ fn fit_with(
             1.0 / (common + information * (LASTING_PART * known.radius()).powi(2)).sqrt()
         })
         .collect();
-    let (parameters, mut covariance) = job.settle(settled)?;
+    let (mut parameters, mut covariance) = job.settle(settled)?;
+    // There is no fall in the plane; what rounding leaves of it would have a direction.
     for i in [GRAVITY, ACROSS] {
+        parameters[i] = 0.0;
         covariance[(i, i)] = 0.0;
     }
     excess.is_finite().then_some(Fitted {
