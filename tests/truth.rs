@@ -58,7 +58,12 @@ fn compare(m: &Measurement, truth: &Value) -> Vec<(&'static str, Quantity, f64, 
     let degrees = |q: Option<Quantity>| q.unwrap().scaled(180.0 / std::f64::consts::PI);
     vec![
         ("e", b.restitution.unwrap(), of(&t["restitution"]), 0.001),
-        ("friction", b.friction.or(b.friction_at_least).unwrap(), of(&t["friction"]), 0.002),
+        (
+            "friction",
+            b.friction.or(b.friction_at_least).unwrap(),
+            of(&t["friction"]),
+            0.002,
+        ),
         (
             "e_x",
             b.tangential_restitution.unwrap(),

@@ -8,8 +8,8 @@ use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
 use crate::flight::fit::{ACROSS, ARCS, DRAG, Forces, GRAVITY, Motion, lean_rad};
-use crate::geometry::PlanePoint;
 use crate::flight::planar::closest;
+use crate::geometry::PlanePoint;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 

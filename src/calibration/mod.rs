@@ -304,7 +304,11 @@ impl Calibration {
     /// on Earth.
     #[must_use]
     pub fn gravity_uncertainty_m_s2(&self) -> f64 {
-        let part = if self.gravity_given { LOCAL_PART } else { ANYWHERE_PART };
+        let part = if self.gravity_given {
+            LOCAL_PART
+        } else {
+            ANYWHERE_PART
+        };
         self.gravity_std_m_s2.unwrap_or(part * self.gravity_m_s2)
     }
 

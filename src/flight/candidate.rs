@@ -79,9 +79,8 @@ impl Candidate {
             .down;
         let agree = agreeing(centre);
         let information: f64 = agree.iter().map(|a| 1.0 / (a.std * a.std)).sum();
-        let mean = |of: fn(&Curved) -> f64| {
-            agree.iter().map(|a| of(a) / (a.std * a.std)).sum::<f64>() / information
-        };
+        let mean =
+            |of: fn(&Curved) -> f64| agree.iter().map(|a| of(a) / (a.std * a.std)).sum::<f64>() / information;
         let gravity = Gravity {
             down: mean(|a| a.own.down),
             across: if leaning { mean(|a| a.own.across) } else { 0.0 },

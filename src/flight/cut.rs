@@ -2,7 +2,8 @@
 //! judged, until they hold together.
 
 use super::chain::{
-    LEAST_END_POINTS, is_free_flight, longest_chain, points_in, richest_run, without_straight_ends, without_weak_arc,
+    LEAST_END_POINTS, is_free_flight, longest_chain, points_in, richest_run, without_straight_ends,
+    without_weak_arc,
 };
 use super::fit::Forces;
 use super::impacts::finish;

@@ -35,9 +35,9 @@ pub struct FitPoint {
 /// rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Upright {
-    /// rad; infinite where only the fall tells.
+    /// rad; infinite where only the fall tells, 0 where the fall is taken not to lean unless it does by more than is tolerated.
     pub std_rad: f64,
-    /// A fall that leans by less does not contradict that, rad.
+    /// A fall that leans by less does not contradict what is known, rad.
     pub tolerated_rad: f64,
 }
 
@@ -51,7 +51,7 @@ impl Upright {
     /// A camera that stands level, as far as rough centres tell: while arcs are looked for, so that what is no ball's path does not
     /// pass for one that leans.
     pub const AS_IT_STANDS: Self = Self {
-        std_rad: 0.002,
+        std_rad: 0.0,
         tolerated_rad: 0.035,
     };
 
@@ -157,11 +157,15 @@ impl ArcFit {
     /// "up" counts unless the fall contradicts it.
     #[must_use]
     pub fn new(points: &[FitPoint], arcs: usize, forces: Forces) -> Option<Self> {
-        let fit = Self::as_known(points, arcs, forces)?;
-        if fit.lean_contradicts() {
-            return Self::as_known(points, arcs, forces.with_upright(Upright::UNKNOWN));
+        let free = || Self::as_known(points, arcs, forces.with_upright(Upright::UNKNOWN));
+        let known = || Self::as_known(points, arcs, forces);
+        match forces.upright() {
+            Some(upright) if upright.std_rad.is_finite() => {
+                let seen = free().filter(|f| f.lean_contradicts(upright));
+                seen.or_else(known)
+            }
+            _ => known(),
         }
-        Some(fit)
     }
 
     fn as_known(points: &[FitPoint], arcs: usize, forces: Forces) -> Option<Self> {
@@ -196,7 +200,8 @@ impl ArcFit {
         let times = mean_times(points, arcs)?;
         let drag = plain.is_some();
         let mut parameters = plain.map_or_else(|| DVector::zeros(ARCS + 4 * arcs), |p| p.parameters.clone());
-        let held = [!forces.falls(), !drag, !forces.falls()];
+        let stands = forces.upright().is_none_or(|u| u.std_rad == 0.0);
+        let held = [!forces.falls(), !drag, stands];
         let mut covariance = None;
         let mut chi2 = f64::NAN;
         // Linear without drag: one step is the solution, the second shows that nothing moves.
@@ -276,7 +281,9 @@ impl ArcFit {
     pub fn gravity(&self) -> f64 {
         match self.parameters[ACROSS] {
             0.0 => self.parameters[GRAVITY],
-            across => self.parameters[GRAVITY].hypot(across).copysign(self.parameters[GRAVITY]),
+            across => self.parameters[GRAVITY]
+                .hypot(across)
+                .copysign(self.parameters[GRAVITY]),
         }
     }
 
@@ -286,24 +293,16 @@ impl ArcFit {
         lean_rad(self.parameters.as_slice())
     }
 
-    /// The lean of the fall by the points alone, without what was known of it, and its standard uncertainty, rad; `None` where
-    /// they tell nothing of it.
+    /// Standard uncertainty of the lean, rad.
     #[must_use]
-    pub fn lean_seen_rad(&self) -> Option<(f64, f64)> {
-        let known = self.forces.upright()?.std_rad;
-        let std = self.covariance[(ACROSS, ACROSS)].max(0.0).sqrt() / self.gravity().abs();
-        let share = 1.0 - (std / known).powi(2);
-        (share > 0.0 && std > 0.0).then(|| (self.lean_rad() / share, std / share.sqrt()))
+    pub fn lean_std_rad(&self) -> f64 {
+        self.covariance[(ACROSS, ACROSS)].max(0.0).sqrt() / self.gravity().abs()
     }
 
-    /// Whether the points contradict what is known of "up".
-    fn lean_contradicts(&self) -> bool {
-        let Some(known) = self.forces.upright().filter(|u| u.std_rad.is_finite()) else {
-            return false;
-        };
-        self.lean_seen_rad().is_some_and(|(lean, std)| {
-            lean.abs() > (CONTRADICTS_SIGMAS * std.hypot(known.std_rad)).max(known.tolerated_rad)
-        })
+    /// Whether the lean of these points contradicts what is `known` of "up".
+    fn lean_contradicts(&self, known: Upright) -> bool {
+        let std = self.lean_std_rad().hypot(known.std_rad);
+        self.lean_rad().abs() > (CONTRADICTS_SIGMAS * std).max(known.tolerated_rad)
     }
 
     /// The common acceleration, plane units/s².

@@ -145,7 +145,13 @@ fn find_leaning(spots: &[Spot], forces: Forces, leaning: bool) -> Result<Flight,
 #[must_use]
 pub fn again(spots: &[Spot], flight: &Flight, forces: Forces) -> Option<Flight> {
     let track: Track = (0..spots.len()).collect();
-    build(spots, &track, flight.fit.acceleration(), forces, flight.interval_s)
+    build(
+        spots,
+        &track,
+        flight.fit.acceleration(),
+        forces,
+        flight.interval_s,
+    )
 }
 
 /// Median time between successive frames.

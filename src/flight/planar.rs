@@ -59,11 +59,7 @@ impl Planar<'_> {
     #[must_use]
     pub fn pushed_by(&self, k: usize, t: f64, field: impl Fn(f64, f64) -> (f64, f64)) -> Motion {
         const PARTS: usize = 12;
-        let (g, across, a) = (
-            self.parameters[GRAVITY],
-            self.parameters[ACROSS],
-            self.arc(k),
-        );
+        let (g, across, a) = (self.parameters[GRAVITY], self.parameters[ACROSS], self.arc(k));
         let dt = (t - self.times[k]) / PARTS as f64;
         let mut sum = Motion {
             r: 0.0,

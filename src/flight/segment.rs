@@ -196,11 +196,7 @@ impl ArcSums for FallSums {
     }
 }
 
-fn cut<S: ArcSums>(
-    samples: &[Sample],
-    least: usize,
-    begin: impl Fn(&Sample) -> S,
-) -> (Vec<Stretch>, f64) {
+fn cut<S: ArcSums>(samples: &[Sample], least: usize, begin: impl Fn(&Sample) -> S) -> (Vec<Stretch>, f64) {
     let n = samples.len();
     let mut best = vec![f64::INFINITY; n + 1];
     let mut from: Vec<Option<(usize, Motion)>> = vec![None; n + 1];
@@ -471,7 +467,10 @@ mod tests {
     fn a_bounce_is_two_arcs_at_any_time_of_day() {
         for t0 in [0.0, 3600.0, 1e6] {
             let samples = bounce(200, t0);
-            for fall in [Fall::Free { leaning: false }, Fall::Known(Gravity::upright(981.0))] {
+            for fall in [
+                Fall::Free { leaning: false },
+                Fall::Known(Gravity::upright(981.0)),
+            ] {
                 let found = arcs(&samples, fall);
                 assert_eq!(found.len(), 2, "{fall:?} at {t0}: {found:?}");
                 assert!((108..=109).contains(&found[0].end), "{found:?}");

@@ -4,8 +4,8 @@
 use super::camera::in_plane;
 use super::world::WorldFrame;
 use super::{
-    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts, Warning, Work,
-    doubt, drawing, is_used, refine, warn,
+    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts, Warning,
+    Work, doubt, drawing, is_used, refine, warn,
 };
 use crate::bounce::air::Lift;
 use crate::bounce::impacts::{ImpactKind, Picture, Scene};
@@ -92,9 +92,7 @@ impl Work<'_> {
             Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
             _ => flight.points.first(),
         };
-        let first = first
-            .and_then(|p| in_plane(flight, p))
-            .unwrap_or_default();
+        let first = first.and_then(|p| in_plane(flight, p)).unwrap_or_default();
         let units_per_px = self.units_per_px();
         let displaced_px = flight.displaced_std() / units_per_px;
         let picture = Picture {
@@ -103,21 +101,16 @@ impl Work<'_> {
             places_std_px: refine::places_std_px(displaced_px),
             steady: self.seen.detector.background.registrar.fixed,
         };
-        Scene::new(
-            flight,
-            self.calibration,
-            metres_per_unit,
-            picture,
-            first,
-            lift,
-        )
+        Scene::new(flight, self.calibration, metres_per_unit, picture, first, lift)
     }
 
     /// How far the fall and the calibration together have "up" from where the calibration alone has it.
     fn up(&self, scene: &Scene<'_>) -> Option<UpTilt> {
         let tilt_rad = scene.tilt_rad()?;
         let prior = self.calibration.upright_std_rad();
-        let by_fall = tilt_rad.std_uncertainty.is_none_or(|std| std * std < 0.5 * prior * prior);
+        let by_fall = tilt_rad
+            .std_uncertainty
+            .is_none_or(|std| std * std < 0.5 * prior * prior);
         let source = if by_fall {
             UpSource::Fall
         } else {

@@ -2,10 +2,10 @@
 //! what was found, with numbers, and the key or step that mends it.
 
 use super::observe::Observation;
-use super::result::Warning;
 use super::result::UpTilt;
-use crate::bounce::{BenchLaunch, Bounce, FloorSlope, Impossible};
+use super::result::Warning;
 use crate::bounce::impacts::{Scene, SoftBall};
+use crate::bounce::{BenchLaunch, Bounce, FloorSlope, Impossible};
 use crate::calibration::{Calibration, Scale, View};
 use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
@@ -373,10 +373,19 @@ fn up_tilted(j: &Judged<'_>) -> Option<Warning> {
     let up = j.up?;
     let given = j.calibration.up_given || matches!(j.calibration.scale, Scale::Homography(_));
     let degrees = |rad: f64| rad.to_degrees();
-    let (lean, std) = j.flight.fit.lean_seen_rad()?;
-    let tilt = -lean;
-    let (prior, word) = (j.calibration.upright_std_rad(), if tilt > 0.0 { "right" } else { "left" });
-    if given && tilt.abs() > CONTRADICTS_SIGMAS * std.hypot(prior) {
+    let (tilt, std) = (up.tilt_rad.value, j.flight.fit.lean_std_rad());
+    let (prior, word) = (
+        j.calibration.upright_std_rad(),
+        if tilt > 0.0 { "right" } else { "left" },
+    );
+    // What contradicts the calibration is in the fit without it.
+    let alone = j
+        .flight
+        .fit
+        .forces
+        .upright()
+        .is_some_and(|u| u.std_rad.is_infinite());
+    if given && alone {
         return Some(warning(
             "up_tilted",
             format!(
@@ -431,7 +440,9 @@ const READ_PX: f64 = 1.0;
 
 /// What a bench that is seen says against the calibration.
 fn bench(j: &Judged<'_>) -> Vec<Warning> {
-    let Some(launch) = &j.launch else { return Vec::new() };
+    let Some(launch) = &j.launch else {
+        return Vec::new();
+    };
     let mut out = Vec::new();
     let Some(edge) = launch.edge_x_m else {
         let gap = launch.gap_m.map_or(0.0, |g| 1e3 * g.value);
@@ -441,7 +452,12 @@ fn bench(j: &Judged<'_>) -> Vec<Warning> {
         ));
         return out;
     };
-    if let Some(said) = j.calibration.launch.edge_x_m.filter(|_| j.calibration.has_origin()) {
+    if let Some(said) = j
+        .calibration
+        .launch
+        .edge_x_m
+        .filter(|_| j.calibration.has_origin())
+    {
         let metre = j.scene.metres_per_unit.value * j.units_per_px;
         let read = j.calibration.origin_std_px.unwrap_or(READ_PX) * metre;
         let std = edge.std_uncertainty.unwrap_or(0.0);

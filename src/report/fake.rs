@@ -2,8 +2,8 @@
 //! good recording has, and its less fortunate relatives.
 
 use crate::bounce::{
-    AlongFloor, BenchLaunch, Bounce, Correlation, Distances, EERegime, FloorSlope, FloorSource, Leg, MuERegime,
-    Preferred, Readings, Speed, XSource,
+    AlongFloor, BenchLaunch, Bounce, Correlation, Distances, EERegime, FloorSlope, FloorSource, Leg,
+    MuERegime, Preferred, Readings, Speed, XSource,
 };
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};

@@ -5,7 +5,8 @@
 
 use super::words;
 use crate::bounce::{
-    AlongFloor, BenchLaunch, Bounce, Correlation, EERegime, FloorSource, Leg, MuERegime, Preferred, Readings, XSource,
+    AlongFloor, BenchLaunch, Bounce, Correlation, EERegime, FloorSource, Leg, MuERegime, Preferred, Readings,
+    XSource,
 };
 use crate::measure::{
     Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,

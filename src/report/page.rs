@@ -422,7 +422,11 @@ fn bounce_section(page: &mut String, measurement: &Measurement) {
         }
         page.push_str("<tr class=\"part\"><th scope=\"row\">regime</th><td class=\"symbol\"></td><td class=\"unit\"></td>");
         for bounce in chunk {
-            let _ = write!(page, "<td class=\"v\" colspan=\"2\">{}</td>", words::regime(bounce.regime));
+            let _ = write!(
+                page,
+                "<td class=\"v\" colspan=\"2\">{}</td>",
+                words::regime(bounce.regime)
+            );
         }
         page.push_str("</tr>\n</tbody></table></div>\n");
     }

@@ -196,13 +196,7 @@ fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
         for bounce in chunk {
             let _ = write!(regimes, "  {:<width$}", words::regime(bounce.regime));
         }
-        let _ = writeln!(
-            text,
-            "{:<LABEL$}{:<SYMBOL$}{}",
-            "regime",
-            "",
-            regimes.trim_end()
-        );
+        let _ = writeln!(text, "{:<LABEL$}{:<SYMBOL$}{}", "regime", "", regimes.trim_end());
     }
 }
 

@@ -260,7 +260,10 @@ pub fn measured(
 }
 
 fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) -> Measured {
-    let first = flight.points.first().map_or_else(Default::default, |p| p.spot.place);
+    let first = flight
+        .points
+        .first()
+        .map_or_else(Default::default, |p| p.spot.place);
     let scale = Quantity::new(metres_per_unit, 1e-9 * metres_per_unit).unwrap();
     let lifted = Scene::new(&flight, calibration, scale, PICTURE, first, Lift::default());
     let (free, lift) = lifted.without_lift();

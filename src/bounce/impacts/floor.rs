@@ -134,9 +134,8 @@ impl Scene<'_> {
         // What the picture shows first; a number against gravity as far as it does not contradict that.
         let mut sources: Vec<(f64, f64)> = seen.into_iter().chain(line.map(|l| (l.1, l.2))).collect();
         let of_picture = combined(&sources);
-        let agrees = of_picture.is_none_or(|(slope, std)| {
-            (slope - level.0).abs() < AGREE_SIGMAS * std.hypot(level.1)
-        });
+        let agrees =
+            of_picture.is_none_or(|(slope, std)| (slope - level.0).abs() < AGREE_SIGMAS * std.hypot(level.1));
         self.slope.contradicted = of_picture.filter(|_| !agrees).map(|_| level);
         if agrees {
             sources.push(level);
@@ -198,9 +197,8 @@ impl Scene<'_> {
             .radius_m
             .unwrap_or_else(|| self.flight.points[0].spot.radius * self.metres_per_unit.value);
         let last = touches.len();
-        let steps = (0..last).any(|i| {
-            off_line.value(i).abs() > STEP_PART * radius_m + STEP_SIGMAS * off_line.std(i)
-        });
+        let steps =
+            (0..last).any(|i| off_line.value(i).abs() > STEP_PART * radius_m + STEP_SIGMAS * off_line.std(i));
         // Of two touches any step looks like a slope: one by more than the ball's radius is one.
         let rise = heights.value(0) - heights.value(last - 1);
         let two_floors = last == 2 && rise.abs() > radius_m + STEP_SIGMAS * heights.std(0);
@@ -211,7 +209,8 @@ impl Scene<'_> {
 
     /// What a ball that may be soft does to the slope: it touches earlier than said, and so higher, by more the faster it comes.
     fn soft_slope_std(&self, touches: &[(usize, f64)]) -> f64 {
-        let (Some(soft), Some(first), Some(last)) = (self.may_be_soft(), touches.first(), touches.last()) else {
+        let (Some(soft), Some(first), Some(last)) = (self.may_be_soft(), touches.first(), touches.last())
+        else {
             return 0.0;
         };
         let p = self.evidence.values.as_slice();
