@@ -1,7 +1,7 @@
 //! A calibration in the file's form.
 
-use crate::calibration::{Calibration, Deviation, SCHEMA, Scale, View};
 use super::ROLLING;
+use crate::calibration::{Calibration, Deviation, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
@@ -47,7 +47,10 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
     ]);
     let floor = &c.floor;
     let floor = object([
-        ("slope_deg", floor.given.then(|| floor.slope_rad.to_degrees().into())),
+        (
+            "slope_deg",
+            floor.given.then(|| floor.slope_rad.to_degrees().into()),
+        ),
         ("std_deg", floor.given.then(|| floor.std_rad.to_degrees().into())),
         (
             "line_px",
