@@ -296,6 +296,63 @@ fn what_makes_no_calibration_is_told_and_cannot_be_saved() {
 }
 
 #[test]
+fn a_line_along_the_floor_is_drawn_saved_and_read_back() {
+    let Some(browser) = chromium() else { return };
+    let out = on_page(
+        &browser,
+        None,
+        r#"
+        choose("gravity");
+        const off = { calib: calib(), shown: mark("lineFrom").style.display };
+        tick("line-on", true);
+        const on = mark("lineFrom").style.display;
+        drag("lineFrom", [40.25, 330.5]);
+        drag("lineTo", [45, 330.5]);
+        const short = told();
+        drag("lineTo", [600.5, 322], "touch");
+        return { off, on, short, calib: calib() };
+        "#,
+    );
+    assert_eq!((&out["off"]["shown"], &out["on"]), (&json!("none"), &json!("")));
+    assert!(
+        out["short"][0].as_str().unwrap().contains("nearly one point"),
+        "{out}"
+    );
+    let file: Value = serde_json::from_str(out["off"]["calib"].as_str().unwrap()).unwrap();
+    for key in ["floor", "up_px", "gravity_m_s2"] {
+        assert!(file.get(key).is_none(), "{key}: {file}");
+    }
+    let line = parsed(&out["calib"]).floor.line.unwrap();
+    let near = |a: PixelPoint, u: f64, v: f64| a.distance_px(PixelPoint::new(u, v)) < 0.02;
+    assert!(
+        near(line.from, 40.25, 330.5) && near(line.to, 600.5, 322.0),
+        "{line:?}"
+    );
+    assert_eq!(line.std_px, 1.0);
+    // A file that has one begins with it; what nobody moves stays as it is, and so does what the page does not show.
+    let mut file = json!({
+        "schema": "track.calib/1", "image_size_px": [SIZE.0, SIZE.1], "scale": {"gravity": true},
+        "ball": {"radius_m": 0.0125}, "launch": {"spin_ratio": "rolling", "track_width_m": 0.01},
+        "floor": {"slope_deg": 0.5, "std_deg": 0.2, "line_px": [[20.123, 300.456], [620, 301]], "line_std_px": 0.07}
+    });
+    let script = r#"
+        const kept = calib();
+        key("lineTo", "ArrowUp");
+        const moved = calib();
+        tick("line-on", false);
+        return { kept, moved, without: calib() };
+    "#;
+    let out = on_page(&browser, Some(&file), script);
+    let json = |key: &str| -> Value { serde_json::from_str(out[key].as_str().unwrap()).unwrap() };
+    assert_eq!(json("kept"), file);
+    file["floor"] =
+        json!({"slope_deg": 0.5, "std_deg": 0.2, "line_px": [[20.12, 300.46], [620, 300]], "line_std_px": 1});
+    assert_eq!(json("moved"), file);
+    file["floor"] = json!({"slope_deg": 0.5, "std_deg": 0.2});
+    assert_eq!(json("without"), file);
+}
+
+#[test]
 fn with_a_lens_the_page_and_the_program_agree() {
     let Some(browser) = chromium() else { return };
     let lens = json!({"camera_matrix": [[520, 0, 321], [0, 522, 178], [0, 0, 1]], "distortion": [-0.25, 0.06, 0.001, -0.0008, 0.0]});
@@ -338,6 +395,7 @@ fn with_a_lens_the_page_and_the_program_agree() {
         origin: None,
         floor: Some(p(600.0, 330.0)),
         edge: Some(p(40.0, 60.0)),
+        floor_line: None,
         point_std_px: 1.0,
         snap_px: None,
         known,

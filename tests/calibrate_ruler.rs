@@ -144,6 +144,65 @@ fn a_floor_is_snapped_to_its_edge() {
 }
 
 #[test]
+fn a_line_along_the_floor_tells_its_slope() {
+    let dir = tempdir().unwrap();
+    let calib = dir.path().join("my.calib.json");
+    // 4 px up in 280: 0.82 degrees, each end read to half a pixel.
+    let line = [
+        "--gravity",
+        "--floor-line",
+        "20,220",
+        "300,216",
+        "--point-std-px",
+        "0.5",
+    ];
+    ruler(&line).arg("--out").arg(&calib).assert().success().stdout(
+        contains("floor line rises by 0.82 ± 0.14° to the right, against the picture's own")
+            .and(contains("[300.00, 216.00] px, as given"))
+            .and(contains("up         not given: the fall tells")),
+    );
+    assert_eq!(names(dir.path()), ["my.calib.json", "my.marks.png"]);
+    let file: Value = serde_json::from_str(&fs::read_to_string(&calib).unwrap()).unwrap();
+    assert_eq!(
+        file["floor"],
+        json!({"line_px": [[20.0, 220.0], [300.0, 216.0]], "line_std_px": 0.5})
+    );
+    // What nobody said is not in the file.
+    for key in ["up_px", "up_std_deg", "gravity_m_s2", "origin_px"] {
+        assert!(file.get(key).is_none(), "{key}: {file}");
+    }
+    // Against a given "up" its own doubt comes in: 0.3 degrees where none is given.
+    ruler(&[&line[..], &["--up", "0,-1", "--gravity-m-s2", "9.803", "--out"]].concat())
+        .arg(&calib)
+        .assert()
+        .success()
+        .stdout(
+            contains("rises by 0.82 ± 0.33° to the right, against \"up\"")
+                .and(contains("up         0.00 ± 0.30° clockwise")),
+        );
+    let c = Calibration::read(&calib).unwrap();
+    assert!(c.up_given && c.gravity_given && !c.floor.given);
+    // Snapped to the floor's edge, which is level.
+    let snapped = ruler(&[
+        "--gravity",
+        "--floor-line",
+        "60,214",
+        "300,225",
+        "--snap=12",
+        "--json",
+    ])
+    .assert()
+    .success();
+    let c = Calibration::parse(&String::from_utf8_lossy(&snapped.get_output().stdout), "out").unwrap();
+    let line = c.floor.line.unwrap();
+    assert!(
+        (line.from.v_px - 220.0).abs() < 0.1 && (line.to.v_px - 220.0).abs() < 0.1,
+        "{line:?}"
+    );
+    assert!(line.std_px < 0.1, "{line:?}");
+}
+
+#[test]
 fn one_flag_is_enough_and_without_a_file_the_calibration_is_the_answer() {
     for (args, scale) in [
         (vec!["--gravity"], Scale::Gravity),
@@ -222,6 +281,24 @@ fn marks_that_make_no_sense_are_refused_without_a_trace() {
         &["no/such.json", "no such file"],
     );
     refused(&with(&["--length-std-m", "7"]), &["length_std_m"]);
+    refused(
+        &with(&["--floor-line", "20,220", "25,220"]),
+        &["--floor-line", "5.0 px apart", "far apart"],
+    );
+    refused(
+        &with(&["--floor-line", "220,20", "220,300"]),
+        &["--floor-line: [220, 300]", "outside the picture", "column first"],
+    );
+    refused(&with(&["--floor-line", "20,220"]), &["--floor-line", "2 values"]);
+    refused(
+        &with(&["--floor-line", "1,2", "90,2", "--floor-line", "1,9", "90,9"]),
+        &["multiple times"],
+    );
+    refused(&["--floor-line", "20,220", "300,220"], &["no scale"]);
+    refused(
+        &["--floor-line", "20,220", "300", "--gravity"],
+        &["--floor-line", "expected U,V in pixels"],
+    );
 }
 
 /// What `check` would find in the new file is told at once: centimetres given for metres, say.
@@ -236,6 +313,11 @@ fn a_wrong_unit_is_warned_of() {
         .assert()
         .success()
         .stderr(contains("warning").not());
+    // A line that runs up a wall, or row and column exchanged.
+    ruler(&["--gravity", "--floor-line", "100,20", "102,220"])
+        .assert()
+        .success()
+        .stderr(contains("warning: floor.line_px").and(contains("column first")));
 }
 
 #[test]

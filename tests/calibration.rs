@@ -8,7 +8,9 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use track::calibration::{Calibration, CalibrationError, Problem, Scale, ScaleEvidence, Silhouettes, View};
+use track::calibration::{
+    Calibration, CalibrationError, Floor, FloorLine, Launch, Problem, Scale, ScaleEvidence, Silhouettes, View,
+};
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
 
@@ -197,9 +199,279 @@ fn what_is_left_out_or_null_has_its_default() {
         "schema": "track.calib/1", "scale": {"gravity": true, "ball": null}, "view": null, "image_size_px": null,
         "origin_px": null, "up_px": null, "lens": null, "frame_rate_hz": null, "gravity_m_s2": null, "ball": null,
         "launch": null, "up_std_deg": null, "origin_std_px": null, "gravity_std_m_s2": null,
-        "distance_m": null, "distance_std_m": null
+        "distance_m": null, "distance_std_m": null, "floor": null
     });
     assert_eq!(parse(&nulls), least);
+    let nulls = json!({
+        "schema": "track.calib/1", "scale": {"gravity": true}, "launch": {"track_width_m": null},
+        "floor": {"slope_deg": null, "std_deg": null, "line_px": null, "line_std_px": null}
+    });
+    assert_eq!(parse(&nulls), least);
+}
+
+/// What a file does not say is left to the fall, or has the uncertainty of what people do not say.
+#[test]
+fn up_and_gravity_are_given_only_where_the_file_says_so() {
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+    let least = parse(&json!({"schema": "track.calib/1", "scale": {"gravity": true}}));
+    assert!(!least.up_given && !least.gravity_given);
+    near(least.upright_std_rad(), 5_f64.to_radians());
+    near(least.gravity_uncertainty_m_s2(), 0.003 * 9.81);
+    // The defaults, written out, are statements.
+    let said = parse(&json!({
+        "schema": "track.calib/1", "scale": {"gravity": true}, "up_px": [0, -1], "gravity_m_s2": 9.81
+    }));
+    assert!(said.up_given && said.gravity_given);
+    near(said.upright_std_rad(), 0.3_f64.to_radians());
+    near(said.gravity_uncertainty_m_s2(), 1e-4 * 9.81);
+    let sure = parse(&json!({
+        "schema": "track.calib/1", "scale": {"gravity": true}, "up_std_deg": 0.1, "gravity_std_m_s2": 0.005
+    }));
+    near(sure.upright_std_rad(), 0.1_f64.to_radians());
+    near(sure.gravity_uncertainty_m_s2(), 0.005);
+    // A homography has its own up, and is no less sure of it than a person.
+    for c in [
+        parse(&homography()),
+        parse(&set(homography(), "up_px", json!([0, -1]))),
+    ] {
+        assert!(!c.up_given);
+        near(c.upright_std_rad(), 0.3_f64.to_radians());
+    }
+    for c in [&least, &said, &sure] {
+        let written = c.to_json();
+        assert_eq!(written.get("up_px").is_some(), c.up_given, "{written}");
+        assert_eq!(
+            written.get("gravity_m_s2").is_some(),
+            c.gravity_given,
+            "{written}"
+        );
+        assert_eq!(parse(&written), *c);
+    }
+    let hint = refused(&set(contract(), "up_px", json!([0, 0])), "up_px").hint;
+    assert!(hint.contains("leave it out: the fall tells"), "{hint}");
+}
+
+/// The contract's file with a rolling ball on a track of that width.
+fn rolling(track_width_m: Value) -> Value {
+    set(
+        contract(),
+        "launch",
+        json!({"spin_ratio": "rolling", "track_width_m": track_width_m}),
+    )
+}
+
+#[test]
+fn a_ball_may_roll_off_a_bench_or_a_track() {
+    let bench = parse(&rolling(Value::Null)).launch;
+    assert_eq!(
+        bench,
+        Launch {
+            edge_x_m: Some(0.0),
+            spin_ratio: Some(1.0),
+            rolling: true,
+            track_width_m: None
+        }
+    );
+    // R = 12.5 mm on edges 15 mm apart: the axis is 10 mm above them.
+    let track = parse(&rolling(json!(0.015))).launch;
+    assert_eq!((track.rolling, track.track_width_m), (true, Some(0.015)));
+    assert!((track.spin_ratio.unwrap() - 1.25).abs() < 1e-12);
+    for file in [rolling(Value::Null), rolling(json!(0.015))] {
+        let c = parse(&file);
+        let written = c.to_json();
+        assert_eq!(written["launch"]["spin_ratio"], "rolling");
+        assert_eq!(
+            written["launch"]
+                .get("track_width_m")
+                .cloned()
+                .unwrap_or(Value::Null),
+            file["launch"]["track_width_m"]
+        );
+        assert_eq!(parse(&written), c);
+    }
+    // One that rolls is not one that is said to turn as fast.
+    let number = parse(&set(contract(), "launch.spin_ratio", json!(1)));
+    assert!(!number.launch.rolling);
+    assert_eq!(number.to_json()["launch"]["spin_ratio"], 1.0);
+}
+
+#[test]
+fn tracks_that_carry_no_ball() {
+    for wide in [0.025, 0.03, 25.0] {
+        let p = refused(&rolling(json!(wide)), "launch.track_width_m");
+        assert!(p.found.contains("falls"), "{p}");
+    }
+    refused(&rolling(json!(0)), "launch.track_width_m");
+    refused(&rolling(json!("15 mm")), "launch.track_width_m");
+    for spin in [json!(1), json!(0), Value::Null] {
+        let p = refused(
+            &set(rolling(json!(0.015)), "launch.spin_ratio", spin),
+            "launch.track_width_m",
+        );
+        assert!(p.hint.contains("\"rolling\""), "{p}");
+    }
+    let p = refused(
+        &set(rolling(json!(0.015)), "launch.spin_ratio", json!("Rolling")),
+        "launch.spin_ratio",
+    );
+    assert!(p.accepted.contains("\"rolling\" or null"), "{p}");
+    let p = refused(
+        &set(contract(), "launch.spin_ratio", json!("0.5")),
+        "launch.spin_ratio",
+    );
+    assert!(p.hint.contains("without quotes"), "{p}");
+    // How fast it turns on a track depends on its radius; on a bench it does not.
+    let p = refused(&without(rolling(json!(0.015)), "ball"), "ball.radius_m");
+    assert!(p.found.contains("track_width_m"), "{p}");
+    parse(&without(rolling(Value::Null), "ball"));
+    refused(
+        &set(rolling(json!(0.015)), "ball.radius_m", json!(-1)),
+        "ball.radius_m",
+    );
+}
+
+#[test]
+fn what_is_said_of_the_floor_comes_back() {
+    let degree = 1_f64.to_radians();
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+    let with = |floor: Value| set(contract(), "floor", floor);
+    let line = json!([[100, 650], [1200, 640.5]]);
+    // What is given, slope and its uncertainty in degrees, the line's in px.
+    let cases = [
+        (json!({}), false, 0.0, 0.1, None),
+        (json!({"slope_deg": 1.5}), true, 1.5, 0.1, None),
+        (json!({"slope_deg": 0}), true, 0.0, 0.1, None),
+        (json!({"std_deg": 2}), true, 0.0, 2.0, None),
+        (
+            json!({"slope_deg": -0.5, "std_deg": 0.02}),
+            true,
+            -0.5,
+            0.02,
+            None,
+        ),
+        (json!({"line_px": line}), false, 0.0, 0.1, Some(1.0)),
+        (
+            json!({"line_px": line, "line_std_px": 0.3}),
+            false,
+            0.0,
+            0.1,
+            Some(0.3),
+        ),
+        (
+            json!({"slope_deg": 1, "std_deg": 1, "line_px": line, "line_std_px": 2}),
+            true,
+            1.0,
+            1.0,
+            Some(2.0),
+        ),
+    ];
+    for (floor, given, slope_deg, std_deg, line_std_px) in cases {
+        let c = parse(&with(floor.clone()));
+        assert_eq!(c.floor.given, given, "{floor}");
+        near(c.floor.slope_rad, slope_deg * degree);
+        near(c.floor.std_rad, std_deg * degree);
+        assert_eq!(c.floor.line.map(|l| l.std_px), line_std_px, "{floor}");
+        if let Some(line) = c.floor.line {
+            assert!((line.length_px() - 1100_f64.hypot(9.5)).abs() < 1e-9);
+            assert_eq!(
+                (line.from, line.to),
+                (PixelPoint::new(100.0, 650.0), PixelPoint::new(1200.0, 640.5))
+            );
+        }
+        let written = c.to_json();
+        assert_eq!(
+            written.get("floor").is_some(),
+            given || line_std_px.is_some(),
+            "{written}"
+        );
+        assert!(alike(&parse(&written).to_json(), &written), "{written}");
+    }
+    assert_eq!(parse(&contract()).floor, Floor::default());
+}
+
+#[test]
+fn a_line_along_the_floor_rises_to_the_right() {
+    let mut c = Calibration::new(Scale::Gravity);
+    let (left, right) = (PixelPoint::new(100.0, 500.0), PixelPoint::new(500.0, 490.0));
+    for (from, to) in [(left, right), (right, left)] {
+        let line = FloorLine {
+            from,
+            to,
+            std_px: 0.5,
+        };
+        let rise = line.rise_rad(&c.rectification().unwrap()).unwrap();
+        assert!((rise.tan() - 10.0 / 400.0).abs() < 1e-12, "{rise}");
+        assert!((line.std_rad() - 0.5 * 2_f64.sqrt() / 400_f64.hypot(10.0)).abs() < 1e-12);
+    }
+    // On its side, the picture's down is to the right.
+    c.up_px = [1.0, 0.0];
+    let line = FloorLine {
+        from: PixelPoint::new(50.0, 100.0),
+        to: PixelPoint::new(60.0, 500.0),
+        std_px: 1.0,
+    };
+    let rise = line.rise_rad(&c.rectification().unwrap()).unwrap();
+    assert!((rise.tan() - 10.0 / 400.0).abs() < 1e-12, "{rise}");
+}
+
+#[test]
+fn floors_that_are_refused() {
+    let line = json!([[100, 650], [1200, 640]]);
+    let bad = [
+        ("slope_deg", json!("1")),
+        ("slope_deg", json!(50)),
+        ("slope_deg", json!(true)),
+        ("std_deg", json!(0)),
+        ("std_deg", json!(-0.1)),
+        ("std_deg", json!([0.1])),
+        ("line_px", json!([100, 650, 1200, 640])),
+        ("line_px", json!([[100, 650]])),
+        ("line_px", json!([[100, 650], [1200, 640], [3, 4]])),
+        ("line_px", json!([[100, 650], [1200, "640"]])),
+        ("line_px", json!([[100, 650], [1200, 1e300]])),
+        ("line_px", json!("level")),
+        ("line_px", json!([[100, 650], [100, 650]])),
+        ("line_px", json!([[100, 650], [109, 650]])),
+        ("line_px", json!([[100, 650], [1300, 640]])),
+        ("line_px", json!([[650, 1200], [640, 100]])),
+        ("line_std_px", json!(0)),
+        ("line_std_px", json!("1")),
+        ("line_std_px", json!(2000)),
+    ];
+    for (key, value) in bad {
+        let mut floor = json!({"line_px": line});
+        floor[key] = value;
+        let file = set(contract(), "floor", floor);
+        refused(&file, &format!("floor.{key}"));
+    }
+    let with = |floor: Value| set(contract(), "floor", floor);
+    let p = refused(
+        &with(json!({"line_px": [[100, 650], [109, 650]]})),
+        "floor.line_px",
+    );
+    assert!(p.found.contains("9.0 px") && p.accepted.contains("10 px"), "{p}");
+    let p = refused(
+        &with(json!({"line_px": [[100, 650], [1300, 640]]})),
+        "floor.line_px",
+    );
+    assert!(p.found.contains("[1300, 640], outside the picture"), "{p}");
+    let p = refused(&with(json!({"line_std_px": 1})), "floor.line_std_px");
+    assert!(p.found.contains("no line_px"), "{p}");
+    // Beyond the fold of a lens, and beyond a plane's horizon.
+    let folding = set(contract(), "lens.distortion", json!([-3.0, 0, 0, 0, 0]));
+    let file = set(
+        without(without(folding, "image_size_px"), "origin_px"),
+        "floor",
+        json!({"line_px": [[640, 360], [5000, 360]]}),
+    );
+    refused(&file, "floor.line_px");
+    let file = set(
+        homography(),
+        "floor",
+        json!({"line_px": [[640, 360], [-30000, 360]]}),
+    );
+    let p = refused(&file, "floor.line_px");
+    assert!(p.found.contains("horizon"), "{p}");
 }
 
 #[test]
@@ -270,6 +542,8 @@ fn top_level_values_that_are_refused() {
         ("scale", json!(0.0008)),
         ("ball", json!(0.0125)),
         ("launch", json!([])),
+        ("floor", json!(0.1)),
+        ("floor", json!([[1, 2], [3, 4]])),
         ("lens", json!("wide")),
     ];
     for (key, value) in bad {
@@ -312,7 +586,10 @@ fn nested_values_that_are_refused() {
         ("ball.inertia_factor", json!(0.7)),
         ("ball.inertia_factor", json!(-0.4)),
         ("launch.edge_x_m", json!("edge")),
-        ("launch.spin_ratio", json!("rolling")),
+        ("launch.spin_ratio", json!("roling")),
+        ("launch.spin_ratio", json!("0.5")),
+        ("launch.spin_ratio", json!([1])),
+        ("launch.track_width_m", json!(0.01)),
         ("lens.distortion", json!([0.1, 0.2, 0.0, 0.0])),
         ("lens.distortion", json!([0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
         ("lens.distortion", json!([0.1, "0.2", 0.0, 0.0, 0.0])),
@@ -532,6 +809,16 @@ fn unknown_keys_name_the_nearest_known_one() {
         ("metres_per_pixel", "scale.metres_per_pixel"),
         ("camera_matrix", "lens.camera_matrix"),
         ("diameter_m", "half the diameter"),
+        ("flor", "floor"),
+        ("Floor", "floor"),
+        ("lanch", "launch"),
+        ("launches", "launch"),
+        ("slope_deg", "floor.slope_deg"),
+        ("floor_slope_deg", "floor.slope_deg"),
+        ("floor_line_px", "floor.line_px"),
+        ("line_px", "floor.line_px"),
+        ("track_width_m", "launch.track_width_m"),
+        ("spin_ratio", "launch.spin_ratio"),
     ];
     for (key, meant) in cases {
         let mut file = contract();
@@ -541,6 +828,29 @@ fn unknown_keys_name_the_nearest_known_one() {
     let mut file = contract();
     file["ball"]["radius"] = json!(1);
     assert_eq!(hint(file, "ball.radius"), "did you mean ball.radius_m?");
+    for (key, meant) in [
+        ("slope", "slope_deg"),
+        ("slope_rad", "slope_deg"),
+        ("line", "line_px"),
+        ("std", "std_deg"),
+        ("line_std", "line_std_px"),
+    ] {
+        let mut file = contract();
+        file["floor"] = json!({key: 1});
+        let p = refused(&file, &format!("floor.{key}"));
+        assert_eq!(p.hint, format!("did you mean floor.{meant}?"));
+        assert!(
+            p.accepted
+                .contains("in floor: slope_deg, std_deg, line_px, line_std_px"),
+            "{p}"
+        );
+    }
+    let mut file = contract();
+    file["launch"]["track_width"] = json!(0.01);
+    assert_eq!(
+        hint(file, "launch.track_width"),
+        "did you mean launch.track_width_m?"
+    );
     let mut file = contract();
     file["lens"]["distorsion"] = json!(1);
     assert_eq!(hint(file, "lens.distorsion"), "did you mean lens.distortion?");
@@ -718,12 +1028,30 @@ fn any_scale() -> impl Strategy<Value = Value> {
     ]
 }
 
+/// "spin_ratio" and "track_width_m".
+fn any_spin() -> impl Strategy<Value = (Value, Value)> {
+    prop_oneof![
+        maybe(-2.0..2.0).prop_map(|spin| (json!(spin), Value::Null)),
+        maybe(1e-4..0.024).prop_map(|track| (json!("rolling"), json!(track))),
+    ]
+}
+
+prop_compose! {
+    fn any_floor()(
+        slope in maybe(-40.0..40.0), std in maybe(0.01..10.0), line in maybe((0.0..500.0, 0.0..719.0, 600.0..1279.0, 0.0..719.0)),
+        line_std in maybe(0.1..5.0),
+    ) -> Value {
+        let ends = line.map(|(a, b, c, d)| json!([[a, b], [c, d]]));
+        json!({"slope_deg": slope, "std_deg": std, "line_std_px": line_std.filter(|_| ends.is_some()), "line_px": ends})
+    }
+}
+
 prop_compose! {
     fn any_file()(
         scale in any_scale(), top: bool, size: bool, origin in maybe((0.0..1279.0, 0.0..719.0)), angle in -3.2..3.2_f64,
         stds in (maybe(0.1..5.0), maybe(0.01..5.0), maybe(1e-3..0.1), maybe(1e-5..1e-3)), lens: bool,
         rate in maybe(1.0..1e4), gravity in 9.0..10.0, mass in maybe(1e-3..1.0), inertia in 0.1..0.66,
-        edge in maybe(-1.0..1.0), spin in maybe(-2.0..2.0), distance in maybe(0.5..1.0), doubt in maybe(1e-3..0.1),
+        edge in maybe(-1.0..1.0), spin in any_spin(), given: (bool, bool), floor in maybe(any_floor()), distance in maybe(0.5..1.0), doubt in maybe(1e-3..0.1),
     ) -> Value {
         let mut file = contract();
         let homography = scale.get("world_from_pixel").is_some();
@@ -731,17 +1059,19 @@ prop_compose! {
         file["view"] = json!(if top { "top" } else { "side" });
         file["origin_px"] = if homography { Value::Null } else { json!(origin) };
         file["origin_std_px"] = if file["origin_px"].is_null() { Value::Null } else { json!(stds.0) };
-        file["up_px"] = if homography { Value::Null } else { json!([angle.sin(), -angle.cos()]) };
+        file["up_px"] = if homography || !given.0 { Value::Null } else { json!([angle.sin(), -angle.cos()]) };
         file["up_std_deg"] = json!(stds.1);
         // A homography's tilt leaves only some distances possible.
         file["distance_m"] = json!(distance.filter(|_| !homography));
         file["distance_std_m"] = if file["distance_m"].is_null() { Value::Null } else { json!(doubt) };
-        file["gravity_m_s2"] = json!(gravity);
+        file["gravity_m_s2"] = if given.1 { json!(gravity) } else { Value::Null };
         file["gravity_std_m_s2"] = json!(stds.2);
         file["frame_rate_hz"] = json!(rate);
         file["ball"] = json!({"radius_m": 0.0125, "radius_std_m": stds.3, "mass_kg": mass, "inertia_factor": inertia});
         let has_origin = homography || origin.is_some();
-        file["launch"] = json!({"edge_x_m": edge.filter(|_| has_origin), "spin_ratio": spin});
+        let (spin, track) = spin;
+        file["launch"] = json!({"edge_x_m": edge.filter(|_| has_origin), "spin_ratio": spin, "track_width_m": track});
+        file["floor"] = json!(floor);
         if !size { file["image_size_px"] = Value::Null; }
         if !lens { file["lens"] = Value::Null; }
         file
@@ -776,6 +1106,12 @@ fn any_key() -> impl Strategy<Value = String> {
         "lens",
         "ball",
         "launch",
+        "floor",
+        "spin_ratio",
+        "track_width_m",
+        "slope_deg",
+        "line_px",
+        "line_std_px",
         "metres_per_pixel",
         "from_px",
         "to_px",
@@ -850,6 +1186,10 @@ proptest! {
         let written = c.to_json();
         let again = Calibration::parse(&written.to_string(), "lab.json")
             .map_err(|e| TestCaseError::fail(e.to_string()))?;
+        prop_assert_eq!((again.up_given, again.gravity_given), (c.up_given, c.gravity_given));
+        prop_assert_eq!((again.launch, again.floor.given, again.floor.line), (c.launch, c.floor.given, c.floor.line));
+        prop_assert_eq!(c.up_given, !file["up_px"].is_null());
+        prop_assert_eq!(c.gravity_given, !file["gravity_m_s2"].is_null());
         prop_assert!(alike(&again.to_json(), &written), "{written}\n{}", again.to_json());
         use_all(&file.to_string())?;
     }

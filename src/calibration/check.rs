@@ -134,6 +134,7 @@ fn by_itself(c: &Calibration, recording: Option<&SourceInfo>, out: &mut Findings
     scale(c, size, out);
     ball(c, size, out);
     up(c, out);
+    floor(c, out);
     if let (Some(lens), Some(size)) = (&c.lens, size) {
         lens_findings(lens, size, out);
         if c.deviations.is_empty() {
@@ -334,6 +335,31 @@ fn up(c: &Calibration, out: &mut Findings) {
     }
 }
 
+/// A line along the floor is as steep as floor.slope_deg may be, at most.
+const STEEPEST_LINE_DEG: f64 = 45.0;
+
+fn floor(c: &Calibration, out: &mut Findings) {
+    let says = c.floor.given || c.floor.line.is_some();
+    if says && c.view == View::Top {
+        out.remark("floor", "a picture from above shows no slope: it has no say");
+        return;
+    }
+    let rise_rad = c
+        .floor
+        .line
+        .and_then(|line| line.rise_rad(&c.rectification().ok()?));
+    if let Some(rise_deg) = rise_rad.map(f64::to_degrees)
+        && rise_deg.abs() > STEEPEST_LINE_DEG
+    {
+        out.problem(
+            "floor.line_px",
+            format!(
+                "the line rises by {rise_deg:.0} degrees against \"up\": a floor is level, nearly; check the order (column first, then row), and up_px for a camera on its side"
+            ),
+        );
+    }
+}
+
 fn lens_findings(lens: &Lens, size: (usize, usize), out: &mut Findings) {
     let m = lens.camera_matrix();
     let (fx, fy, centre) = (m[(0, 0)], m[(1, 1)], lens.principal_point());
@@ -417,10 +443,8 @@ fn against(c: &Calibration, recording: &SourceInfo, out: &mut Findings) {
             ),
         );
     }
-    if c.image_size_px.is_none()
-        && let Scale::Ruler { from, to, .. } = c.scale
-    {
-        for (key, end) in [("scale.from_px", from), ("scale.to_px", to)] {
+    if c.image_size_px.is_none() {
+        for (key, end) in c.marks() {
             if !inside(end, size) {
                 out.problem(
                     key,

@@ -105,6 +105,37 @@ pub struct FloorLine {
     pub std_px: f64,
 }
 
+impl FloorLine {
+    /// A shorter one tells no direction, px.
+    pub const LEAST_PX: f64 = 10.0;
+
+    /// From end to end, px.
+    #[must_use]
+    pub fn length_px(&self) -> f64 {
+        self.from.distance_px(self.to)
+    }
+
+    /// Standard uncertainty of its direction in the picture, rad.
+    #[must_use]
+    pub fn std_rad(&self) -> f64 {
+        std::f64::consts::SQRT_2 * self.std_px / self.length_px()
+    }
+
+    /// Angle by which it rises to the right, square to the "up" of `map`, rad, between −π/2 and π/2; `None` where lens or
+    /// horizon have no place for an end.
+    #[must_use]
+    pub fn rise_rad(&self, map: &Rectification) -> Option<f64> {
+        let (a, b) = (map.plane_from_pixel(self.from)?, map.plane_from_pixel(self.to)?);
+        let (right, up) = (b.right - a.right, b.up - a.up);
+        // The same line from either end.
+        Some(if right < 0.0 {
+            (-up).atan2(-right)
+        } else {
+            up.atan2(right)
+        })
+    }
+}
+
 /// A bench or floor of which nothing is said is level to this standard deviation: 0.1 degrees, 2 mm in a metre.
 pub const BENCH_STD_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
 
@@ -182,7 +213,7 @@ pub struct Calibration {
     pub origin_std_px: Option<f64>,
     /// Direction of "up" in the undistorted picture, (du, dv), a unit vector.
     pub up_px: [f64; 2],
-    /// Whether the file says so; else it is a first guess, and the fall tells.
+    /// Whether the file says so; else it is a first guess, and the fall tells. Never beside a homography, which has its own.
     pub up_given: bool,
     /// Standard uncertainty of that direction, rad; [`Self::upright`] says what holds where there is none.
     pub up_std_rad: Option<f64>,
@@ -360,6 +391,18 @@ impl Calibration {
             Lens::new(matrix, lens.distortion()).unwrap_or_else(|_| lens.clone())
         });
         there
+    }
+
+    /// Points read off the picture that must lie in it, with their keys: ends of a ruler and of a line along the floor.
+    fn marks(&self) -> Vec<(&'static str, PixelPoint)> {
+        let mut marks = Vec::new();
+        if let Scale::Ruler { from, to, .. } = self.scale {
+            marks.extend([("scale.from_px", from), ("scale.to_px", to)]);
+        }
+        if let Some(line) = self.floor.line {
+            marks.extend([line.from, line.to].map(|end| ("floor.line_px", end)));
+        }
+        marks
     }
 
     /// The map between the picture and the plane of motion.

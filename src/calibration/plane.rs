@@ -200,6 +200,10 @@ impl Rectification {
     }
 }
 
+/// What to do about an `up_px` that is none.
+pub(super) const HINT_UP: &str =
+    "leave it out: the fall tells; or give the direction of a plumb line, upwards";
+
 fn rotation_map(calibration: &Calibration) -> Result<Map, Problem> {
     let [a, b] = calibration.up_px;
     let norm = a.hypot(b);
@@ -208,7 +212,7 @@ fn rotation_map(calibration: &Calibration) -> Result<Map, Problem> {
             "up_px",
             format!("[{a}, {b}]"),
             "a direction [du, dv] that is not zero",
-            "leave it out for a camera held level, or give the direction of a plumb line, upwards",
+            HINT_UP,
         ));
     }
     let origin = match (calibration.origin_px, &calibration.lens) {

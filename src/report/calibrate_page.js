@@ -54,6 +54,7 @@ const scaleOf = (s) => (!s ? "ruler" : s.from_px ? "ruler" : s.ball ? "ball" : s
 const fileScale = scaleOf(file.scale);
 const matrix = file.scale && file.scale.world_from_pixel;
 const ruler = file.scale && file.scale.from_px ? file.scale : {};
+const floorLine = (file.floor && file.floor.line_px) || null;
 
 const state = {
   scale: fileScale,
@@ -61,8 +62,13 @@ const state = {
   to: ruler.to_px ? ruler.to_px.slice() : [0.75 * width, 0.8 * height].map(Math.round),
   floor: null,
   edge: null,
+  lineFrom: null,
+  lineTo: null,
   floorOn: false,
   edgeOn: false,
+  lineOn: !!floorLine,
+  // Ends that nobody moved stay in the file as they are, with their uncertainty.
+  lineMoved: !floorLine,
 };
 
 // "Up" in the undistorted picture, a unit vector.
@@ -128,6 +134,8 @@ function placeOrigin() {
     state.floor = distort(pixelOfWorld([w[0] + u, w[1]]));
     state.edge = distort(pixelOfWorld([w[0], w[1] + u]));
   }
+  const level = Math.round(state.floor[1]);
+  [state.lineFrom, state.lineTo] = (floorLine || [[0.35 * width, level], [0.85 * width, level]]).map((p) => p.slice());
   state.floorOn = !!origin;
   state.edgeOn = !!origin && !(file.launch && file.launch.edge_x_m === null);
 }
@@ -160,6 +168,11 @@ function problems() {
   positive("rate", "The frame rate");
   if (state.edgeOn && !state.floorOn) found.push("The launch edge needs the floor too: it has no height of its own.");
   if (state.floorOn && !crossing(state.floor, state.edge)) found.push("The lens has no place for floor or edge there.");
+  if (state.lineOn) {
+    const [a, b] = [state.lineFrom, state.lineTo].map(rounded);
+    if (Math.hypot(b[0] - a[0], b[1] - a[1]) < 10) found.push("The two ends of the line along the floor are nearly one point: drag them as far apart as the frame shows the floor.");
+    if (!undistort(a) || !undistort(b)) found.push("The lens has no place for the line along the floor there.");
+  }
   return found;
 }
 
@@ -184,6 +197,15 @@ function result() {
   } else if (state.scale === "ball") calib.scale = { ball: true };
   else if (state.scale === "gravity") calib.scale = { gravity: true };
   origin(calib, std, put);
+  const floor = Object.assign({}, calib.floor || {});
+  if (!state.lineOn) {
+    delete floor.line_px;
+    delete floor.line_std_px;
+  } else if (state.lineMoved) {
+    floor.line_px = [rounded(state.lineFrom), rounded(state.lineTo)];
+    put(floor, "line_std_px", std);
+  }
+  put(calib, "floor", Object.keys(floor).length ? floor : null);
   // Deviations of a homography that is gone have nothing to refer to.
   if (!keepsMatrix() && calib.deviations) {
     if (calib.lens) calib.deviations.forEach((d) => delete d.world_from_pixel);
@@ -254,9 +276,12 @@ const text = (calib) =>
 
 // ---- drawing ----
 
-const NAMES = { from: "from", to: "to", floor: "floor", edge: "launch edge" };
+const NAMES = { from: "from", to: "to", lineFrom: "floor line", lineTo: "floor line, other end", floor: "floor", edge: "launch edge" };
 const shown = (name) =>
-  name === "floor" ? state.floorOn : name === "edge" ? state.edgeOn : state.scale === "ruler";
+  name === "floor" ? state.floorOn
+    : name === "edge" ? state.edgeOn
+    : name.startsWith("line") ? state.lineOn
+    : state.scale === "ruler";
 
 function make(tag, attributes, parent) {
   const node = document.createElementNS(SVG, tag);
@@ -277,8 +302,8 @@ const lines = {};
 function build() {
   const stage = el("stage"), marks = el("marks");
   stage.setAttribute("viewBox", `-0.5 -0.5 ${width} ${height}`);
-  for (const name of ["ruler", "floor", "edge"]) {
-    const of = name === "ruler" ? "from" : name;
+  for (const name of ["ruler", "line", "floor", "edge"]) {
+    const of = { ruler: "from", line: "lineFrom" }[name] || name;
     lines[name] = [make("polyline", { class: "line under" }, marks), make("polyline", { class: `line ${of}` }, marks)];
   }
   for (const name of Object.keys(NAMES)) {
@@ -333,6 +358,7 @@ function draw() {
   }
   const put = (name, points, on) => lines[name].forEach((l) => l.setAttribute("points", on ? points : ""));
   put("ruler", `${state.from} ${state.to}`, state.scale === "ruler");
+  put("line", `${state.lineFrom} ${state.lineTo}`, state.lineOn);
   put("floor", state.floorOn ? through(state.floor, true) : "", state.floorOn);
   put("edge", state.edgeOn ? through(state.edge, false) : "", state.edgeOn);
 }
@@ -404,6 +430,7 @@ function loupe(name) {
 function move(name, u, v) {
   const clamp = (x, most) => Math.min(Math.max(x, 0), most - 1);
   state[name] = [clamp(u, width), clamp(v, height)];
+  if (name.startsWith("line")) state.lineMoved = true;
   refresh();
   loupe(name);
 }
@@ -502,11 +529,13 @@ function begin() {
   el("form").elements.scale.value = state.scale;
   el("floor-on").checked = state.floorOn;
   el("edge-on").checked = state.edgeOn;
+  el("line-on").checked = state.lineOn;
   build();
   el("form").addEventListener("input", () => {
     state.scale = el("form").elements.scale.value;
     state.floorOn = el("floor-on").checked;
     state.edgeOn = el("edge-on").checked;
+    state.lineOn = el("line-on").checked;
     refresh();
   });
   el("form").addEventListener("submit", (event) => event.preventDefault());

@@ -103,6 +103,10 @@ fn units_give_themselves_away() {
     let folding =
         json!({"camera_matrix": [[900, 0, 640], [0, 900, 360], [0, 0, 1]], "distortion": [-0.6, 0, 0, 0, 0]});
     told(json!({"lens": folding}), "corners");
+    told(
+        json!({"floor": {"line_px": [[300, 100], [310, 700]]}}),
+        "a floor is level, nearly",
+    );
     let mirrored = json!({"world_from_pixel": [[0.001, 0, 0], [0, 0.001, 0], [0, 0, 1]]});
     let mut c = sound();
     c.as_object_mut().unwrap().retain(|k, _| !k.starts_with("origin"));
@@ -112,6 +116,25 @@ fn units_give_themselves_away() {
             .iter()
             .any(|f| f.contains("mirrors"))
     );
+}
+
+#[test]
+fn a_floor_has_its_say_in_a_side_view() {
+    let mut c = sound();
+    c["floor"] = json!({"slope_deg": 1, "line_px": [[100, 650], [1200, 640]]});
+    let told = |c: &serde_json::Value| {
+        let found = findings(&c.to_string(), None);
+        found.iter().any(|f| f.key.starts_with("floor"))
+    };
+    assert!(!told(&c));
+    c["view"] = json!("top");
+    assert!(told(&c) && problems(&c.to_string(), None).is_empty());
+    // Ends outside a recording's picture, where the file names no size.
+    let mut c = sound();
+    c.as_object_mut().unwrap().remove("image_size_px");
+    c["floor"] = json!({"line_px": [[100, 650], [1800, 640]]});
+    let found = problems(&c.to_string(), Some(&recording()));
+    assert!(found[0].starts_with("floor.line_px: [1800, 640]"), "{found:?}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ mod write;
 pub(super) use write::to_json;
 
 use super::error::{CalibrationError, Problem};
-use super::plane::Rectification;
+use super::plane::{HINT_UP, Rectification};
 use super::{Ball, Calibration, Floor, FloorLine, Launch, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};
@@ -206,7 +206,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
         origin_px,
         origin_std_px,
         up_px,
-        up_given: top.get("up_px").is_some(),
+        up_given: !homography && top.get("up_px").is_some(),
         up_std_rad,
         distance_m,
         distance_std_m,
@@ -289,8 +289,7 @@ fn pixel(reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<Pixel
 /// A unit vector, the default where the key is missing or wrong.
 fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
     const DEFAULT: [f64; 2] = [0.0, -1.0];
-    const HINT: &str = "leave it out for a level camera, or give the direction of a plumb line, upwards";
-    let Some([du, dv]) = reader.numbers(top, "up_px", FINITE, "a direction [du, dv]", HINT) else {
+    let Some([du, dv]) = reader.numbers(top, "up_px", FINITE, "a direction [du, dv]", HINT_UP) else {
         return DEFAULT;
     };
     let norm = du.hypot(dv);
@@ -301,7 +300,7 @@ fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
         "up_px".into(),
         format!("[{du}, {dv}], which has no direction"),
         "a direction [du, dv] that is not zero",
-        HINT,
+        HINT_UP,
     );
     DEFAULT
 }
@@ -379,14 +378,16 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball)
             "give origin_px, or remove edge_x_m",
         );
     }
-    let rolling = matches!(section.get("spin_ratio"), Some(Value::String(word)) if word == ROLLING);
+    let word = section.get("spin_ratio").and_then(Value::as_str);
+    let rolling = word == Some(ROLLING);
     let track_width_m = reader.number(
         &section,
         "track_width_m",
         POSITIVE,
         "the distance between the two edges that the ball rolls on, in metres",
     );
-    if track_width_m.is_some() && !rolling {
+    // Beside a word that is misspelt it is no second problem.
+    if track_width_m.is_some() && word.is_none() {
         reader.refuse(
             section.key("track_width_m"),
             "a track without a ball that rolls on it",
@@ -397,9 +398,7 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball)
     let spin = if rolling {
         rolling_ratio(reader, &section, track_width_m, ball)
     } else {
-        let hint = "R w / u before the first impact: 0 for no spin, \"rolling\" for a ball that rolls off its bench, null for \
-                    unknown";
-        reader.number(&section, "spin_ratio", FINITE, hint)
+        spin_ratio(reader, &section)
     };
     Launch {
         edge_x_m: if section.is_explicit_null("edge_x_m") {
@@ -417,6 +416,28 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball)
     }
 }
 
+/// A number, where the file does not say "rolling".
+fn spin_ratio(reader: &mut Reader, section: &Section<'_>) -> Option<f64> {
+    const SPIN: Range = Range {
+        accepted: "a finite number (to 1e9), \"rolling\" or null",
+        holds: FINITE.holds,
+    };
+    let hint = "R w / u before the first impact: 0 for no spin, \"rolling\" for a ball that rolls off its bench, null for \
+                unknown";
+    match section.get("spin_ratio") {
+        Some(Value::String(word)) if word.parse::<f64>().is_err() => {
+            reader.refuse(
+                section.key("spin_ratio"),
+                text(&word.as_str().into()),
+                SPIN.accepted,
+                hint,
+            );
+            None
+        }
+        _ => reader.number(section, "spin_ratio", SPIN, hint),
+    }
+}
+
 /// What `launch.spin_ratio` says of a ball that rolls.
 pub(super) const ROLLING: &str = "rolling";
 
@@ -431,12 +452,15 @@ fn rolling_ratio(
         return Some(1.0);
     };
     let Some(radius_m) = ball.radius_m else {
-        reader.refuse(
-            "ball.radius_m".into(),
-            "nothing, but launch.track_width_m is given",
-            POSITIVE.accepted,
-            "how fast a ball turns on a track depends on its radius: give half of its diameter, in metres",
-        );
+        // A radius that is wrong is one problem, not two.
+        if !reader.problems.iter().any(|p| p.key.starts_with("ball")) {
+            reader.refuse(
+                "ball.radius_m".into(),
+                "nothing, but launch.track_width_m is given",
+                POSITIVE.accepted,
+                "how fast a ball turns on a track depends on its radius: give half of its diameter, in metres",
+            );
+        }
         return None;
     };
     let ratio = Launch::rolling_ratio(radius_m, width_m);
@@ -468,42 +492,53 @@ fn floor(reader: &mut Reader, top: &Section<'_>) -> Floor {
         UP_STD,
         "give degrees, or leave it out for a bench's 0.1",
     );
-    let ends = section.get("line_px").is_some().then(|| {
-        let ends = section
-            .get("line_px")
-            .and_then(|value| array::<_, 2>(value, |end| array::<_, 2>(end, Value::as_f64)));
-        if ends.is_none() {
-            reader.refuse(
-                section.key("line_px"),
-                section.get("line_px").map_or_else(String::new, text),
-                "two points [[u, v], [u, v]]",
-                "read two pixels off a picture, far apart on a line along the floor in the plane of motion",
-            );
-        }
-        ends
-    });
-    let line_std_px = reader.number(&section, "line_std_px", POSITIVE, "how well a point was read, px");
-    let line = ends.flatten().map(|[a, b]| FloorLine {
-        from: PixelPoint::new(a[0], a[1]),
-        to: PixelPoint::new(b[0], b[1]),
-        std_px: line_std_px.unwrap_or(LINE_STD_PX),
-    });
-    if let Some(line) = line
-        && !(line.from.distance_px(line.to) >= 10.0)
-    {
-        reader.refuse(
-            section.key("line_px"),
-            format!("{:.1} px from end to end", line.from.distance_px(line.to)),
-            "two points 10 px or more apart",
-            "take points as far apart as the picture allows",
-        );
-    }
     Floor {
         slope_rad: slope_deg.unwrap_or(0.0).to_radians(),
         std_rad: std_deg.map_or(default.std_rad, f64::to_radians),
         given: slope_deg.is_some() || std_deg.is_some(),
-        line,
+        line: floor_line(reader, &section),
     }
+}
+
+/// A line along the floor.
+fn floor_line(reader: &mut Reader, section: &Section<'_>) -> Option<FloorLine> {
+    let key = section.key("line_px");
+    let hint = "read two pixels off a picture, far apart on a line along the floor in the plane of motion";
+    let Some(value) = section.get("line_px") else {
+        if section.get("line_std_px").is_some() {
+            reader.refuse(
+                section.key("line_std_px"),
+                "no line_px beside it",
+                "only with line_px",
+                "give line_px or remove it",
+            );
+        }
+        return None;
+    };
+    let number = |x: &Value| x.as_f64().filter(|&x| (FINITE.holds)(x));
+    let Some([a, b]) = array::<_, 2>(value, |end| array::<_, 2>(end, number)) else {
+        reader.refuse(key, text(value), "two points [[u, v], [u, v]]", hint);
+        return None;
+    };
+    let mut line = FloorLine {
+        from: PixelPoint::new(a[0], a[1]),
+        to: PixelPoint::new(b[0], b[1]),
+        std_px: LINE_STD_PX,
+    };
+    let length_px = line.length_px();
+    if length_px < FloorLine::LEAST_PX {
+        reader.refuse(
+            key,
+            format!("{length_px:.1} px from end to end"),
+            format!("two points {} px or more apart", FloorLine::LEAST_PX),
+            "take points as far apart as the picture allows",
+        );
+        return None;
+    }
+    if let Some(std_px) = deviation(reader, section, "line_std_px", Some(length_px)) {
+        line.std_px = std_px;
+    }
+    Some(line)
 }
 
 /// A standard uncertainty: above 0 and below the value it belongs to.
@@ -553,8 +588,8 @@ pub(crate) const INERTIA: Range = Range {
     holds: |x| (1e-6..=0.667).contains(&x),
 };
 
-/// What only shows when the parts come together: points the lens cannot undistort, ruler ends outside the picture,
-/// a homography that cannot be inverted.
+/// What only shows when the parts come together: points the lens cannot undistort, ends of a ruler or of a line along the
+/// floor outside the picture, a homography that cannot be inverted.
 fn geometry_problems(c: &Calibration) -> Vec<Problem> {
     let of = |error: Option<CalibrationError>| error.map_or(Vec::new(), |e| e.problems().to_vec());
     let mut problems = of(c.rectification().err());
@@ -563,10 +598,8 @@ fn geometry_problems(c: &Calibration) -> Vec<Problem> {
     {
         problems.extend(of(c.viewpoint(1.0, size).err()));
     }
-    let Scale::Ruler { from, to, .. } = c.scale else {
-        return problems;
-    };
-    for (key, end) in [("scale.from_px", from), ("scale.to_px", to)] {
+    let map = c.rectification().ok();
+    for (key, end) in c.marks() {
         // A pixel reaches half a pixel beyond its centre; another half for the care of who reads it.
         let inside = |x: f64, size: usize| x >= -1.0 && x <= size as f64;
         if c.image_size_px
@@ -580,6 +613,16 @@ fn geometry_problems(c: &Calibration) -> Vec<Problem> {
             ));
         } else if c.lens.as_ref().is_some_and(|lens| lens.undistort(end).is_none()) {
             problems.push(Rectification::beyond_lens(key, end));
+        } else if map
+            .as_ref()
+            .is_some_and(|map| map.plane_from_pixel(end).is_none())
+        {
+            problems.push(Problem::new(
+                key,
+                format!("[{}, {}], beyond the plane's horizon", end.u_px, end.v_px),
+                "a pixel that shows the plane of motion",
+                "check the point and scale.world_from_pixel",
+            ));
         }
     }
     problems

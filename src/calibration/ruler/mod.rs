@@ -1,10 +1,11 @@
-//! A calibration from marks in a frame: two ends of a ruler and a length, or the ball, or the fall; floor and launch edge.
+//! A calibration from marks in a frame: two ends of a ruler and a length, or the ball, or the fall; floor and launch edge; a
+//! line along the floor.
 
 mod snap;
 
 pub use snap::{Snapped, snap};
 
-use super::{Ball, Calibration, CalibrationError, Launch, Rectification, Scale};
+use super::{Ball, Calibration, CalibrationError, FloorLine, Launch, Rectification, Scale};
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, PlanePoint};
 use thiserror::Error;
@@ -57,6 +58,8 @@ pub struct Request {
     pub floor: Option<PixelPoint>,
     /// A point at the x of the launch edge.
     pub edge: Option<PixelPoint>,
+    /// Two points on a line along the floor, in the plane of motion.
+    pub floor_line: Option<[PixelPoint; 2]>,
     /// Standard uncertainty of a mark that was read off by eye, each coordinate, px.
     pub point_std_px: f64,
     /// How far a mark may be moved to the nearest edge, px; `None`: not at all.
@@ -78,6 +81,10 @@ pub enum Role {
     Edge,
     /// The world's origin.
     Origin,
+    /// An end of a line along the floor.
+    LineFrom,
+    /// The other end.
+    LineTo,
 }
 
 impl Role {
@@ -90,6 +97,7 @@ impl Role {
             Self::Floor => "--floor",
             Self::Edge => "--edge",
             Self::Origin => "--origin",
+            Self::LineFrom | Self::LineTo => "--floor-line",
         }
     }
 }
@@ -154,6 +162,13 @@ pub enum RulerError {
         /// How far was searched, px.
         reach_px: f64,
     },
+    /// The ends of a line along the floor are too near to each other.
+    #[error(
+        "--floor-line: its ends are {:.1} px apart{}: accepted are two points at least {} px apart; read both off a \
+         frame, as far apart as the picture shows the floor in the plane of motion",
+        .0, if *.1 { " once moved to the nearest edge" } else { "" }, FloorLine::LEAST_PX
+    )]
+    ShortLine(f64, bool),
     /// An edge without a floor.
     #[error(
         "--edge says where x = 0 is, but not at what height: give --floor too, a point at the height of the floor"
@@ -203,6 +218,7 @@ pub fn calibrate(request: &Request, picture: &Luma) -> Result<Ruled, RulerError>
         marker.up_from_ruler(&mut calibration, held)?;
     }
     marker.origin(&mut calibration, &mut marks)?;
+    marker.floor_line(&mut calibration, &mut marks)?;
     // Whatever is still wrong with it is told as for a file.
     let checked = Calibration::parse(&calibration.to_json().to_string(), "the marks")?;
     Ok(Ruled {
@@ -244,15 +260,18 @@ impl Marker<'_> {
         else {
             return Scale::Gravity;
         };
-        // One number for both ends: their mean square.
-        let std = (0.5 * (self.std_px(&from).powi(2) + self.std_px(&to).powi(2))).sqrt();
         Scale::Ruler {
             from: from.at,
             to: to.at,
             length_m,
             length_std_m,
-            point_std_px: Some(std),
+            point_std_px: Some(self.std_of_both_px(&from, &to)),
         }
+    }
+
+    /// One number for both ends: their mean square.
+    fn std_of_both_px(&self, from: &Mark, to: &Mark) -> f64 {
+        (0.5 * (self.std_px(from).powi(2) + self.std_px(to).powi(2))).sqrt()
     }
 
     fn std_px(&self, mark: &Mark) -> f64 {
@@ -357,6 +376,45 @@ impl Marker<'_> {
             None => floor.at,
         };
         place_origin(calibration, origin, std, edge.is_some());
+        Ok(())
+    }
+
+    /// A line along the floor; its ends are moved square to it, as only that tells its direction.
+    fn floor_line(&self, calibration: &mut Calibration, marks: &mut Vec<Mark>) -> Result<(), RulerError> {
+        let Some([from, to]) = self.request.floor_line else {
+            return Ok(());
+        };
+        self.inside(Role::LineFrom, from)?;
+        self.inside(Role::LineTo, to)?;
+        let long_enough = |a: PixelPoint, b: PixelPoint, snapped: bool| {
+            let length_px = a.distance_px(b);
+            if length_px < FloorLine::LEAST_PX {
+                return Err(RulerError::ShortLine(length_px, snapped));
+            }
+            Ok(())
+        };
+        long_enough(from, to, false)?;
+        let square = [from.v_px - to.v_px, to.u_px - from.u_px];
+        let ends = [
+            self.mark(Role::LineFrom, from, square)?,
+            self.mark(Role::LineTo, to, square)?,
+        ];
+        long_enough(ends[0].at, ends[1].at, true)?;
+        if let Some(lens) = &calibration.lens {
+            for mark in &ends {
+                let beyond = RulerError::BeyondLens {
+                    role: mark.role,
+                    at: mark.at,
+                };
+                lens.undistort(mark.at).ok_or(beyond)?;
+            }
+        }
+        calibration.floor.line = Some(FloorLine {
+            from: ends[0].at,
+            to: ends[1].at,
+            std_px: self.std_of_both_px(&ends[0], &ends[1]),
+        });
+        marks.extend(ends);
         Ok(())
     }
 }

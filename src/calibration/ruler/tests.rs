@@ -28,6 +28,7 @@ fn request(from: (f64, f64), to: (f64, f64)) -> Request {
         origin: None,
         floor: None,
         edge: None,
+        floor_line: None,
         point_std_px: 1.0,
         snap_px: None,
         known: known(Some(0.02), None),
@@ -79,6 +80,69 @@ fn snapped_ends_lie_on_the_bar() {
     );
     assert_eq!(ruled.calibration.launch.edge_x_m, Some(0.0));
     assert_eq!(ruled.marks.len(), 4);
+}
+
+#[test]
+fn a_line_along_the_floor_is_kept_with_the_doubt_of_its_ends() {
+    let line = |r: &Request| calibrate(r, &frame()).unwrap().calibration.floor.line.unwrap();
+    let mut r = request((100.0, 320.0), (500.0, 320.0));
+    r.length = Length::Gravity;
+    let (left, right) = (PixelPoint::new(120.0, 344.0), PixelPoint::new(480.0, 336.0));
+    r.floor_line = Some([left, right]);
+    let read = line(&r);
+    assert_eq!((read.from, read.to, read.std_px), (left, right, 1.0));
+    let ruled = calibrate(&r, &frame()).unwrap();
+    let roles: Vec<Role> = ruled.marks.iter().map(|m| m.role).collect();
+    assert_eq!(roles, [Role::LineFrom, Role::LineTo]);
+    assert!(!ruled.calibration.floor.given && ruled.calibration.origin_px.is_none());
+    // The bar's lower edge, to which both ends are moved square to the line.
+    r.snap_px = Some(10.0);
+    let snapped = line(&r);
+    assert!(
+        (snapped.from.v_px - 339.5).abs() < 0.05 && (snapped.to.v_px - 339.5).abs() < 0.05,
+        "{snapped:?}"
+    );
+    assert!((snapped.from.u_px - 120.0).abs() < 0.2, "{snapped:?}");
+    assert!(snapped.std_px < 0.1, "{snapped:?}");
+    let rise = snapped
+        .rise_rad(&ruled.calibration.rectification().unwrap())
+        .unwrap();
+    assert!(rise.abs() < 5.0 * snapped.std_rad(), "{rise}");
+}
+
+#[test]
+fn lines_along_the_floor_that_tell_nothing() {
+    let told = |from: (f64, f64), to: (f64, f64), snap_px: Option<f64>| {
+        let mut r = request((100.0, 320.0), (500.0, 320.0));
+        r.length = Length::Gravity;
+        r.floor_line = Some([PixelPoint::new(from.0, from.1), PixelPoint::new(to.0, to.1)]);
+        r.snap_px = snap_px;
+        calibrate(&r, &frame()).unwrap_err().to_string()
+    };
+    let outside = told((100.0, 400.0), (700.0, 400.0), None);
+    assert!(
+        outside.contains("--floor-line: [700, 400]") && outside.contains("640x480"),
+        "{outside}"
+    );
+    let short = told((100.0, 400.0), (105.0, 400.0), None);
+    assert!(
+        short.contains("5.0 px apart: accepted are two points at least 10 px apart"),
+        "{short}"
+    );
+    let nothing = told((100.0, 400.0), (500.0, 400.0), Some(10.0));
+    assert!(
+        nothing.contains("--floor-line: there is no edge within 10 px"),
+        "{nothing}"
+    );
+    let mut r = request((100.0, 320.0), (500.0, 320.0));
+    let camera = Matrix3::new(300.0, 0.0, 319.5, 0.0, 300.0, 239.5, 0.0, 0.0, 1.0);
+    r.known.lens = Some(Lens::new(camera, [-0.5, 0.0, 0.0, 0.0, 0.0]).unwrap());
+    r.floor_line = Some([PixelPoint::new(320.0, 400.0), PixelPoint::new(638.0, 478.0)]);
+    let beyond = calibrate(&r, &frame()).unwrap_err().to_string();
+    assert!(
+        beyond.contains("--floor-line: the lens has no place for [638, 478]"),
+        "{beyond}"
+    );
 }
 
 #[test]

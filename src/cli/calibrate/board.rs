@@ -48,9 +48,9 @@ pub(super) struct BoardArgs {
     /// How well those marks were read, each coordinate, px.
     #[arg(long, value_name = "S", value_parser = positive, default_value = "1")]
     point_std_px: f64,
-    /// Roughly "up" in the picture, where that is not up: 1,0 for a camera on its side.
-    #[arg(long, value_name = "DU,DV", value_parser = direction, default_value = "0,-1", allow_hyphen_values = true)]
-    up: [f64; 2],
+    /// Roughly "up" in the picture, where that is not up: 1,0 for a camera on its side. Without --plane and this the fall tells.
+    #[arg(long, value_name = "DU,DV", value_parser = direction, allow_hyphen_values = true)]
+    up: Option<[f64; 2]>,
     /// How upright the board's edge stood, degrees.
     #[arg(long, value_name = "S", value_parser = positive)]
     up_std_deg: Option<f64>,
@@ -125,7 +125,7 @@ struct Made {
 
 fn marks(args: &BoardArgs) -> Marks {
     Marks {
-        up_px: args.up,
+        up_px: args.up.unwrap_or(Marks::default().up_px),
         floor: args.floor.or(args.origin),
         edge: args.edge.or(args.origin),
     }
@@ -202,8 +202,9 @@ fn complete(args: &BoardArgs, mut calibration: Calibration, plane: Option<&Plane
     if plane.is_some_and(|p| p.homography.origin_known) {
         calibration.origin_std_px = Some(args.point_std_px);
         calibration.launch.edge_x_m = (args.edge.is_some() || args.origin.is_some()).then_some(0.0);
-    } else if plane.is_none() {
-        calibration.up_px = args.up.map(|x| x / args.up[0].hypot(args.up[1]));
+    } else if let (None, Some([du, dv])) = (plane, args.up) {
+        calibration.up_px = [du, dv].map(|x| x / du.hypot(dv));
+        calibration.up_given = true;
     }
     calibration
 }

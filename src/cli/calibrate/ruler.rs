@@ -1,14 +1,14 @@
-//! `track calibrate ruler VIDEO --from U,V --to U,V --length-m L [--floor U,V --edge U,V] [--out CALIB]`.
+//! `track calibrate ruler VIDEO --from U,V --to U,V --length-m L [--floor U,V --edge U,V] [--floor-line U,V U,V] [--out CALIB]`.
 
 use super::{Known, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
 use crate::calibration::ruler::{Held, Length, Mark, Request, Role, Ruled, calibrate};
-use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence};
+use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence, View};
 use crate::frames::{self, Luma};
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::report::marks::{Ink, Shape, marks_png};
 use crate::report::table::format_quantity;
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
+use clap::{ArgAction, Args, ValueEnum};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -44,7 +44,11 @@ pub(super) struct RulerArgs {
     /// Both in one: the point at x = 0 at the floor.
     #[arg(long, value_name = "U,V", value_parser = pixel, allow_hyphen_values = true, conflicts_with_all = ["floor", "edge"])]
     origin: Option<PixelPoint>,
-    /// Move from, to, floor and edge to the nearest edge in the picture, up to PX (10) pixels.
+    /// Two points on a line along the floor, in the plane of motion: tells how the floor slopes.
+    // No hyphens: an option that follows a single point is no second point.
+    #[arg(long, value_names = ["U,V", "U,V"], value_parser = pixel, num_args = 2, action = ArgAction::Set)]
+    floor_line: Option<Vec<PixelPoint>>,
+    /// Move from, to, floor, edge and floor-line to the nearest edge in the picture, up to PX (10) pixels.
     #[arg(long, value_name = "PX", value_parser = positive, num_args = 0..=1, require_equals = true, default_missing_value = "10")]
     snap: Option<f64>,
     /// How well marks were read by eye, each coordinate, px.
@@ -155,6 +159,10 @@ fn request(args: &RulerArgs) -> anyhow::Result<Request> {
         origin: args.origin,
         floor: args.floor,
         edge: args.edge,
+        floor_line: args
+            .floor_line
+            .as_ref()
+            .and_then(|ends| Some([*ends.first()?, *ends.get(1)?])),
         point_std_px: args.point_std_px,
         snap_px: args.snap,
         known,
@@ -185,7 +193,7 @@ fn table(ruled: &Ruled) -> String {
     let mut text = String::new();
     let mut row = |name: &str, content: String| {
         // Writing into a String cannot fail.
-        let _ = writeln!(text, "{name:<9}{content}");
+        let _ = writeln!(text, "{name:<11}{content}");
     };
     match &c.scale {
         Scale::Ball => row("scale", "the ball's radius against the one seen".into()),
@@ -208,8 +216,15 @@ fn table(ruled: &Ruled) -> String {
             );
         }
     }
-    for mark in &ruled.marks {
+    let of_line = |mark: &&Mark| matches!(mark.role, Role::LineFrom | Role::LineTo);
+    for mark in ruled.marks.iter().filter(|m| !of_line(m)) {
         row(&mark.role.option()[2..], place(mark));
+    }
+    if let Some(direction) = line_direction(c) {
+        row("floor line", direction);
+    }
+    for mark in ruled.marks.iter().filter(of_line) {
+        row("", place(mark));
     }
     if let Some(origin) = c.origin_px {
         let edge = match c.launch.edge_x_m {
@@ -222,17 +237,47 @@ fn table(ruled: &Ruled) -> String {
         );
     }
     let [a, b] = c.up_px;
-    let std = c
-        .up_std_rad
-        .map_or("?".into(), |s| format!("{:.2}", s.to_degrees()));
     row(
         "up",
-        format!(
-            "{:.2} ± {std}° clockwise from the picture's own",
-            a.atan2(-b).to_degrees() + 0.0
-        ),
+        if told_up(c) {
+            format!(
+                "{:.2} ± {:.2}° clockwise from the picture's own",
+                a.atan2(-b).to_degrees() + 0.0,
+                c.upright_std_rad().to_degrees()
+            )
+        } else if c.view == View::Top {
+            // From above nothing falls along the picture.
+            "not given: the picture's own".into()
+        } else {
+            "not given: the fall tells".into()
+        },
     );
     text
+}
+
+/// Whether anything was said of "up"; else the fall alone tells.
+const fn told_up(c: &Calibration) -> bool {
+    c.up_given || c.up_std_rad.is_some()
+}
+
+/// How the line along the floor lies against "up".
+fn line_direction(c: &Calibration) -> Option<String> {
+    let line = c.floor.line?;
+    let rise_deg = line.rise_rad(&c.rectification().ok()?)?.to_degrees();
+    let (std_rad, against) = if told_up(c) {
+        (line.std_rad().hypot(c.upright_std_rad()), "\"up\"")
+    } else {
+        // How the camera leaned is in neither number.
+        (
+            line.std_rad(),
+            "the picture's own \"up\" (the fall tells the true one)",
+        )
+    };
+    Some(format!(
+        "rises by {:.2} ± {:.2}° to the right, against {against}",
+        rise_deg + 0.0,
+        std_rad.to_degrees()
+    ))
 }
 
 fn place(mark: &Mark) -> String {
@@ -273,6 +318,13 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
             });
         }
     }
+    if let (Some(from), Some(to)) = (at(Role::LineFrom), at(Role::LineTo)) {
+        shapes.push(Shape::Line {
+            points: vec![from, to],
+            ink: Ink::Green,
+            fine: true,
+        });
+    }
     let reach = (width as f64).hypot(height as f64);
     for (role, across, ink) in [(Role::Floor, true, Ink::Green), (Role::Edge, false, Ink::Blue)] {
         if let Some(points) = at(role).and_then(|p| through(&map, p, across, reach)) {
@@ -286,7 +338,7 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
     for mark in &ruled.marks {
         let ink = match mark.role {
             Role::From | Role::To => Ink::Orange,
-            Role::Floor | Role::Origin => Ink::Green,
+            Role::Floor | Role::Origin | Role::LineFrom | Role::LineTo => Ink::Green,
             Role::Edge => Ink::Blue,
         };
         shapes.push(Shape::Ring { at: mark.at, ink });
@@ -296,7 +348,11 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
                 ink: Ink::White,
             });
         }
-        let text = mark.role.option()[2..].to_owned();
+        if mark.role == Role::LineTo {
+            // Its other end is named.
+            continue;
+        }
+        let text = mark.role.option()[2..].replace('-', " ");
         shapes.push(Shape::Label {
             at: mark.at,
             text,
