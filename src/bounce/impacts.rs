@@ -162,6 +162,9 @@ const SLIP_SIGMAS: f64 = 3.0;
 /// would be this uncertain.
 const NO_E_X_STD: f64 = 1.0;
 
+/// Nor does one that the change of speed tells to no better than this part of what stops it: e_x + 1 is that change over it.
+const LEAST_RESOLVED: f64 = 0.5;
+
 impl<'a> Scene<'a> {
     /// The scene of `flight`, whose points `lift` was [taken from](Lift::taken_from); `first` is where the ball was first seen.
     #[must_use]
@@ -621,9 +624,12 @@ impl<'a> Scene<'a> {
             .then(|| out.quantity(out::RATIO))
             .flatten();
         let slips = spin0.is_finite() && out.stands_out(out::SLIP, SLIP_SIGMAS);
+        // Of a slip that the change of speed cannot resolve e_x is noise over noise.
+        let stops_m_s = crate::models::slip_share(inertia) * out.value(out::SLIP).abs();
+        let resolved = slips && out.std(out::LOST) < LEAST_RESOLVED * stops_m_s;
         let impossible = slips.then(|| impossible(&out)).flatten();
         let possible = |q: Option<Quantity>| q.filter(|_| impossible.is_none());
-        let e_x = possible(out.quantity(out::E_X)).filter(|_| slips && out.std(out::E_X) < NO_E_X_STD);
+        let e_x = possible(out.quantity(out::E_X)).filter(|_| resolved && out.std(out::E_X) < NO_E_X_STD);
         let regime = reading::regime(e_x);
         let friction = possible(out.quantity(out::FRICTION));
         let slid = regime == EERegime::Ordinary;

@@ -6,6 +6,7 @@
 
 use super::blobs;
 use super::registration::{Registrar, Registration};
+use super::swing::Edges;
 use crate::frames::Luma;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -39,6 +40,8 @@ pub struct Background {
     pub block_threshold_grey: Vec<f32>,
     /// Follows the camera's drift and the light's flicker.
     pub registrar: Registrar,
+    /// Of a camera that stands still: what its swings are told by.
+    pub edges: Option<Edges>,
 }
 
 /// Quantum of an 8-bit picture: rounding alone has this standard deviation, grey levels.
@@ -106,6 +109,9 @@ impl Background {
         };
         let mut background = Self {
             noise_grey,
+            edges: fixed.then(|| {
+                Edges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)
+            }),
             scene_grey,
             luma,
             block_px,
@@ -205,7 +211,8 @@ impl BlockChanges<'_> {
     }
 }
 
-/// The largest distance from where the camera mostly looks, px. (From where the reference looks it would have the error of that
+/// The distance from where the camera mostly looks that most frames keep, px: a camera that drifts is elsewhere in most of
+/// them, one whose table is bumped in a few. (From where the reference looks it would have the error of that
 /// one frame in all: a codec that draws a faint scene otherwise in each key frame moves it by half a pixel.)
 fn drift_px(registrations: &[Registration]) -> f64 {
     let median = |of: fn(&Registration) -> f64| {
@@ -214,8 +221,14 @@ fn drift_px(registrations: &[Registration]) -> f64 {
     };
     let middle = (median(|r| r.shift_u_px), median(|r| r.shift_v_px));
     let off = |r: &Registration| (r.shift_u_px - middle.0).hypot(r.shift_v_px - middle.1);
-    registrations.iter().map(off).fold(0.0, f64::max)
+    let mut all: Vec<f64> = registrations.iter().map(off).collect();
+    all.sort_by(f64::total_cmp);
+    let most = (MOST_PART * all.len() as f64).ceil() as usize;
+    all.get(most.min(all.len()).saturating_sub(1)).copied().unwrap_or(0.0)
 }
+
+/// Part of the survey's frames that a fixed camera shows from one place.
+const MOST_PART: f64 = 0.7;
 
 /// Standard deviation by the tail of all block changes. A codec at a low rate leaves patches that are off by a few
 /// grey levels for many frames: rare in any one block, but many in all. Capped, since what moves is in the tail, too.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! survey frames -> Background (median, noise, thresholds)
-//! each frame    -> Registration (drift, flicker) -> block changes -> blobs -> outline -> Sighting
+//! each frame    -> Registration (drift, swings, flicker) -> block changes -> blobs -> outline -> Sighting
 //! ```
 //!
 //! Nothing here knows which of the moving things is the ball in flight; that is [`crate::flight`]'s question.
@@ -11,12 +11,14 @@ pub mod background;
 pub mod blobs;
 pub mod centre;
 pub mod registration;
+pub mod swing;
 
 use crate::frames::{Coded, Frame};
 use background::Background;
 use blobs::Blob;
 use centre::{Centre, Disc, Patch, outline};
 use registration::Registration;
+use swing::Least;
 
 /// A moving thing in one frame.
 #[derive(Debug, Clone)]
@@ -54,7 +56,12 @@ pub struct Detector {
     pub background: Background,
     last_registration: Registration,
     last_sums: Option<Vec<u16>>,
+    /// When the camera last swung for sure, s.
+    bumped_s: Option<f64>,
 }
+
+/// A swing dies away within this, s.
+const SWING_LASTS_S: f64 = 0.12;
 
 impl Detector {
     /// A detector against `background`.
@@ -64,6 +71,7 @@ impl Detector {
             background,
             last_registration: Registration::IDENTITY,
             last_sums: None,
+            bumped_s: None,
         }
     }
 
@@ -78,14 +86,30 @@ impl Detector {
         } else {
             registrar.follow(&frame.luma, &self.last_registration)
         };
-        self.last_registration = registration;
         let sums = background::sum_blocks(&frame.luma, self.background.block_px);
         let change_grey = self
             .last_sums
             .as_ref()
             .map(|last| self.frame_change_grey(last, &sums));
-        let changes = self.background.block_changes(&sums, &registration);
-        let sightings = blobs::find(&self.background, &frame.luma, &registration, &changes)
+        let mut registration = registration;
+        let mut sightings = self.sightings(frame, &sums, registration);
+        if let Some(swung) = self.swing(frame, &registration, &sightings) {
+            registration = swung;
+            sightings = self.sightings(frame, &sums, registration);
+        }
+        self.last_registration = registration;
+        self.last_sums = Some(sums);
+        FrameReading {
+            sightings,
+            change_grey,
+            registration,
+        }
+    }
+
+    /// What moves in `frame`, which is shown as `registration` says.
+    fn sightings(&self, frame: &Frame, sums: &[u16], registration: Registration) -> Vec<Sighting> {
+        let changes = self.background.block_changes(sums, &registration);
+        blobs::find(&self.background, &frame.luma, &registration, &changes)
             .into_iter()
             .map(|blob| {
                 let centre = self.first_centre(&blob, &registration);
@@ -97,13 +121,42 @@ impl Detector {
                     centre,
                 }
             })
+            .collect()
+    }
+
+    /// The registration of a frame in which a camera that otherwise stands still swings; `None` where it does not.
+    fn swing(
+        &mut self,
+        frame: &Frame,
+        registration: &Registration,
+        sightings: &[Sighting],
+    ) -> Option<Registration> {
+        let balls: Vec<swing::Region> = sightings
+            .iter()
+            .filter(|s| s.centre.is_some())
+            .map(|s| {
+                let crop = &s.blob.crop;
+                (crop.u..crop.u + crop.luma.width, crop.v..crop.v + crop.luma.height)
+            })
             .collect();
-        self.last_sums = Some(sums);
-        FrameReading {
-            sightings,
-            change_grey,
-            registration,
-        }
+        let edges = self.background.edges.as_ref()?;
+        let of_least = |least| edges.swing(&frame.luma, registration, &balls, least);
+        let swings = self
+            .bumped_s
+            .is_some_and(|bumped_s| (0.0..SWING_LASTS_S).contains(&(frame.time_s - bumped_s)));
+        let [shift_u_px, shift_v_px] = match of_least(Least::OF_A_BUMP) {
+            Some(shift) => {
+                self.bumped_s = Some(frame.time_s);
+                shift
+            }
+            None if swings => of_least(Least::OF_THE_REST)?,
+            None => return None,
+        };
+        Some(Registration {
+            shift_u_px,
+            shift_v_px,
+            ..*registration
+        })
     }
 
     fn frame_change_grey(&self, last: &[u16], now: &[u16]) -> f32 {

@@ -119,7 +119,12 @@ pub fn measure(
     }
     progress(Progress::Fit);
     // Where a camera moves, the calibration is that of the first frame; all is measured in the reference picture.
-    let first = seen.registrations.first().filter(|r| !r.is_still());
+    // (A swing of a fixed camera is none of that.)
+    let follows = !seen.detector.background.registrar.fixed;
+    let first = seen
+        .registrations
+        .first()
+        .filter(|r| follows && !r.is_still());
     let moved = first.map(|r| calibration.shifted(-r.shift_u_px, -r.shift_v_px));
     let calibration = moved.as_ref().unwrap_or(calibration);
     let map = calibration.rectification().map_err(misfit)?;

@@ -222,11 +222,13 @@ impl Pass {
         }
     }
 
-    /// The frames kept so far, where the camera does not move.
+    /// The frames kept so far, where the camera does not move; those of a swing are left out.
     fn spread_so_far(&self) -> Option<Vec<&Luma>> {
-        let still = self.registrations.iter().all(Registration::is_still);
-        let spread = &self.provisional.as_ref().filter(|_| still)?.spread;
-        Some(spread.frames().into_iter().map(|f| &f.luma).collect())
+        let fixed = self.detector.background.registrar.fixed || self.registrations.iter().all(Registration::is_still);
+        let spread = &self.provisional.as_ref().filter(|_| fixed)?.spread;
+        let stands = |f: &&Frame| self.registrations.get(f.index).is_none_or(Registration::is_still);
+        let frames = spread.frames().into_iter().filter(stands);
+        Some(frames.map(|f| &f.luma).collect())
     }
 
     /// Whether the frames kept so far show the scene looked at with.

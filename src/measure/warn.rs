@@ -98,6 +98,7 @@ pub fn file(
         &seen.registrations,
         seen.detector.background.registrar.fixed,
     ));
+    out.extend(shaken_camera(seen, base));
     out
 }
 
@@ -146,6 +147,28 @@ fn repeated(
 
 /// Shifts beyond this are worth a word, px.
 const WORTH_SAYING_PX: f64 = 0.5;
+
+/// Swings of a camera that otherwise stands still.
+fn shaken_camera(seen: &Observation, base: &TimeBase) -> Option<Warning> {
+    let swings = |r: &&Registration| !r.is_still();
+    let shaken: Vec<(f64, f64)> = seen
+        .registrations
+        .iter()
+        .zip(&base.times_s)
+        .filter(|(r, _)| swings(r))
+        .map(|(r, &t)| (t, r.shift_px()))
+        .collect();
+    let (first, _) = shaken.first().filter(|_| seen.detector.background.registrar.fixed)?;
+    let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
+    Some(warning(
+        "camera_shaken",
+        format!(
+            "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
+            shaken.len(),
+            seen.registrations.len(),
+        ),
+    ))
+}
 
 fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
     let most = registrations

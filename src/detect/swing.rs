@@ -1,0 +1,394 @@
+//! Swings of a camera that otherwise stands still: a table that is bumped when the ball hits it.
+//!
+//! The edges of the scene (floor line, bench, texture) are where the empty scene has them, unless the whole picture is shifted:
+//! frame(p + s) = gain · scene(p) + offset. The shift s is found by least squares over the pixels that carry gradient g, first on
+//! whole pixels, then by Gauss-Newton between them (Lucas and Kanade 1981); what moves before the scene does not count (Tukey's
+//! weights, and the regions of the balls seen are left out).
+//!
+//! How well s is known follows from Σ g gᵀ/σ²: a floor line tells the rows alone. Along a direction in which the scene has no
+//! edges nothing is followed, and the shift there is left at 0.
+//!
+//! Assumed: the picture shifts as a whole (a swing of a degree's hundredth does), and less than [`REACH_PX`].
+
+use super::registration::Registration;
+use crate::frames::Luma;
+use nalgebra::{Matrix2, SymmetricEigen, Vector2};
+use rayon::prelude::*;
+
+/// How far the whole picture may be shifted, px.
+const REACH_PX: i32 = 5;
+
+/// Pixels compared, at most: enough for a hundredth of a pixel from a floor line of 30 grey levels.
+const MOST_PIXELS: usize = 4000;
+
+/// A gradient has to exceed so many standard deviations of the noise, and this, grey levels a pixel.
+const GRADIENT_SIGMAS: f64 = 2.5;
+const LEAST_GRADIENT_GREY: f64 = 3.0;
+
+/// Fewer pixels say nothing.
+const LEAST_PIXELS: usize = 40;
+
+/// A direction is followed where the edges tell the shift along it to this, px.
+const FOLLOWED_STD_PX: f64 = 0.1;
+
+/// What a shift has to be to count: more than so many standard deviations, and than this.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Least {
+    sigmas: f64,
+    px: f64,
+    /// In what frames of a camera that stands still seem to be shifted by.
+    quiets: f64,
+}
+
+impl Least {
+    /// Of a camera that stood still so far: what is smaller is within a centre's own uncertainty, and a codec moves edges by
+    /// as much.
+    pub const OF_A_BUMP: Self = Self {
+        sigmas: 4.5,
+        px: 0.1,
+        quiets: 5.0,
+    };
+
+    /// Of one that swings, while that dies away.
+    pub const OF_THE_REST: Self = Self {
+        sigmas: 0.5,
+        px: 0.0,
+        quiets: 0.5,
+    };
+}
+
+/// Errors of a codec hang together from pixel to pixel: the noise is this many times worse than it looks.
+const LASTING: f64 = 2.0;
+
+/// Steps between the pixels.
+const STEPS: usize = 8;
+
+/// A pixel of the empty scene with its gradient.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    u: i32,
+    v: i32,
+    grey: f64,
+    gradient: Vector2<f64>,
+}
+
+/// Compares frames with the edges of the empty scene.
+#[derive(Debug, Clone)]
+pub struct Edges {
+    pixels: Vec<Edge>,
+    noise_grey: f64,
+    /// What frames of a camera that stands still seem to be shifted by: a codec draws the scene's edges anew in each.
+    quiet_px: f64,
+    width: i32,
+    height: i32,
+}
+
+/// A region of the picture: columns and rows.
+pub type Region = (std::ops::Range<usize>, std::ops::Range<usize>);
+
+impl Edges {
+    /// The edges of the scene `grey`, row by row, whose frames have noise of `noise_grey`.
+    #[must_use]
+    pub fn new(grey: &[f32], width: usize, noise_grey: f64) -> Self {
+        let height = grey.len() / width.max(1);
+        let least = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY);
+        let at = |u: usize, v: usize| f64::from(grey[v * width + u]);
+        let margin = REACH_PX as usize + 2;
+        let mut pixels = Vec::new();
+        for v in margin..height.saturating_sub(margin) {
+            for u in margin..width.saturating_sub(margin) {
+                let gradient = Vector2::new(
+                    0.5 * (at(u + 1, v) - at(u - 1, v)),
+                    0.5 * (at(u, v + 1) - at(u, v - 1)),
+                );
+                if gradient.norm_squared() > least * least {
+                    pixels.push(Edge {
+                        u: u as i32,
+                        v: v as i32,
+                        grey: at(u, v),
+                        gradient,
+                    });
+                }
+            }
+        }
+        // Evenly over the scene, but for edges of which there are few: those along the rarer direction all stay.
+        let upright = |e: &Edge| e.gradient.x.abs() > e.gradient.y.abs();
+        let (mut a, mut b): (Vec<Edge>, Vec<Edge>) = pixels.into_iter().partition(upright);
+        for part in [&mut a, &mut b] {
+            let step = part.len().div_ceil(MOST_PIXELS / 2).max(1);
+            *part = part.iter().copied().step_by(step).collect();
+        }
+        a.extend(b);
+        Self {
+            pixels: a,
+            noise_grey,
+            quiet_px: 0.0,
+            width: width as i32,
+            height: height as i32,
+        }
+    }
+
+    /// The same with what most of `frames`, whose light is `lights`, seem to be shifted by where nothing swings.
+    #[must_use]
+    pub fn judged_by(mut self, frames: &[&Luma], lights: &[Registration]) -> Self {
+        let any = Least {
+            sigmas: 0.0,
+            px: 0.0,
+            quiets: 0.0,
+        };
+        let mut shifts: Vec<f64> = frames
+            .par_iter()
+            .zip(lights)
+            .map(|(frame, light)| {
+                let shift = self.swing(frame, light, &[], any);
+                shift.map_or(0.0, |[u, v]| u.hypot(v))
+            })
+            .collect();
+        self.quiet_px = crate::quantity::median(&mut shifts).unwrap_or(0.0);
+        self
+    }
+
+    /// How far `frame`, whose light is `light`, is shifted as a whole, px, along the directions that the scene tells; `None` where
+    /// it is not. `balls` are regions that may be anything.
+    #[must_use]
+    pub fn swing(
+        &self,
+        frame: &Luma,
+        light: &Registration,
+        balls: &[Region],
+        least: Least,
+    ) -> Option<[f64; 2]> {
+        let there = |e: &&Edge| {
+            let inside = |r: &std::ops::Range<usize>, x: i32| r.contains(&(x.max(0) as usize));
+            !balls
+                .iter()
+                .any(|(us, vs)| inside(us, e.u) && inside(vs, e.v))
+        };
+        let pixels: Vec<Edge> = self.pixels.iter().filter(there).copied().collect();
+        if pixels.len() < LEAST_PIXELS {
+            return None;
+        }
+        let wanted = |e: &Edge| light.gain * e.grey + light.offset_grey;
+        let whole = |s: (i32, i32)| move |e: &Edge| f64::from(pixel(frame, self.width, e.u + s.0, e.v + s.1)) - wanted(e);
+        // As it stands, one step tells whether there is anything to look for.
+        let (still, _, _) = self.step(&pixels, light.gain, whole((0, 0)))?;
+        // What the edges tell of a frame in its place; one that is not has residuals beyond its noise.
+        let all: Matrix2<f64> = pixels
+            .iter()
+            .map(|e| e.gradient * e.gradient.transpose())
+            .sum();
+        let followed = Followed::new(&(light.gain.powi(2) * all), self.noise_grey);
+        let least = Least {
+            px: least.px.max(least.quiets * self.quiet_px),
+            ..least
+        };
+        if !followed.stands_out(&still, least) {
+            return None;
+        }
+        let start = self.best_whole(&pixels, whole);
+        let mut shift = Vector2::new(f64::from(start.0), f64::from(start.1));
+        let mut last = None;
+        for _ in 0..STEPS {
+            let between = |e: &Edge| {
+                cubic(frame, self.width, f64::from(e.u) + shift.x, f64::from(e.v) + shift.y) - wanted(e)
+            };
+            let (step, information, spread) = self.step(&pixels, light.gain, between)?;
+            let step = followed.along(&step);
+            shift += step;
+            last = Some((information, spread));
+            if step.norm() < 1e-4 {
+                break;
+            }
+        }
+        let shift = followed.along(&shift);
+        let sane = shift.amax() < f64::from(REACH_PX) && self.height > 0;
+        let sure = last.is_some_and(|(information, spread)| Followed::new(&information, spread).stands_out(&shift, least));
+        (sane && sure).then_some([shift.x, shift.y])
+    }
+
+    /// A step of Gauss-Newton by `residual`s in grey levels, Σ w g gᵀ, and the residuals' standard deviation.
+    fn step(
+        &self,
+        pixels: &[Edge],
+        gain: f64,
+        residual: impl Fn(&Edge) -> f64,
+    ) -> Option<(Vector2<f64>, Matrix2<f64>, f64)> {
+        let residuals: Vec<f64> = pixels.iter().map(&residual).collect();
+        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+        let spread = (1.4826 * crate::quantity::median(&mut sizes)?).max(0.5 * self.noise_grey);
+        let cut = 4.685 * spread;
+        let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
+        for (e, r) in pixels.iter().zip(&residuals).filter(|(_, r)| r.abs() < cut) {
+            let weight = (1.0 - (r / cut).powi(2)).powi(2);
+            let g = gain * e.gradient;
+            normal += weight * g * g.transpose();
+            right -= weight * r * g;
+        }
+        // A direction without edges takes no step: a little more than nothing along the diagonal.
+        let little = 1e-9 * normal.trace().max(f64::MIN_POSITIVE);
+        let step = (normal + Matrix2::identity() * little).cholesky()?.solve(&right);
+        Some((step, normal, spread))
+    }
+
+    /// The whole pixels by which the frame is shifted, by the least sum of bounded squares.
+    fn best_whole<F: Fn(&Edge) -> f64>(&self, pixels: &[Edge], whole: impl Fn((i32, i32)) -> F) -> (i32, i32) {
+        let most = (6.0 * self.noise_grey).max(10.0).powi(2);
+        let cost = |s: (i32, i32)| {
+            let residual = whole(s);
+            pixels.iter().map(|e| residual(e).powi(2).min(most)).sum::<f64>()
+        };
+        let all = (-REACH_PX..=REACH_PX).flat_map(|dv| (-REACH_PX..=REACH_PX).map(move |du| (du, dv)));
+        // Of equal ones (along an edge) the nearest.
+        let rank = |s: (i32, i32)| cost(s) * (1.0 + 1e-3 * f64::from(s.0 * s.0 + s.1 * s.1));
+        all.map(|s| (rank(s), s))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or((0, 0), |(_, s)| s)
+    }
+}
+
+/// The directions along which edges tell a shift.
+struct Followed {
+    axes: [(Vector2<f64>, f64); 2],
+}
+
+impl Followed {
+    fn new(information: &Matrix2<f64>, spread: f64) -> Self {
+        let eigen = SymmetricEigen::new(*information);
+        let axis = |i: usize| {
+            let std = LASTING * spread / eigen.eigenvalues[i].max(f64::MIN_POSITIVE).sqrt();
+            (eigen.eigenvectors.column(i).into_owned(), std)
+        };
+        Self {
+            axes: [axis(0), axis(1)],
+        }
+    }
+
+    fn along(&self, v: &Vector2<f64>) -> Vector2<f64> {
+        let part = |(axis, std): &(Vector2<f64>, f64)| {
+            if *std < FOLLOWED_STD_PX {
+                axis * axis.dot(v)
+            } else {
+                Vector2::zeros()
+            }
+        };
+        part(&self.axes[0]) + part(&self.axes[1])
+    }
+
+    fn stands_out(&self, v: &Vector2<f64>, least: Least) -> bool {
+        self.axes.iter().any(|(axis, std)| {
+            *std < FOLLOWED_STD_PX && axis.dot(v).abs() > (least.sigmas * std).max(least.px)
+        })
+    }
+}
+
+fn pixel(frame: &Luma, width: i32, u: i32, v: i32) -> u8 {
+    frame.data[(v * width + u) as usize]
+}
+
+/// The picture between pixels, by Catmull and Rom's cubic.
+fn cubic(frame: &Luma, width: i32, u: f64, v: f64) -> f64 {
+    let (iu, iv) = (u.floor(), v.floor());
+    let weights = |t: f64| {
+        [
+            ((-0.5 * t + 1.0) * t - 0.5) * t,
+            (1.5 * t - 2.5) * t * t + 1.0,
+            ((-1.5 * t + 2.0) * t + 0.5) * t,
+            (0.5 * t - 0.5) * t * t,
+        ]
+    };
+    let (wu, wv) = (weights(u - iu), weights(v - iv));
+    let (width_px, height_px) = (width, frame.height as i32);
+    let at = |i: i32, j: i32| {
+        let (u, v) = (
+            (iu as i32 + i - 1).clamp(0, width_px - 1),
+            (iv as i32 + j - 1).clamp(0, height_px - 1),
+        );
+        f64::from(pixel(frame, width, u, v))
+    };
+    (0..4)
+        .map(|j| wv[j as usize] * (0..4).map(|i| wu[i as usize] * at(i, j)).sum::<f64>())
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: (usize, usize) = (400, 240);
+
+    /// A wall with a floor line at row 200, and a bench's end at column 60 above row 120, all softened, shifted by `s`, with noise.
+    fn scene(s: [f64; 2], bench: bool, noise: f64, seed: u64) -> Luma {
+        let step = |x: f64| 1.0 / (1.0 + (-2.2 * x).exp());
+        let mut state = seed;
+        let mut normal = move || {
+            let sum: f64 = (0..12)
+                .map(|_| {
+                    state = state
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 33) as f64 / f64::from(1_u32 << 31)
+                })
+                .sum();
+            sum - 6.0
+        };
+        Luma::from_fn(SIZE.0, SIZE.1, |u, v| {
+            let (u, v) = (u as f64 - s[0], v as f64 - s[1]);
+            let mut grey = 60.0 + 35.0 * step(v - 200.0);
+            if bench {
+                grey += 40.0 * step(60.0 - u) * step(v - 120.0) * step(160.0 - v);
+            }
+            (grey + noise * normal()).round().clamp(0.0, 255.0) as u8
+        })
+    }
+
+    fn edges(bench: bool) -> Edges {
+        let grey: Vec<f32> = scene([0.0; 2], bench, 0.0, 1)
+            .data
+            .iter()
+            .map(|&p| f32::from(p))
+            .collect();
+        Edges::new(&grey, SIZE.0, 2.0)
+    }
+
+    #[test]
+    fn a_swing_is_followed_to_hundredths_of_a_pixel() {
+        let edges = edges(true);
+        for (i, s) in [[0.6, 0.4], [1.5, -2.3], [-3.0, 0.5], [0.1, 3.7]].into_iter().enumerate() {
+            let frame = scene(s, true, 2.0, 7 + i as u64);
+            let found = edges.swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP).unwrap();
+            assert!((found[0] - s[0]).abs() < 0.08, "{found:?} for {s:?}");
+            assert!((found[1] - s[1]).abs() < 0.03, "{found:?} for {s:?}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_stands_still_does_not_swing() {
+        let edges = edges(true);
+        for seed in 0..40 {
+            let frame = scene([0.0; 2], true, 2.0, 100 + seed);
+            assert_eq!(edges.swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP), None, "{seed}");
+        }
+    }
+
+    #[test]
+    fn along_a_line_nothing_is_followed() {
+        let edges = edges(false);
+        let found = edges
+            .swing(&scene([2.0, 1.2], false, 2.0, 3), &Registration::IDENTITY, &[], Least::OF_A_BUMP)
+            .unwrap();
+        assert!(found[0].abs() < 0.02 && (found[1] - 1.2).abs() < 0.03, "{found:?}");
+        let aside = scene([2.0, 0.0], false, 2.0, 4);
+        assert_eq!(edges.swing(&aside, &Registration::IDENTITY, &[], Least::OF_A_BUMP), None);
+    }
+
+    #[test]
+    fn a_ball_before_an_edge_is_no_swing() {
+        let edges = edges(true);
+        let mut frame = scene([0.0; 2], true, 2.0, 5);
+        for v in 120..150 {
+            frame.data[v * SIZE.0 + 45..v * SIZE.0 + 75].fill(200);
+        }
+        let ball: Region = (43..77, 118..152);
+        assert_eq!(edges.swing(&frame, &Registration::IDENTITY, &[ball], Least::OF_A_BUMP), None);
+    }
+}
