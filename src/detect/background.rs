@@ -228,7 +228,7 @@ fn drift_px(registrations: &[Registration]) -> f64 {
 }
 
 /// Part of the survey's frames that a fixed camera shows from one place.
-const MOST_PART: f64 = 0.7;
+const MOST_PART: f64 = 0.8;
 
 /// Standard deviation by the tail of all block changes. A codec at a low rate leaves patches that are off by a few
 /// grey levels for many frames: rare in any one block, but many in all. Capped, since what moves is in the tail, too.

@@ -33,6 +33,7 @@ mod samples;
 pub mod scatter;
 pub mod segment;
 mod set_aside;
+pub mod shake;
 pub mod skips;
 
 use crate::quantity;

@@ -12,13 +12,17 @@ use crate::bounce::impacts::{ImpactKind, Picture, Scene};
 use crate::bounce::{Distances, reading};
 use crate::calibration::CalibrationError;
 use crate::detect::centre::{Accuracy, Centre};
-use crate::flight::Flight;
+use crate::flight::{Flight, shake};
 use crate::flight::fit::Forces;
 use crate::quantity::{Quantity, median};
 
 impl Work<'_> {
     pub(super) fn measured(mut self, mut flight: Flight) -> Result<Measurement, CalibrationError> {
         flight = self.with_all_unknowns(flight);
+        let shake = shake::find(&flight);
+        if let Some(unsure) = shake.as_ref().and_then(|shake| flight.shaken_by(shake)) {
+            flight = unsure;
+        }
         let metres_per_unit = self.metres_per_unit(&flight, self.radius_px())?;
         let (free, lift) = self
             .scene(&flight, metres_per_unit, Lift::default())
@@ -46,6 +50,7 @@ impl Work<'_> {
             radius_m,
             radius_units: self.radius_px().map(|r| r.value * self.ball_units_per_px()),
             walls,
+            shake,
             impossible: scene.impossible(&bounces),
             x0_missing: distances.x0_m.is_none(),
             up,
@@ -54,7 +59,9 @@ impl Work<'_> {
             units_per_px: self.units_per_px(),
             interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
         };
-        self.warnings.extend(warn::measured(&judged));
+        let mut found = warn::measured(&judged);
+        found.retain(|new| self.warnings.iter().all(|w| w.code != new.code));
+        self.warnings.extend(found);
         self.warnings
             .extend(warn::unlearned(self.accuracy, self.method()));
         self.warnings.extend(self.light(flight));

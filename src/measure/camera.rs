@@ -60,7 +60,8 @@ impl Work<'_> {
     /// The spot of a centre: the ball's centre, which is not that of its outline where the camera is near.
     pub(super) fn spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
         let s = &self.seen.sightings[id];
-        let spot = refine::spot(&self.map, s, centre, id, self.base.times_s[s.frame])?;
+        let fixed = self.seen.detector.background.registrar.fixed;
+        let spot = refine::spot((&self.map, fixed), s, centre, id, self.base.times_s[s.frame])?;
         let disc = &centre.disc;
         let place = self
             .silhouettes()

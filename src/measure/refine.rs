@@ -434,9 +434,16 @@ fn outlined(
         .flatten()
 }
 
-/// The spot of a centre found in `frame`: in the plane, with its uncertainty there.
+/// The spot of a centre found in `frame`: in the plane, with its uncertainty there. `fixed`: whether the camera stands still,
+/// but for swings.
 #[must_use]
-pub fn spot(map: &Rectification, s: &Sighting, centre: &Centre, id: usize, time_s: f64) -> Option<Spot> {
+pub fn spot(
+    (map, fixed): (&Rectification, bool),
+    s: &Sighting,
+    centre: &Centre,
+    id: usize,
+    time_s: f64,
+) -> Option<Spot> {
     let reference = s.registration.reference_from_frame(centre.disc.centre);
     let place = map.plane_from_pixel(reference)?;
     let unit = map.jacobian(reference)?.determinant().abs().sqrt();
@@ -445,12 +452,25 @@ pub fn spot(map: &Rectification, s: &Sighting, centre: &Centre, id: usize, time_
         frame: s.frame,
         time_s,
         place,
-        std: unit * centre.std_px().max(LEAST_STD_PX),
+        std: unit * centre.std_px().max(LEAST_STD_PX).hypot(swing_std_px(s, fixed)),
         coded: s.coded,
         radius: unit * centre.disc.radius_px,
         contrast_grey: centre.contrast_grey,
     })
 }
+
+/// Standard deviation of each coordinate of a centre in a picture that swings, px: how well its edges tell by how much, which the
+/// codec draws anew, and a part of the swing for what turns or smears in it.
+fn swing_std_px(s: &Sighting, fixed: bool) -> f64 {
+    if fixed && !s.registration.is_still() {
+        SWING_STD_PX.hypot(SWING_PART * s.registration.shift_px())
+    } else {
+        0.0
+    }
+}
+
+const SWING_STD_PX: f64 = 0.08;
+const SWING_PART: f64 = 0.05;
 
 /// No centre is better than this: rounding to 8 bits and the optics see to it, px.
 const LEAST_STD_PX: f64 = 0.002;

@@ -10,6 +10,7 @@ use crate::calibration::{Calibration, Scale, View};
 use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
 use crate::flight::overhead::find;
+use crate::flight::shake::Shake;
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
 use crate::quantity::Quantity;
@@ -243,6 +244,7 @@ pub struct Judged<'a> {
     pub radius_m: Option<f64>,
     pub radius_units: Option<f64>,
     pub walls: usize,
+    pub shake: Option<Shake>,
     pub impossible: usize,
     pub x0_missing: bool,
     pub up: Option<UpTilt>,
@@ -257,6 +259,7 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(j.gravity.map(|g| gravity(g, j)).unwrap_or_default());
     out.extend(up_tilted(j));
+    out.extend(j.shake.map(|s| shaken_ball(&s, j)));
     out.extend(floor_slope(j));
     out.extend(bench(j));
     out.extend(impossible_tangential(j.bounces));
@@ -504,6 +507,18 @@ fn bench(j: &Judged<'_>) -> Vec<Warning> {
         ));
     }
     out
+}
+
+/// A swing that the ball alone shows.
+fn shaken_ball(shake: &Shake, j: &Judged<'_>) -> Warning {
+    warning(
+        "camera_shaken",
+        format!(
+            "after the impact at {:.3} s the ball seems to leave its arc by up to {:.2} px and comes back within some hundredths of a second: the table or the camera is bumped, and nothing in the picture tells by how much. The centres after each impact count for as little as that makes them sure. Put the camera on a stand of its own, or have an edge in the picture (the floor, the bench).",
+            shake.impact_s,
+            shake.size / j.units_per_px,
+        ),
+    )
 }
 
 /// Impacts whose motion along the floor no contact makes.
