@@ -109,9 +109,8 @@ impl Background {
         };
         let mut background = Self {
             noise_grey,
-            edges: fixed.then(|| {
-                Edges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)
-            }),
+            edges: fixed
+                .then(|| Edges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)),
             scene_grey,
             luma,
             block_px,
@@ -211,8 +210,7 @@ impl BlockChanges<'_> {
     }
 }
 
-/// The distance from where the camera mostly looks that most frames keep, px: a camera that drifts is elsewhere in most of
-/// them, one whose table is bumped in a few. (From where the reference looks it would have the error of that
+/// The largest distance from where the camera mostly looks, px, but for swings, after which it looks there again. (From where the reference looks it would have the error of that
 /// one frame in all: a codec that draws a faint scene otherwise in each key frame moves it by half a pixel.)
 fn drift_px(registrations: &[Registration]) -> f64 {
     let median = |of: fn(&Registration) -> f64| {
@@ -221,14 +219,23 @@ fn drift_px(registrations: &[Registration]) -> f64 {
     };
     let middle = (median(|r| r.shift_u_px), median(|r| r.shift_v_px));
     let off = |r: &Registration| (r.shift_u_px - middle.0).hypot(r.shift_v_px - middle.1);
-    let mut all: Vec<f64> = registrations.iter().map(off).collect();
-    all.sort_by(f64::total_cmp);
-    let most = (MOST_PART * all.len() as f64).ceil() as usize;
-    all.get(most.min(all.len()).saturating_sub(1)).copied().unwrap_or(0.0)
+    let all: Vec<f64> = registrations.iter().map(off).collect();
+    // A swing comes back: what is elsewhere for good, at the beginning or the end, is a drift, and so is being elsewhere often.
+    let rests = |o: &f64| *o < FIXED_CAMERA_PX;
+    let elsewhere = all.iter().filter(|o| !rests(o)).count();
+    let (Some(first), Some(last)) = (all.iter().position(rests), all.iter().rposition(rests)) else {
+        return all.iter().copied().fold(0.0, f64::max);
+    };
+    let at_ends = first > 1 || all.len() - last > 2;
+    if at_ends || elsewhere as f64 > MOST_SWINGING * all.len() as f64 {
+        all.iter().copied().fold(0.0, f64::max)
+    } else {
+        all.iter().copied().filter(rests).fold(0.0, f64::max)
+    }
 }
 
-/// Part of the survey's frames that a fixed camera shows from one place.
-const MOST_PART: f64 = 0.8;
+/// Part of the survey's frames in which a camera that stands still may swing.
+const MOST_SWINGING: f64 = 0.35;
 
 /// Standard deviation by the tail of all block changes. A codec at a low rate leaves patches that are off by a few
 /// grey levels for many frames: rare in any one block, but many in all. Capped, since what moves is in the tail, too.
