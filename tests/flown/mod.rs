@@ -205,7 +205,7 @@ impl Film {
                 },
             })
             .collect();
-        let fit = ArcFit::new(&points, 2, Forces::Fall(Upright::UNKNOWN))?;
+        let fit = ArcFit::new(&points, 2, Forces::Fall(Upright::AS_IT_STANDS))?;
         let span = |arc| {
             let times = || used.iter().filter(|u| u.0 == arc).map(|u| u.1.time_s);
             (
@@ -255,7 +255,7 @@ pub fn measured(
     calibration: &Calibration,
     metres_per_unit: f64,
 ) -> Result<Measured, NoFlight> {
-    let flight = flight::find(spots, Forces::Fall(Upright::UNKNOWN))?;
+    let flight = flight::find(spots, Forces::Fall(Upright::AS_IT_STANDS))?;
     Ok(of_flight(flight, calibration, metres_per_unit))
 }
 
