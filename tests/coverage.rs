@@ -166,6 +166,38 @@ fn drawn(seed: u64) -> Drawn {
     Drawn { scene, up_given }
 }
 
+/// What the scene of `seed` has that others have not, for who looks for the cause of a wrong number.
+fn described(seed: u64) -> String {
+    let Drawn { scene, up_given } = drawn(seed);
+    let (camera, look, launch) = (&scene["camera"], &scene["look"], &scene["launch"]);
+    let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
+    let radius_px = number(&scene["ball"]["radius_m"]) / number(&camera["metres_per_pixel"]);
+    let mut words = vec![
+        format!("R {radius_px:.1} px"),
+        format!("{} Hz", camera["frame_rate_hz"]),
+        format!("{}", camera["codec"].as_str().unwrap_or_default()),
+        format!("noise {}", camera["noise_grey"]),
+        format!(
+            "contrast {:.0}",
+            number(&look["ball_grey"]) - number(&look["background_grey"])
+        ),
+        format!("shading {:.2}", number(&look["shading"])),
+        format!("slope {:.2}", number(&scene["floor"]["slope_deg"])),
+        format!(
+            "roll {:.2}{}",
+            number(&camera["roll_deg"]),
+            if up_given { " denied" } else { "" }
+        ),
+    ];
+    if launch["bench"].is_object() {
+        words.push(format!("bench {:.3} s", number(&launch["bench"]["seen_s"])));
+    }
+    if camera["bump"].is_object() {
+        words.push(format!("bump {}", camera["bump"]["amplitude_px"]));
+    }
+    words.join(", ")
+}
+
 /// The calibration as an experimenter would have it: the simulator knows how the camera is rolled, he does not.
 fn known(recording: &Recording, up_given: bool) -> Calibration {
     let mut file = calibration(recording);
@@ -294,13 +326,14 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
             let is_wrong = !(error.abs() <= FAR_OUT * std) && causes.is_empty();
             wrong += usize::from(is_wrong);
             far_out.push(format!(
-                "{name} of {seed}: off by {error:.2e}, {:.1} standard uncertainties, {}",
+                "{name} of {seed}: off by {error:.2e}, {:.1} standard uncertainties, {} ({})",
                 error / std,
                 match (is_wrong, causes.is_empty()) {
                     (true, _) => "WRONG without a word".to_owned(),
                     (false, true) => "by chance".to_owned(),
                     (false, false) => format!("said: {}", causes.join(", ")),
-                }
+                },
+                described(*seed)
             ));
         }
         // Three standard deviations of a binomial count, on the side where intervals are too narrow.

@@ -56,9 +56,10 @@ impl Faults {
         ];
         self.true_but_for(found, 2, &[excused, &moved].concat(), what);
         for c in &found.compared {
-            let off = (c.value / c.truth - 1.0).abs();
-            let far = moved.iter().any(|m| c.what.starts_with(m)) && off > LIFT_PART;
-            self.note(far, what, || format!("{c:?}"));
+            let lies = c.pull().is_some_and(|p| !(p.abs() <= HONEST_SIGMAS));
+            let far = (c.value / c.truth - 1.0).abs() > LIFT_PART;
+            let is_moved = moved.iter().any(|m| c.what.starts_with(m));
+            self.note(is_moved && lies && far, what, || format!("{c:?}"));
         }
     }
 

@@ -431,8 +431,12 @@ fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>, Vec<Str
         compare(format!("mu {n}"), b.friction, t.friction);
         let at_least = b.friction_at_least.filter(|_| b.friction.is_none());
         compare(format!("mu at least {n}"), at_least, t.friction);
-        if named(b.regime).is_some_and(|name| !is_called(name, t.regime)) {
-            misnamed.push(format!("regime {n} {:?} against {}", b.regime, t.regime));
+        let rolls = t.tangential_restitution.is_some_and(|e_x| e_x.abs() <= ROLLS);
+        if named(b.regime).is_some_and(|name| !is_called(name, t.regime, rolls)) {
+            misnamed.push(format!(
+                "regime {n} {:?} for e_x {:?} against {} with {:?}",
+                b.regime, b.tangential_restitution, t.regime, t.tangential_restitution
+            ));
         }
         compare(
             format!("e_x {n}"),
@@ -502,9 +506,13 @@ fn named(regime: EERegime) -> Option<&'static str> {
     }
 }
 
-/// Whether a result's regime is the truth's, in which a ball that slides by the e-e model is "ordinary".
-fn is_called(name: &str, truth: &str) -> bool {
-    name == truth || (name == "sliding" && truth == "ordinary")
+/// A ball whose e_x is no more than this from 0 may be said to leave rolling, as results define it.
+const ROLLS: f64 = 0.02;
+
+/// Whether a result's regime is the truth's, in which a ball that slides by the e-e model is "ordinary"; `rolls`: to [`ROLLS`].
+fn is_called(name: &str, truth: &str, rolls: bool) -> bool {
+    let truth = if truth == "ordinary" { "sliding" } else { truth };
+    name == truth || (name == "nonsliding" && rolls)
 }
 
 fn compared_broken(broken: &mut Vec<String>, what: &str, q: Quantity) {
