@@ -173,6 +173,13 @@ fn described(seed: u64) -> String {
     let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
     let radius_px = number(&scene["ball"]["radius_m"]) / number(&camera["metres_per_pixel"]);
     let mut words = vec![
+        format!("drop {:.3} m", number(&launch["drop_height_m"])),
+        format!("{:.2} m/s", number(&launch["speed_m_s"])),
+        format!(
+            "{} e {:.2}",
+            scene["contact"]["model"].as_str().unwrap_or_default(),
+            number(&scene["contact"]["restitution"])
+        ),
         format!("R {radius_px:.1} px"),
         format!("{} Hz", camera["frame_rate_hz"]),
         format!("{}", camera["codec"].as_str().unwrap_or_default()),
@@ -212,15 +219,17 @@ fn known(recording: &Recording, up_given: bool) -> Calibration {
 /// Error and stated standard uncertainty of each of [`QUANTITIES`]; `None` where it was not given.
 type Errors = [Option<(f64, f64)>; QUANTITIES.len()];
 
-/// What became of a recording.
-enum Tried {
-    /// Measured, with the codes of its warnings.
-    Measured(Errors, Vec<&'static str>),
-    /// Not measured, and why.
-    Refused(String),
+/// What was made of a recording.
+struct Tried {
+    errors: Errors,
+    /// Codes of its warnings.
+    warnings: Vec<&'static str>,
+    /// Whether its first bounce is not the first that was.
+    is_another: bool,
 }
 
-fn try_one(seed: u64) -> Tried {
+/// What became of the recording of `seed`, or why it was not measured.
+fn try_one(seed: u64) -> Result<Tried, String> {
     let dir = tempfile::tempdir().unwrap();
     let Drawn { scene, up_given } = drawn(seed);
     let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
@@ -235,11 +244,11 @@ fn try_one(seed: u64) -> Tried {
     )
     .unwrap();
     if let Outcome::Rejected { reason, .. } = &m.outcome {
-        return Tried::Refused(reason.to_string());
+        return Err(reason.to_string());
     }
     let truth = recording.truth();
     let (Some(b), Some(t)) = (m.bounces.first(), truth.bounces.first()) else {
-        return Tried::Refused("no bounce".to_owned());
+        return Err("no bounce".to_owned());
     };
     let of = |q: Option<Quantity>, true_: Option<f64>| -> Option<(f64, f64)> {
         let q = q?;
@@ -259,7 +268,12 @@ fn try_one(seed: u64) -> Tried {
         of(b.spin_out_m_s, Some(t.spin_out_m_s)),
         of(b.time_s, Some(t.time_s)),
     ];
-    Tried::Measured(errors, m.warnings.iter().map(|w| w.code).collect())
+    let off_s = b.time_s.map_or(0.0, |found| found.value - t.time_s);
+    Ok(Tried {
+        errors,
+        warnings: m.warnings.iter().map(|w| w.code).collect(),
+        is_another: off_s.abs() > 1.0 / recording.scene().camera.frame_rate_hz,
+    })
 }
 
 /// What the errors of one quantity show.
@@ -287,27 +301,13 @@ fn summary(errors: &[(f64, f64)]) -> Summary {
     }
 }
 
-#[test]
-fn intervals_hold_the_truth_as_often_as_they_say() {
-    let asked = std::env::var("TRACK_COVERAGE").ok().and_then(|n| n.parse().ok());
-    let recordings: usize = asked.unwrap_or(RECORDINGS);
-    let seeds: Vec<u64> = (0..recordings as u64).map(|i| FIRST_SEED + i).collect();
-    let tried: Vec<Tried> = seeds.par_iter().map(|&seed| try_one(seed)).collect();
-    let mut measured: Vec<(u64, &Errors, &[&str])> = Vec::new();
-    for (seed, tried) in seeds.iter().zip(&tried) {
-        match tried {
-            Tried::Measured(errors, warnings) => measured.push((*seed, errors, warnings)),
-            Tried::Refused(why) => println!("{seed}: {why}"),
-        }
-    }
-    println!("{} of {recordings} measured\n", measured.len());
+/// The table of `recordings`.
+fn print_table(what: &str, recordings: &[(u64, Tried)]) {
+    println!("\n{what}: {} recordings\n", recordings.len());
     println!("| quantity | recordings | in 68 % | in 95 % | mean pull | width of pulls | largest error |");
     println!("|---|---|---|---|---|---|---|");
-    let mut faults = Vec::new();
-    let (mut numbers, mut wrong, mut far_out) = (0, 0, Vec::new());
-    for (k, (name, least_share)) in QUANTITIES.iter().enumerate() {
-        let errors: Vec<(f64, f64)> = measured.iter().filter_map(|(_, e, _)| e[k]).collect();
-        let s = summary(&errors);
+    for (k, (name, _)) in QUANTITIES.iter().enumerate() {
+        let s = summary(&errors_of(k, recordings));
         println!(
             "| {name} | {} | {:.1} % | {:.1} % | {:+.2} | {:.2} | {:.2e} |",
             s.count,
@@ -317,25 +317,78 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
             s.pull_width,
             s.most
         );
-        numbers += errors.len();
-        for (seed, e, warnings) in &measured {
-            let Some((error, std)) = e[k].filter(|(error, std)| !(error.abs() <= 3.0 * std)) else {
-                continue;
-            };
-            let causes: Vec<&str> = warnings.iter().copied().filter(|w| CAUSES.contains(w)).collect();
-            let is_wrong = !(error.abs() <= FAR_OUT * std) && causes.is_empty();
-            wrong += usize::from(is_wrong);
-            far_out.push(format!(
-                "{name} of {seed}: off by {error:.2e}, {:.1} standard uncertainties, {} ({})",
-                error / std,
-                match (is_wrong, causes.is_empty()) {
-                    (true, _) => "WRONG without a word".to_owned(),
-                    (false, true) => "by chance".to_owned(),
-                    (false, false) => format!("said: {}", causes.join(", ")),
-                },
-                described(*seed)
-            ));
+    }
+}
+
+fn errors_of(quantity: usize, recordings: &[(u64, Tried)]) -> Vec<(f64, f64)> {
+    recordings
+        .iter()
+        .filter_map(|(_, t)| t.errors[quantity])
+        .collect()
+}
+
+/// Prints what is more than 3 standard uncertainties off in the recording of `seed`, and whether that is said; the count of
+/// numbers that are [`FAR_OUT`] without a word.
+fn print_far_out(seed: u64, tried: &Tried) -> usize {
+    let mut wrong = 0;
+    let mut off = Vec::new();
+    let said: Vec<&str> = tried
+        .warnings
+        .iter()
+        .copied()
+        .filter(|w| CAUSES.contains(w))
+        .collect();
+    for ((name, _), error) in QUANTITIES.iter().zip(tried.errors) {
+        let Some((error, std)) = error.filter(|(error, std)| !(error.abs() <= 3.0 * std)) else {
+            continue;
+        };
+        off.push(format!("{name} {error:.2e} ({:.1} σ)", error / std));
+        wrong += usize::from(!(error.abs() <= FAR_OUT * std) && said.is_empty());
+    }
+    if !off.is_empty() {
+        let verdict = match (wrong, said.is_empty()) {
+            (0, true) => "by chance".to_owned(),
+            (0, false) => format!("said: {}", said.join(", ")),
+            _ => "WRONG without a word".to_owned(),
+        };
+        let another = if tried.is_another {
+            ", another first bounce than was"
+        } else {
+            ""
+        };
+        println!(
+            "* {seed}: {verdict}{another}: {}; {}",
+            off.join(", "),
+            described(seed)
+        );
+    }
+    wrong
+}
+
+#[test]
+fn intervals_hold_the_truth_as_often_as_they_say() {
+    let asked = std::env::var("TRACK_COVERAGE").ok().and_then(|n| n.parse().ok());
+    let recordings: usize = asked.unwrap_or(RECORDINGS);
+    let seeds: Vec<u64> = (0..recordings as u64).map(|i| FIRST_SEED + i).collect();
+    let tried: Vec<_> = seeds.par_iter().map(|&seed| (seed, try_one(seed))).collect();
+    let mut measured = Vec::new();
+    for (seed, tried) in tried {
+        match tried {
+            Ok(tried) => measured.push((seed, tried)),
+            Err(why) => println!("{seed}: {why}"),
         }
+    }
+    print_table("All", &measured);
+    println!("\nMore than 3 standard uncertainties off:\n");
+    let wrong: usize = measured
+        .iter()
+        .map(|(seed, tried)| print_far_out(*seed, tried))
+        .sum();
+    let mut faults = Vec::new();
+    let mut numbers = 0;
+    for (k, (name, least_share)) in QUANTITIES.iter().enumerate() {
+        let s = summary(&errors_of(k, &measured));
+        numbers += s.count as usize;
         // Three standard deviations of a binomial count, on the side where intervals are too narrow.
         for (stated, held) in [(0.68, s.in_68), (0.95, s.in_95)] {
             let least = stated - 3.0 * (stated * (1.0 - stated) / s.count).sqrt();
@@ -349,13 +402,17 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
             faults.push(format!("{name}: of {} recordings only", s.count));
         }
     }
-    println!(
-        "\nMore than 3 standard uncertainties off:\n\n{}",
-        far_out.join("\n")
-    );
     println!("\n{wrong} of {numbers} numbers are more than {FAR_OUT} off, and no warning names a cause");
     if wrong as f64 > (MOST_WRONG * numbers as f64).max(1.0) {
         faults.push(format!("{wrong} of {numbers} numbers are wrong without a word"));
     }
+    // What is left where the table stands still and no bounce was mistaken: where to look next.
+    let still =
+        |(seed, tried): &(u64, Tried)| !tried.is_another && !drawn(*seed).scene["camera"]["bump"].is_object();
+    measured.retain(still);
+    print_table(
+        "Of those, on a table that stands still and from their first bounce on",
+        &measured,
+    );
     assert!(faults.is_empty(), "{faults:#?}");
 }

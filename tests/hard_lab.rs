@@ -434,8 +434,10 @@ fn an_up_that_the_fall_contradicts_is_said_and_not_used() {
     faults.none();
 }
 
-/// A table that swings: amplitude (right, down), frequency, decay, frame rate, codec, ball.
-const BUMPS: [([f64; 2], f64, f64, u32, &str, &str); 8] = [
+/// A table that swings: amplitude (right, down), frequency, decay; frame rate, codec, ball.
+type BumpRow = ([f64; 2], f64, f64, u32, &'static str, &'static str);
+
+const BUMPS: [BumpRow; 8] = [
     ([0.0, 1.0], 20.0, 0.015, 240, "lossless", "steel"),
     ([0.0, 2.0], 15.0, 0.02, 240, "h264", "steel"),
     ([0.0, 3.0], 25.0, 0.01, 240, "lossless", "superball"),
