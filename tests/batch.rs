@@ -10,6 +10,7 @@
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -425,12 +426,10 @@ fn children(parent: u32) -> Vec<(u32, String)> {
         .collect()
 }
 
-fn signal(name: &str, id: u32) -> bool {
-    let kill = std::process::Command::new("kill")
-        .args([format!("-{name}"), id.to_string()])
-        .stderr(Stdio::null())
-        .status();
-    kill.unwrap().success()
+/// By the system call: the program `kill` (package procps) is not on every machine. `false` where the process is gone.
+fn signal(signal: Signal, id: u32) -> bool {
+    let pid = i32::try_from(id).ok().and_then(Pid::from_raw).unwrap();
+    kill_process(pid, signal).is_ok()
 }
 
 /// Whether the process is gone, or dead and not yet buried.
@@ -454,12 +453,12 @@ fn a_recording_that_crashes_or_hangs_costs_itself_and_is_tried_again() {
     batch(&[&lab], &undisturbed).assert().code(0);
     let child = started(&[&lab], &out, &["--timeout-s", "20", "--jobs", "3"]);
     // A hang is a process that stands still; a crash is the signal that a bad codec gets.
-    let mut left = vec![("STOP", "/lab/a.mp4"), ("SEGV", "/lab/b.mp4")];
+    let mut left = vec![(Signal::STOP, "/lab/a.mp4"), (Signal::SEGV, "/lab/b.mp4")];
     let begun = Instant::now();
     while !left.is_empty() && begun.elapsed() < Duration::from_secs(60) {
         for (id, line) in children(child.id()) {
-            left.retain(|(name, video)| {
-                !(line.contains("batch-recording") && line.contains(video) && signal(name, id))
+            left.retain(|(how, video)| {
+                !(line.contains("batch-recording") && line.contains(video) && signal(*how, id))
             });
         }
     }
@@ -586,7 +585,7 @@ fn two_batches_do_not_write_into_one_folder() {
     while children(first.id()).is_empty() && begun.elapsed() < Duration::from_secs(30) {
         std::thread::sleep(Duration::from_millis(2));
     }
-    assert!(signal("STOP", first.id()));
+    assert!(signal(Signal::STOP, first.id()));
     batch(&[&lab], &out)
         .assert()
         .code(2)

@@ -8,12 +8,13 @@
 
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use track::bounce::EERegime;
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{Coding, Luma, Timing, VideoOptions, VideoWriter};
 use track::measure::{MeasureError, Measurement, Outcome, measure};
 use track::quantity::Quantity;
-use track::simulate::truth::{BounceTruth, CentreTruth, LegTruth, Truth};
+use track::simulate::truth::{BounceTruth, CentreTruth, LaunchTruth, LegTruth, Truth};
 use track::simulate::{Recording, Scene, calibration};
 
 /// A ball of R 8 px that bounces twice in a picture of 320 × 240 at 240 Hz, stored without loss.
@@ -49,6 +50,8 @@ pub struct Clip {
     pub times_s: Vec<f64>,
     pub rate_hz: f64,
     pub calibration: Calibration,
+    /// The file that `calibration` was read from.
+    pub calibration_json: Value,
     pub truth: Truth,
 }
 
@@ -68,14 +71,65 @@ impl Clip {
         for (i, frame) in frames.iter_mut().enumerate() {
             change(i, frame, &truth.centres[i]);
         }
-        let calibration = Calibration::parse(&calibration(&recording).to_string(), "calib.json").unwrap();
+        let calibration_json = calibration(&recording);
         Self {
             times_s: truth.centres.iter().map(|c| c.time_s).collect(),
             rate_hz: scene["camera"]["frame_rate_hz"].as_f64().unwrap_or(240.0),
             frames,
-            calibration,
+            calibration: parsed(&calibration_json),
+            calibration_json,
             truth,
         }
+    }
+
+    /// The same with a calibration file that `change` has changed.
+    pub fn calibrated(mut self, change: impl Fn(&mut Value)) -> Self {
+        change(&mut self.calibration_json);
+        self.calibration = parsed(&self.calibration_json);
+        self
+    }
+
+    /// The same with a key of the calibration file left out.
+    pub fn untold(self, key: &str) -> Self {
+        self.calibrated(|c| {
+            c.as_object_mut().unwrap().remove(key);
+        })
+    }
+
+    /// The same launched to the left: pictures, calibration and true pixels mirrored. x runs along the launch in both.
+    pub fn mirrored(mut self) -> Self {
+        let last = (self.frames[0].width - 1) as f64;
+        for frame in &mut self.frames {
+            let width = frame.width;
+            frame.data.chunks_exact_mut(width).for_each(<[u8]>::reverse);
+        }
+        for centre in &mut self.truth.centres {
+            centre.u_px = last - centre.u_px;
+        }
+        self.calibrated(|c| {
+            if let Some(u) = c.pointer_mut("/origin_px/0") {
+                *u = json!(last - u.as_f64().unwrap());
+            }
+            if let Some(u) = c.pointer_mut("/up_px/0") {
+                *u = json!(-u.as_f64().unwrap());
+            }
+        })
+    }
+
+    /// The same after the ball was held for `frames` where the clip begins. Of `scene`, whose ball begins at rest.
+    pub fn held(mut self, scene: &Value, frames: usize) -> Self {
+        let first = self.truth.centres[0];
+        for i in 1..=frames {
+            // Each with noise of its own: frames that are the same to the bit are repeats of one.
+            let mut again = scene.clone();
+            again["seed"] = json!(scene["seed"].as_u64().unwrap() + 10_000 + i as u64);
+            let again = Recording::new(&Scene::from_json(&again.to_string()).unwrap()).unwrap();
+            self.frames.insert(0, again.frame(0));
+            let time_s = self.times_s[0] - 1.0 / self.rate_hz;
+            self.times_s.insert(0, time_s);
+            self.truth.centres.insert(0, CentreTruth { time_s, ..first });
+        }
+        self
     }
 
     /// The same with every picture changed by `change` (frame, picture, the ball's true place).
@@ -115,8 +169,29 @@ impl Clip {
         self.judged(&video)
     }
 
+    /// Stored as phones and cameras do, with loss, and measured.
+    pub fn coded(&self) -> Judged {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("clip.mp4");
+        let coding = Coding::H264 {
+            crf: 14,
+            gop: 48,
+            b_frames: 2,
+        };
+        self.write_as(&path, coding);
+        self.judged(&path)
+    }
+
+    /// [`Self::coded`] or [`Self::measured`].
+    pub fn stored(&self, codec: &str) -> Judged {
+        match codec {
+            "h264" => self.coded(),
+            "lossless" => self.measured(),
+            other => panic!("no codec {other}"),
+        }
+    }
+
     pub fn write(&self, path: &Path) -> PathBuf {
-        let first = &self.frames[0];
         let coding = if path.extension().is_some_and(|e| e == "mp4") {
             Coding::H264 {
                 crf: 0,
@@ -126,6 +201,11 @@ impl Clip {
         } else {
             Coding::Lossless
         };
+        self.write_as(path, coding)
+    }
+
+    fn write_as(&self, path: &Path, coding: Coding) -> PathBuf {
+        let first = &self.frames[0];
         let mut writer = VideoWriter::create(path, first.width, first.height, self.rate_hz, coding).unwrap();
         self.frames.iter().for_each(|f| writer.write(f).unwrap());
         writer.finish().unwrap();
@@ -199,7 +279,9 @@ impl Compared {
 pub struct Judged {
     pub found: Result<Measurement, MeasureError>,
     pub compared: Vec<Compared>,
-    /// Numbers that no number should be, and bounces that never were.
+    /// Regimes that are not the truth's.
+    pub misnamed: Vec<String>,
+    /// Numbers that no number should be, and bounces and launches that never were.
     pub broken: Vec<String>,
 }
 
@@ -211,10 +293,11 @@ impl Judged {
         let mut judged = Self {
             found,
             compared: Vec::new(),
+            misnamed: Vec::new(),
             broken: Vec::new(),
         };
         if let Ok(m) = &judged.found {
-            (judged.compared, judged.broken) = against(m, clip);
+            (judged.compared, judged.misnamed, judged.broken) = against(m, clip);
         }
         judged
     }
@@ -262,7 +345,16 @@ impl Judged {
                 )
             })
         });
-        off.chain(self.broken.iter().cloned()).collect()
+        off.chain(self.misnamed.iter().cloned())
+            .chain(self.broken.iter().cloned())
+            .collect()
+    }
+
+    /// The words of the warning `code`.
+    pub fn message(&self, code: &str) -> Option<&str> {
+        let found = self.found.as_ref().ok()?;
+        let warning = found.warnings.iter().find(|w| w.code == code)?;
+        Some(&warning.message)
     }
 
     /// The number called `what`.
@@ -275,9 +367,9 @@ fn degrees(q: Option<Quantity>) -> Option<Quantity> {
     q.map(|q| q.scaled(180.0 / std::f64::consts::PI))
 }
 
-/// Everything that `m` says against the truth.
-fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>) {
-    let (mut compared, mut broken) = (Vec::new(), Vec::new());
+/// Everything that `m` says against the truth: numbers, regimes, and what is broken.
+fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>, Vec<String>) {
+    let (mut compared, mut misnamed, mut broken) = (Vec::new(), Vec::new(), Vec::new());
     let start_s = clip.times_s[0];
     let mut compare = |what: String, q: Option<Quantity>, truth: Option<f64>| {
         let Some(q) = q else { return };
@@ -297,7 +389,25 @@ fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>) {
     };
     let g = Some(9.81);
     compare("gravity".into(), m.gravity_m_s2, g);
+    let slope = degrees(m.floor.map(|f| f.slope_rad));
+    compare("floor slope".into(), slope, Some(clip.truth.floor_slope_deg));
     let mut invented = Vec::new();
+    match (m.launch, clip.truth.launch) {
+        (Some(_), None) => invented.push("a launch from a bench never was".to_owned()),
+        (Some(found), Some(truth)) => {
+            compare("launch edge".into(), found.edge_x_m, Some(truth.edge_x_m));
+            compare("launch time".into(), found.time_s, Some(truth.time_s - start_s));
+            compare("launch speed".into(), found.speed_m_s, Some(truth.speed_m_s));
+            compare(
+                "drop height".into(),
+                found.drop_height_m,
+                drop_height_m(clip, truth),
+            );
+        }
+        (None, _) => {}
+    }
+    // Without an origin x = 0 is the edge, where that is seen.
+    let has_places = clip.calibration.has_origin() || m.launch.is_some_and(|l| l.edge_x_m.is_some());
     let mut first = None;
     for (i, b) in m.bounces.iter().enumerate() {
         let Some(time) = b.time_s else { continue };
@@ -315,14 +425,19 @@ fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>) {
         let t: &BounceTruth = &clip.truth.bounces[k];
         let n = i + 1;
         compare(format!("time {n}"), Some(time), Some(t.time_s - start_s));
-        compare(
-            format!("place {n}"),
-            b.x_m.filter(|_| clip.calibration.has_origin()),
-            Some(t.x_m),
-        );
+        compare(format!("place {n}"), b.x_m.filter(|_| has_places), Some(t.x_m));
         compare(format!("e {n}"), b.restitution, t.restitution);
         compare(format!("ratio {n}"), b.tangential_ratio, t.tangential_ratio);
         compare(format!("mu {n}"), b.friction, t.friction);
+        let at_least = b.friction_at_least.filter(|_| b.friction.is_none());
+        compare(format!("mu at least {n}"), at_least, t.friction);
+        let rolls = t.tangential_restitution.is_some_and(|e_x| e_x.abs() <= ROLLS);
+        if named(b.regime).is_some_and(|name| !is_called(name, t.regime, rolls)) {
+            misnamed.push(format!(
+                "regime {n} {:?} for e_x {:?} against {} with {:?}",
+                b.regime, b.tangential_restitution, t.regime, t.tangential_restitution
+            ));
+        }
         compare(
             format!("e_x {n}"),
             b.tangential_restitution,
@@ -366,7 +481,38 @@ fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>) {
         }
     }
     broken.extend(invented);
-    (compared, broken)
+    (compared, misnamed, broken)
+}
+
+fn parsed(calibration: &Value) -> Calibration {
+    Calibration::parse(&calibration.to_string(), "calib.json").unwrap()
+}
+
+/// How far the ball falls from the edge to its first impact: over a sloping floor that is not its height above the origin.
+fn drop_height_m(clip: &Clip, truth: LaunchTruth) -> Option<f64> {
+    let slope_rad = clip.truth.floor_slope_deg.to_radians();
+    let radius_m = clip.calibration.ball.radius_m?;
+    let touch_m = clip.truth.x0_m? * slope_rad.tan() + radius_m * (1.0 / slope_rad.cos() - 1.0);
+    Some(truth.drop_height_m - touch_m)
+}
+
+/// The regime as results name it; `None` where it is left open.
+fn named(regime: EERegime) -> Option<&'static str> {
+    match regime {
+        EERegime::Ordinary => Some("sliding"),
+        EERegime::Nonsliding => Some("nonsliding"),
+        EERegime::Grip => Some("grip"),
+        EERegime::Undetermined => None,
+    }
+}
+
+/// A ball whose e_x is no more than this from 0 may be said to leave rolling, as results define it.
+const ROLLS: f64 = 0.02;
+
+/// Whether a result's regime is the truth's, in which a ball that slides by the e-e model is "ordinary"; `rolls`: to [`ROLLS`].
+fn is_called(name: &str, truth: &str, rolls: bool) -> bool {
+    let truth = if truth == "ordinary" { "sliding" } else { truth };
+    name == truth || (name == "nonsliding" && rolls)
 }
 
 fn compared_broken(broken: &mut Vec<String>, what: &str, q: Quantity) {
