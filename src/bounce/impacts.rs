@@ -558,7 +558,14 @@ impl<'a> Scene<'a> {
             return f64::NAN;
         };
         let inertia = self.calibration.ball.inertia_factor;
-        let launch = self.world(p, 0, self.impact_time(p, 0)).vr;
+        // A ball that rolls off its bench has the spin of its speed there, which the air then slows; a number is of the first impact.
+        let rolls_until = || self.edge_s(p).unwrap_or(self.flight.spans[0].0);
+        let since = if self.calibration.launch.rolling {
+            rolls_until()
+        } else {
+            self.impact_time(p, 0)
+        };
+        let launch = self.world(p, 0, since).vr;
         if history.is_empty() {
             return ratio * launch;
         }
@@ -601,7 +608,7 @@ impl<'a> Scene<'a> {
             };
             let mut all = [0.0; out::COUNT];
             all[out::TIME] = t;
-            all[out::PLACE] = a.r;
+            all[out::PLACE] = a.r - self.edge_shift(p);
             all[out::BEFORE] = a.vr;
             all[out::BEFORE + 1] = a.vh;
             all[out::BEFORE + 2] = crossing.incident_angle_rad(along);
@@ -719,7 +726,7 @@ impl<'a> Scene<'a> {
             _ => {
                 let out = self.evidence.outputs(|p| {
                     let (t, touch, _) = self.impact(p, first);
-                    let down = self.back_at(p, first + 1, t, touch.h);
+                    let down = self.back_at(p, first + 1, t, (touch.r, touch.h));
                     vec![self.world(p, first + 1, down).r - touch.r + apart(p)]
                 });
                 (out.quantity(0), XSource::Extrapolated)
@@ -732,13 +739,14 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// When arc `k`, rising about `t`, comes down to this height, lift included. That is the height of the touch before: the
-    /// rebound's own arc is still below it then, as the ball stays down for a while.
-    fn back_at(&self, p: &[f64], k: usize, t: f64, height: f64) -> f64 {
+    /// When arc `k`, rising about `t`, comes down to the floor through the place (x, z) of the touch before, lift included: the
+    /// rebound's own arc is still below that then, as the ball stays down for a while.
+    fn back_at(&self, p: &[f64], k: usize, t: f64, (x, z): (f64, f64)) -> f64 {
+        let slope = self.slope(p).tan();
         let mut down = t + self.flight.fit.planar(p).return_time(k, t);
-        for _ in 0..3 {
+        for _ in 0..5 {
             let m = self.world(p, k, down);
-            down -= (m.h - height) / m.vh;
+            down -= (m.h - z - slope * (m.r - x)) / (m.vh - slope * m.vr);
         }
         down
     }

@@ -57,7 +57,7 @@ const LEAST_EVIDENCE: f64 = 25.0;
 const LEVEL_RAD: f64 = 0.15;
 
 /// A ball that moves less than this along the line, in its radii, is held.
-const LEAST_MOVED_RADII: f64 = 0.5;
+const LEAST_MOVED_RADII: f64 = 0.15;
 
 impl Launch {
     /// Whether the ball moved along the line; else it was held, and let go.

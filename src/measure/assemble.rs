@@ -10,7 +10,7 @@ use super::{
 use crate::bounce::air::Lift;
 use crate::bounce::impacts::{ImpactKind, Picture, Scene};
 use crate::bounce::{Distances, reading};
-use crate::calibration::CalibrationError;
+use crate::calibration::{CalibrationError, Scale};
 use crate::detect::centre::{Accuracy, Centre};
 use crate::flight::fit::Forces;
 use crate::flight::{Flight, shake};
@@ -104,11 +104,29 @@ impl Work<'_> {
         let displaced_px = flight.displaced_std() / units_per_px;
         let picture = Picture {
             units_per_px,
-            common_std_px: refine::common_std_px(self.shared.as_ref(), displaced_px),
+            common_std_px: refine::common_std_px(self.shared.as_ref(), displaced_px)
+                .hypot(self.misfit_of_size_px(metres_per_unit)),
             places_std_px: refine::places_std_px(displaced_px),
             steady: self.seen.detector.background.registrar.fixed,
         };
         Scene::new(flight, self.calibration, metres_per_unit, picture, first, lift)
+    }
+
+    /// What a ball that is seen too large or too small says of its centres, px: where a side of it fades into what is behind, what
+    /// the radius is off by is missing on that side.
+    fn misfit_of_size_px(&self, metres_per_unit: Quantity) -> f64 {
+        let known = self
+            .calibration
+            .ball
+            .radius_m
+            .filter(|_| self.calibration.scale != Scale::Ball);
+        let (Some(known_m), Some(seen)) = (known, self.radius_px()) else {
+            return 0.0;
+        };
+        let known_px = known_m / (metres_per_unit.value * self.ball_units_per_px());
+        let scale = metres_per_unit.std_uncertainty.unwrap_or(0.0) / metres_per_unit.value;
+        let expected = seen.std_uncertainty.unwrap_or(0.0).hypot(scale * known_px);
+        0.5 * ((seen.value - known_px).abs() - 2.0 * expected).max(0.0)
     }
 
     /// How far the fall and the calibration together have "up" from where the calibration alone has it.

@@ -7,7 +7,7 @@ use crate::calibration::{Rectification, Silhouette, Silhouettes};
 use crate::detect::centre::appearance::{self, Example, Lesson, Radius};
 use crate::detect::centre::drawn_out::DrawnOut;
 use crate::detect::centre::known_ball::{self, Appearance, Effort};
-use crate::detect::centre::{Accuracy, Centre, Disc, Patch, fast, fine, outline, standard};
+use crate::detect::centre::{Accuracy, Centre, Disc, Patch, ball, fast, fine, outline, standard};
 use crate::detect::{LEAST_AGREEMENT, Sighting};
 use crate::flight::linking::Spot;
 use crate::flight::{Flight, SpotUse};
@@ -24,6 +24,9 @@ pub struct Shared {
     pub outline_px: f64,
     /// What it looks like; `None` where that is not asked for or could not be learned: then its outline has to do.
     pub appearance: Option<Appearance>,
+    /// Part of the rim that hardly differs from what is behind it, or differs the other way: where a ball's dark side fades into
+    /// the wall.
+    pub faded: f64,
 }
 
 impl Shared {
@@ -43,11 +46,30 @@ pub fn common_std_px(shared: Option<&Shared>, displaced_px: f64) -> f64 {
             a.shift_std_px
                 .hypot(LEARNED_COMMON_STD_PX)
                 .hypot(LASTING_PART * displaced_px)
+                .hypot(FADED_STD_PX * shared.map_or(0.0, |s| s.faded))
         })
 }
 
 /// What the model of the ball leaves out (a highlight's shape, the optics' real blur) shifts all centres by this, px.
 const LEARNED_COMMON_STD_PX: f64 = 0.005;
+
+/// Where the rim fades into the wall the outline says little of that side, and the light has to: of a ball with half of its rim
+/// faded the centre is off by about this times a half, px.
+const FADED_STD_PX: f64 = 0.12;
+
+/// A rim that differs from what is behind it by less than this part of where it differs most is faded.
+const FADED_PART: f64 = 0.25;
+
+/// The part of a ball's rim that is faded, with light of these `terms`, before a scene of `behind_grey`.
+fn faded_part(terms: &[f64], behind_grey: f64) -> f64 {
+    let contrast = ball::rim_grey(terms).map(|grey| grey - behind_grey);
+    let most = contrast
+        .into_iter()
+        .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+        .unwrap_or(0.0);
+    let faded = contrast.iter().filter(|c| *c / most < FADED_PART).count();
+    faded as f64 / contrast.len() as f64
+}
 
 /// Part of what a codec displaces each centre by that lasts: it leaves the ball where it was predicted, in one direction while
 /// the ball flies in one.
@@ -165,6 +187,7 @@ pub fn shared(
             kept.then_some((sighting, f.centre, p.spot.time_s))
         })
         .collect();
+    let mut behind_grey = None;
     let appearance = method(accuracy).and_then(|(lesson, _)| {
         let step = used.len().div_ceil(lesson.examples).max(1);
         let examples: Vec<Example<'_>> = used
@@ -188,8 +211,17 @@ pub fn shared(
                 })
             })
             .collect();
+        let mut behind: Vec<f64> = examples
+            .iter()
+            .filter_map(|e| e.patch.background.first().map(|&b| f64::from(b)))
+            .collect();
+        behind_grey = median(&mut behind);
         appearance::learn(&examples, flight.interval_s, lesson, radius)
     });
+    let faded = appearance
+        .as_ref()
+        .zip(behind_grey)
+        .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind));
     let outlines = common_radius(scenery, flight)?;
     let radius_px = match &appearance {
         Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
@@ -199,6 +231,7 @@ pub fn shared(
         radius_px,
         outline_px: outlines.value,
         appearance,
+        faded,
     })
 }
 

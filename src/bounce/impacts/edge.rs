@@ -25,9 +25,18 @@ impl Scene<'_> {
         Some(self.world(p, 0, self.edge_s(p)?))
     }
 
-    fn edge_s(&self, p: &[f64]) -> Option<f64> {
+    pub(super) fn edge_s(&self, p: &[f64]) -> Option<f64> {
         let launch = self.flight.launch.filter(Launch::is_rolled)?;
         Some(self.parting_s(p, launch.rate.0 + extra(p, BENCH_RATE)))
+    }
+
+    /// By how much the edge is elsewhere than the best parameters have it, m, where x counts from there; 0 elsewhere.
+    pub(super) fn edge_shift(&self, p: &[f64]) -> f64 {
+        if self.calibration.has_origin() {
+            return 0.0;
+        }
+        let place = |p: &[f64]| self.edge_place(p).map_or(0.0, |m| m.r);
+        place(p) - place(self.evidence.values.as_slice())
     }
 
     /// When the first arc is at its highest, against gravity, s.

@@ -45,6 +45,22 @@ pub const DIPOLE: std::ops::Range<usize> = 2..4;
 /// Range of blurs that a fit may take, px (a pixel's square alone is 0.29).
 pub const BLUR_RANGE_PX: (f64, f64) = (0.25, 6.0);
 
+/// The ball's brightness at its rim, by the `terms` of its light, in so many directions around it, grey levels.
+#[must_use]
+pub fn rim_grey(terms: &[f64]) -> [f64; RIM_DIRECTIONS] {
+    std::array::from_fn(|i| {
+        let phi = std::f64::consts::TAU * i as f64 / RIM_DIRECTIONS as f64;
+        let angular = [1.0, phi.cos(), phi.sin(), (2.0 * phi).cos(), (2.0 * phi).sin()];
+        // At the rim ζ is 0 and ρ is 1.
+        let at_rim = [1.0, 0.0, 1.0, 0.0, 1.0];
+        let of = |(k, a): (usize, &f64)| a * at_rim[PROFILE[k]] * angular[HARMONIC[k]];
+        terms.iter().enumerate().map(of).sum()
+    })
+}
+
+/// Directions around the rim.
+pub const RIM_DIRECTIONS: usize = 36;
+
 /// Radial functions on equal steps of r, with slopes.
 #[derive(Debug, Clone)]
 pub struct RadialTable {
