@@ -109,9 +109,8 @@ impl Background {
         };
         let mut background = Self {
             noise_grey,
-            edges: fixed.then(|| {
-                Edges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)
-            }),
+            edges: fixed
+                .then(|| Edges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)),
             scene_grey,
             luma,
             block_px,
@@ -224,7 +223,9 @@ fn drift_px(registrations: &[Registration]) -> f64 {
     let mut all: Vec<f64> = registrations.iter().map(off).collect();
     all.sort_by(f64::total_cmp);
     let most = (MOST_PART * all.len() as f64).ceil() as usize;
-    all.get(most.min(all.len()).saturating_sub(1)).copied().unwrap_or(0.0)
+    all.get(most.min(all.len()).saturating_sub(1))
+        .copied()
+        .unwrap_or(0.0)
 }
 
 /// Part of the survey's frames that a fixed camera shows from one place.

@@ -136,7 +136,10 @@ impl Detector {
             .filter(|s| s.centre.is_some())
             .map(|s| {
                 let crop = &s.blob.crop;
-                (crop.u..crop.u + crop.luma.width, crop.v..crop.v + crop.luma.height)
+                (
+                    crop.u..crop.u + crop.luma.width,
+                    crop.v..crop.v + crop.luma.height,
+                )
             })
             .collect();
         let edges = self.background.edges.as_ref()?;

@@ -160,23 +160,20 @@ impl Edges {
     ) -> Option<[f64; 2]> {
         let there = |e: &&Edge| {
             let inside = |r: &std::ops::Range<usize>, x: i32| r.contains(&(x.max(0) as usize));
-            !balls
-                .iter()
-                .any(|(us, vs)| inside(us, e.u) && inside(vs, e.v))
+            !balls.iter().any(|(us, vs)| inside(us, e.u) && inside(vs, e.v))
         };
         let pixels: Vec<Edge> = self.pixels.iter().filter(there).copied().collect();
         if pixels.len() < LEAST_PIXELS {
             return None;
         }
         let wanted = |e: &Edge| light.gain * e.grey + light.offset_grey;
-        let whole = |s: (i32, i32)| move |e: &Edge| f64::from(pixel(frame, self.width, e.u + s.0, e.v + s.1)) - wanted(e);
+        let whole = |s: (i32, i32)| {
+            move |e: &Edge| f64::from(pixel(frame, self.width, e.u + s.0, e.v + s.1)) - wanted(e)
+        };
         // As it stands, one step tells whether there is anything to look for.
         let (still, _, _) = self.step(&pixels, light.gain, whole((0, 0)))?;
         // What the edges tell of a frame in its place; one that is not has residuals beyond its noise.
-        let all: Matrix2<f64> = pixels
-            .iter()
-            .map(|e| e.gradient * e.gradient.transpose())
-            .sum();
+        let all: Matrix2<f64> = pixels.iter().map(|e| e.gradient * e.gradient.transpose()).sum();
         let followed = Followed::new(&(light.gain.powi(2) * all), self.noise_grey);
         let least = Least {
             px: least.px.max(least.quiets * self.quiet_px),
@@ -190,7 +187,12 @@ impl Edges {
         let mut last = None;
         for _ in 0..STEPS {
             let between = |e: &Edge| {
-                cubic(frame, self.width, f64::from(e.u) + shift.x, f64::from(e.v) + shift.y) - wanted(e)
+                cubic(
+                    frame,
+                    self.width,
+                    f64::from(e.u) + shift.x,
+                    f64::from(e.v) + shift.y,
+                ) - wanted(e)
             };
             let (step, information, spread) = self.step(&pixels, light.gain, between)?;
             let step = followed.along(&step);
@@ -202,7 +204,9 @@ impl Edges {
         }
         let shift = followed.along(&shift);
         let sane = shift.amax() < f64::from(REACH_PX) && self.height > 0;
-        let sure = last.is_some_and(|(information, spread)| Followed::new(&information, spread).stands_out(&shift, least));
+        let sure = last.is_some_and(|(information, spread)| {
+            Followed::new(&information, spread).stands_out(&shift, least)
+        });
         (sane && sure).then_some([shift.x, shift.y])
     }
 
@@ -231,7 +235,11 @@ impl Edges {
     }
 
     /// The whole pixels by which the frame is shifted, by the least sum of bounded squares.
-    fn best_whole<F: Fn(&Edge) -> f64>(&self, pixels: &[Edge], whole: impl Fn((i32, i32)) -> F) -> (i32, i32) {
+    fn best_whole<F: Fn(&Edge) -> f64>(
+        &self,
+        pixels: &[Edge],
+        whole: impl Fn((i32, i32)) -> F,
+    ) -> (i32, i32) {
         let most = (6.0 * self.noise_grey).max(10.0).powi(2);
         let cost = |s: (i32, i32)| {
             let residual = whole(s);
@@ -353,9 +361,14 @@ mod tests {
     #[test]
     fn a_swing_is_followed_to_hundredths_of_a_pixel() {
         let edges = edges(true);
-        for (i, s) in [[0.6, 0.4], [1.5, -2.3], [-3.0, 0.5], [0.1, 3.7]].into_iter().enumerate() {
+        for (i, s) in [[0.6, 0.4], [1.5, -2.3], [-3.0, 0.5], [0.1, 3.7]]
+            .into_iter()
+            .enumerate()
+        {
             let frame = scene(s, true, 2.0, 7 + i as u64);
-            let found = edges.swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP).unwrap();
+            let found = edges
+                .swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP)
+                .unwrap();
             assert!((found[0] - s[0]).abs() < 0.08, "{found:?} for {s:?}");
             assert!((found[1] - s[1]).abs() < 0.03, "{found:?} for {s:?}");
         }
@@ -366,7 +379,11 @@ mod tests {
         let edges = edges(true);
         for seed in 0..40 {
             let frame = scene([0.0; 2], true, 2.0, 100 + seed);
-            assert_eq!(edges.swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP), None, "{seed}");
+            assert_eq!(
+                edges.swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP),
+                None,
+                "{seed}"
+            );
         }
     }
 
@@ -374,11 +391,22 @@ mod tests {
     fn along_a_line_nothing_is_followed() {
         let edges = edges(false);
         let found = edges
-            .swing(&scene([2.0, 1.2], false, 2.0, 3), &Registration::IDENTITY, &[], Least::OF_A_BUMP)
+            .swing(
+                &scene([2.0, 1.2], false, 2.0, 3),
+                &Registration::IDENTITY,
+                &[],
+                Least::OF_A_BUMP,
+            )
             .unwrap();
-        assert!(found[0].abs() < 0.02 && (found[1] - 1.2).abs() < 0.03, "{found:?}");
+        assert!(
+            found[0].abs() < 0.02 && (found[1] - 1.2).abs() < 0.03,
+            "{found:?}"
+        );
         let aside = scene([2.0, 0.0], false, 2.0, 4);
-        assert_eq!(edges.swing(&aside, &Registration::IDENTITY, &[], Least::OF_A_BUMP), None);
+        assert_eq!(
+            edges.swing(&aside, &Registration::IDENTITY, &[], Least::OF_A_BUMP),
+            None
+        );
     }
 
     #[test]
@@ -389,6 +417,9 @@ mod tests {
             frame.data[v * SIZE.0 + 45..v * SIZE.0 + 75].fill(200);
         }
         let ball: Region = (43..77, 118..152);
-        assert_eq!(edges.swing(&frame, &Registration::IDENTITY, &[ball], Least::OF_A_BUMP), None);
+        assert_eq!(
+            edges.swing(&frame, &Registration::IDENTITY, &[ball], Least::OF_A_BUMP),
+            None
+        );
     }
 }

@@ -111,7 +111,11 @@ fn beginning(points: &[(f64, [f64; 2])]) -> Option<Beginning> {
     let mut off: Vec<[f64; 2]> = vec![[0.0; 2]; early.len()];
     for axis in 0..2 {
         let mean = late.iter().map(|p| p.1[axis]).sum::<f64>() / n;
-        let slope = late.iter().map(|p| (p.0 - mean_t) * (p.1[axis] - mean)).sum::<f64>() / spread;
+        let slope = late
+            .iter()
+            .map(|p| (p.0 - mean_t) * (p.1[axis] - mean))
+            .sum::<f64>()
+            / spread;
         let line = |t: f64| mean + slope * (t - mean_t);
         left.extend(late.iter().map(|p| (p.1[axis] - line(p.0)).abs()));
         for (o, p) in off.iter_mut().zip(early) {
@@ -188,10 +192,7 @@ mod tests {
                     id: frame,
                     frame,
                     time_s,
-                    place: PlanePoint::new(
-                        1000.0 * time_s + 0.5 * swing + noise(),
-                        h + swing + noise(),
-                    ),
+                    place: PlanePoint::new(1000.0 * time_s + 0.5 * swing + noise(), h + swing + noise()),
                     std: 0.03,
                     coded: Coded::Whole,
                     radius: 15.0,
@@ -219,7 +220,10 @@ mod tests {
         for seed in 0..20 {
             let shaken = flight(2.0, 40 + seed);
             let better = shaken.shaken_by(&find(&shaken).unwrap()).unwrap();
-            let t = better.fit.impact_time(better.fit.parameters.as_slice(), 0).unwrap();
+            let t = better
+                .fit
+                .impact_time(better.fit.parameters.as_slice(), 0)
+                .unwrap();
             let e = -better.fit.motion(1, t).vh / better.fit.motion(0, t).vh;
             assert!((e - 0.8).abs() < 1.5e-3, "{e}");
         }

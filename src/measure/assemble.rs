@@ -12,8 +12,8 @@ use crate::bounce::impacts::{ImpactKind, Picture, Scene};
 use crate::bounce::{Distances, reading};
 use crate::calibration::CalibrationError;
 use crate::detect::centre::{Accuracy, Centre};
-use crate::flight::{Flight, shake};
 use crate::flight::fit::Forces;
+use crate::flight::{Flight, shake};
 use crate::quantity::{Quantity, median};
 
 impl Work<'_> {

@@ -121,10 +121,7 @@ pub fn measure(
     // Where a camera moves, the calibration is that of the first frame; all is measured in the reference picture.
     // (A swing of a fixed camera is none of that.)
     let follows = !seen.detector.background.registrar.fixed;
-    let first = seen
-        .registrations
-        .first()
-        .filter(|r| follows && !r.is_still());
+    let first = seen.registrations.first().filter(|r| follows && !r.is_still());
     let moved = first.map(|r| calibration.shifted(-r.shift_u_px, -r.shift_v_px));
     let calibration = moved.as_ref().unwrap_or(calibration);
     let map = calibration.rectification().map_err(misfit)?;

@@ -224,7 +224,8 @@ impl Pass {
 
     /// The frames kept so far, where the camera does not move; those of a swing are left out.
     fn spread_so_far(&self) -> Option<Vec<&Luma>> {
-        let fixed = self.detector.background.registrar.fixed || self.registrations.iter().all(Registration::is_still);
+        let fixed =
+            self.detector.background.registrar.fixed || self.registrations.iter().all(Registration::is_still);
         let spread = &self.provisional.as_ref().filter(|_| fixed)?.spread;
         let stands = |f: &&Frame| self.registrations.get(f.index).is_none_or(Registration::is_still);
         let frames = spread.frames().into_iter().filter(stands);

@@ -159,7 +159,9 @@ fn shaken_camera(seen: &Observation, base: &TimeBase) -> Option<Warning> {
         .filter(|(r, _)| swings(r))
         .map(|(r, &t)| (t, r.shift_px()))
         .collect();
-    let (first, _) = shaken.first().filter(|_| seen.detector.background.registrar.fixed)?;
+    let (first, _) = shaken
+        .first()
+        .filter(|_| seen.detector.background.registrar.fixed)?;
     let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
     Some(warning(
         "camera_shaken",
