@@ -10,8 +10,8 @@ use super::impacts::finish;
 use super::join::join;
 use super::linking::{Spot, Track};
 use super::samples::{fine_sigma, samples_of, segment_sigma, shows_fall};
-use super::segment::{self, Fall, Gravity, Motion, Stretch};
-use super::set_aside::{LEAST_FIT_POINTS, emptied_arc, fit_and_set_aside, mostly_set_aside};
+use super::segment::{self, Fall, Gravity, Motion, Sample, Stretch};
+use super::set_aside::{LEAST_FIT_POINTS, emptied_arc, fit_and_set_aside, fit_point, mostly_set_aside};
 use super::{Flight, SpotUse, launch, overhead};
 
 /// The flight along the track, from a first idea of the fall: where the arcs then show another fall, they are cut again
@@ -42,6 +42,27 @@ pub(super) fn build(
 
 /// Falls that differ by less than this part cut a track alike: half a second of fall, 1.2 m, then ends within 2 mm.
 const SAME_FALL: f64 = 0.002;
+
+/// Whether the points of the first arc lie on a straight line rather than on a fall, by what the other arcs say of the fall and of
+/// the centres' scatter: a ball on its bench. (Its own misfit would pass for scatter.)
+fn rolls_first(spots: &[Spot], track: &Track, ranges: &[std::ops::Range<usize>], forces: Forces) -> bool {
+    let mut uses = vec![SpotUse::NotFree; track.len()];
+    for (k, r) in ranges[1..].iter().enumerate() {
+        uses[r.clone()].fill(SpotUse::Used(k));
+    }
+    let Some((fit, extra)) = fit_and_set_aside(spots, track, &mut uses, ranges.len() - 1, forces) else {
+        return false;
+    };
+    let samples: Vec<Sample> = ranges[0]
+        .clone()
+        .map(|i| fit_point(&spots[track[i]], 0, &extra).sample)
+        .collect();
+    let off = |gravity: Gravity| segment::misfit(&samples, Fall::Known(gravity));
+    off(fit.acceleration()) - off(Gravity::NONE) > ROLLS_BETTER * fit.persistence.max(1.0)
+}
+
+/// A line is better than a fall by so many squared standard deviations.
+const ROLLS_BETTER: f64 = 16.0;
 
 /// Times that the first arc is made to begin at the edge of a bench that it shows.
 const EDGE_ROUNDS: usize = 6;
@@ -105,7 +126,8 @@ fn cut_and_fit(
             continue;
         }
         let last = ranges.len() - 1;
-        if last > 0 && !shows(0) && flight.is_carried(0, ranges[0].len()) {
+        let rolls = || rolls_first(spots, track, &ranges, forces);
+        if last > 0 && !shows(0) && (flight.is_carried(0, ranges[0].len()) || rolls()) {
             ranges.remove(0);
             continue;
         }

@@ -149,6 +149,9 @@ const DRAG_SIGMAS: f64 = 4.0;
 /// What is known of "up" is contradicted by a fall that leans by more than this many standard uncertainties.
 const CONTRADICTS_SIGMAS: f64 = 4.0;
 
+/// And whatever is tolerated, by one that leans by more than this many.
+const CERTAIN_SIGMAS: f64 = 8.0;
+
 /// A step of Gauss-Newton that changes no residual by more than this part of its uncertainty is the last.
 const SETTLED: f64 = 1e-6;
 
@@ -302,7 +305,9 @@ impl ArcFit {
     /// Whether the lean of these points contradicts what is `known` of "up".
     fn lean_contradicts(&self, known: Upright) -> bool {
         let std = self.lean_std_rad().hypot(known.std_rad);
-        self.lean_rad().abs() > (CONTRADICTS_SIGMAS * std).max(known.tolerated_rad)
+        // What stands out as much as that is no chance, however small it is.
+        let tolerated = known.tolerated_rad.min(CERTAIN_SIGMAS * std);
+        self.lean_rad().abs() > (CONTRADICTS_SIGMAS * std).max(tolerated)
     }
 
     /// The common acceleration, plane units/s².
