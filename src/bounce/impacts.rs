@@ -383,7 +383,7 @@ impl<'a> Scene<'a> {
         out.quantity(0)
     }
 
-    /// [`Self::lean`] for the best parameters.
+    /// By how much "up" of the world is turned from that of the plane, towards −r, rad.
     #[must_use]
     pub fn lean_rad(&self) -> f64 {
         self.lean(self.evidence.values.as_slice())

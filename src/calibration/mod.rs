@@ -215,7 +215,7 @@ pub struct Calibration {
     pub up_px: [f64; 2],
     /// Whether the file says so; else it is a first guess, and the fall tells. Never beside a homography, which has its own.
     pub up_given: bool,
-    /// Standard uncertainty of that direction, rad; [`Self::upright`] says what holds where there is none.
+    /// Standard uncertainty of that direction, rad; [`Self::upright_std_rad`] says what holds where there is none.
     pub up_std_rad: Option<f64>,
     /// Distance of the camera (its pinhole) from the calibrated plane along the optical axis, m; `None`: not known, the
     /// picture is taken as that of a camera far away.

@@ -8,7 +8,7 @@
 //! How well s is known follows from Σ g gᵀ/σ²: a floor line tells the rows alone. Along a direction in which the scene has no
 //! edges nothing is followed, and the shift there is left at 0.
 //!
-//! Assumed: the picture shifts as a whole (a swing of a degree's hundredth does), and less than [`REACH_PX`].
+//! Assumed: the picture shifts as a whole (a swing of a degree's hundredth does), and by less than five pixels.
 
 use super::registration::Registration;
 use crate::frames::Luma;
