@@ -237,7 +237,7 @@ pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
             "launch": {{"drop_height_m": {drop_m}, "speed_m_s": {speed_m_s}}},
             "camera": {{"image_size_px": [{width}, {height}], "frame_rate_hz": {}, "exposure_s": {},
                 "metres_per_pixel": {}, "origin_px": [{}, {}], "blur_px": {}, "noise_grey": {}}},
-            "stop": {{"bounces": 2, "tail_s": 0.03}}}}"#,
+            "stop": {{"bounces": 2, "tail_s": 0.1}}}}"#,
         setting.frame_rate_hz,
         setting.exposure_s,
         0.0008 * k,

@@ -108,7 +108,7 @@ fn only_a_hand_is_no_flight() {
         .into_iter()
         .filter(|s| s.id % 2 == 1)
         .collect();
-    let found = find(&spots, Forces::Fall(Upright::UNKNOWN));
+    let found = find(&spots, Forces::Fall(Upright::AS_IT_STANDS));
     assert!(
         matches!(found, Err(NoFlight::NothingFalls { .. })),
         "{:?}",

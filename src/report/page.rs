@@ -148,7 +148,7 @@ fn main_numbers(page: &mut String, measurement: &Measurement) {
     let (tiles, note) = match measurement.view {
         View::Side => (
             side_tiles(measurement),
-            "; angles are from the vertical. Gravity checks scale and time base: it should agree with the local \
+            "; angles are from the floor's normal. Gravity checks scale and time base: it should agree with the local \
              value, about 9.8 m/s² (a dash where the scale itself was taken from gravity)",
         ),
         View::Top => (top_tiles(measurement), ""),
