@@ -43,7 +43,9 @@ impl Faults {
         });
         // Where it is shaken, and rightly said to be, nobody asks here.
         self.note(found.warns("camera_shaken"), what, || {
-            "camera_shaken, where it stands still".to_owned()
+            let all = found.found.as_ref().map_or(&[][..], |m| &m.warnings);
+            let told = all.iter().find(|w| w.code == "camera_shaken");
+            format!("it stands still, and: {}", told.map_or("", |w| &w.message))
         });
     }
 

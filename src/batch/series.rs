@@ -3,8 +3,10 @@
 //! The columns are those of velocities, with the deviations and correlations of each bounce, and more: what `track fit` does
 //! not know it leaves alone. A bounce that would mislead a fit stands there all the same, with the reason in `left_out`.
 //!
-//! What is neglected: two bounces of one recording share the arc between them, and all of them the scale; rows count as
-//! independent.
+//! Rows count as independent in a fit. All bounces of a recording share its floor's slope, though, which is often the most of a
+//! coefficient's uncertainty: each of n rows has that part of its variance n times, so that the mean of the n is as uncertain as
+//! the slope makes it, not 1/√n of that. What is neglected: two bounces of one recording share the arc between them, and all of
+//! them the scale.
 
 use super::Recording;
 use crate::bounce::Speed;
@@ -77,17 +79,21 @@ fn header() -> Vec<String> {
 
 /// The names of the correlations, as results have them.
 fn pairs() -> impl Iterator<Item = String> {
-    let all = Speed::ALL;
-    (0..all.len())
-        .flat_map(move |i| (i + 1..all.len()).map(move |j| format!("{}__{}", all[i].name(), all[j].name())))
+    let name = |i: usize| Speed::ALL[i].name();
+    index_pairs().map(move |(i, j)| format!("{}__{}", name(i), name(j)))
+}
+
+/// The same as places in [`Speed::ALL`].
+fn index_pairs() -> impl Iterator<Item = (usize, usize)> {
+    let count = Speed::ALL.len();
+    (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j)))
 }
 
 impl Rows {
     /// The bounces of a recording's `result`.
     #[must_use]
     pub fn of(result: &Value, source: &Source<'_>) -> Self {
-        let bounces = result["bounces"].as_array().map_or(&[][..], Vec::as_slice);
-        let rows = bounces
+        let rows = with_shared_slope(result, source.calibration.ball.inertia_factor)
             .iter()
             .enumerate()
             .map(|(i, bounce)| row(result, source, i, bounce))
@@ -121,6 +127,64 @@ pub fn table<'a>(recordings: impl Iterator<Item = &'a Rows>) -> Result<Vec<u8>, 
     writer
         .into_inner()
         .map_err(|error| ::csv::Error::from(error.into_error()))
+}
+
+/// The bounces of a recording, each with the shared slope's part of the covariance of its velocities as often as there are bounces.
+fn with_shared_slope(result: &Value, inertia_factor: f64) -> Vec<Value> {
+    let mut bounces = result["bounces"].as_array().cloned().unwrap_or_default();
+    let slope_std_deg = result
+        .pointer("/floor/slope_deg/std_uncertainty")
+        .and_then(Value::as_f64);
+    let more = (bounces.len() as f64 - 1.0) * slope_std_deg.unwrap_or(0.0).to_radians().powi(2);
+    if more.is_nan() || more <= 0.0 {
+        return bounces;
+    }
+    // What a radian more of slope makes of the spin before a bounce: that of the launch nothing.
+    let mut of_spin = 0.0;
+    for bounce in &mut bounces {
+        let value = |place: &str| bounce.pointer(place).and_then(|q| q["value"].as_f64());
+        let [
+            Some(incident_t),
+            Some(incident_n),
+            Some(rebound_t),
+            Some(rebound_n),
+        ] = VELOCITIES.map(value)
+        else {
+            continue;
+        };
+        let of_speed = [incident_n, -incident_t, rebound_n, -rebound_t, of_spin];
+        of_spin += (incident_n - rebound_n) / inertia_factor;
+        let places = [
+            VELOCITIES[0],
+            VELOCITIES[1],
+            VELOCITIES[2],
+            VELOCITIES[3],
+            "/spin_in_m_s",
+        ];
+        let stds = places.map(|place| {
+            let std = bounce.pointer(place).and_then(|q| q["std_uncertainty"].as_f64());
+            std.filter(|&std| std > 0.0)
+        });
+        let new: [f64; 5] =
+            std::array::from_fn(|i| stds[i].map_or(0.0, |std| std.hypot(more.sqrt() * of_speed[i])));
+        for (pair, (i, j)) in pairs().zip(index_pairs()) {
+            let (Some(a), Some(b)) = (stds[i], stds[j]) else {
+                continue;
+            };
+            let shared = &mut bounce["along_floor"]["correlations"];
+            let before = shared[&pair].as_f64().unwrap_or(0.0) * a * b;
+            let after = (before + more * of_speed[i] * of_speed[j]) / (new[i] * new[j]);
+            if let Some(shared) = shared.as_object_mut() {
+                shared.insert(pair, after.clamp(-1.0, 1.0).into());
+            }
+        }
+        for (place, std) in places.iter().zip(new).filter(|(_, std)| *std > 0.0) {
+            if let Some(q) = bounce.pointer_mut(place) {
+                q["std_uncertainty"] = std.into();
+            }
+        }
+    }
+    bounces
 }
 
 fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<String> {
@@ -287,6 +351,49 @@ mod tests {
         assert_eq!(first.inertia_factor(), 0.4);
         assert_eq!(s.rows[1].value(Column::X), None, "x belongs to the launch");
         assert_eq!(s.rows[1].value(Column::SpinIn), Some(0.5));
+    }
+
+    #[test]
+    fn a_slope_that_all_bounces_share_is_as_uncertain_in_their_mean() {
+        let mut sloping = result();
+        sloping["floor"] = json!({"slope_deg": q(0.0, 0.3)});
+        let (alone, shared) = (
+            series(&result(), &calibration()),
+            series(&sloping, &calibration()),
+        );
+        let slope_rad = 0.3_f64.to_radians();
+        for (row, of_spin) in [(0, 0.0), (1, (-2.0 - 1.6) / 0.4)] {
+            let std = |s: &fit::Series, column| s.rows[row].reading(column).unwrap().std;
+            for (column, of_speed) in [
+                (Column::IncidentVx, -2.0),
+                (Column::IncidentVz, -1.0),
+                (Column::ReboundVx, 1.6),
+                (Column::ReboundVz, -0.8),
+                (Column::SpinIn, of_spin),
+            ] {
+                // Once in the result; once more as there are two bounces.
+                let expected = std(&alone, column).map(|before| before.hypot(slope_rad * of_speed));
+                let found = std(&shared, column);
+                assert_eq!(found.is_some(), expected.is_some());
+                assert!(
+                    (found.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-12,
+                    "{column:?}"
+                );
+            }
+        }
+        let between = |s: &fit::Series| {
+            let all = s.rows[0].correlations();
+            let pair = (Column::IncidentVx, Column::ReboundVx);
+            all.iter().find(|c| (c.0, c.1) == pair).unwrap().2
+        };
+        let stds = [0.01_f64.hypot(slope_rad * 2.0), 0.01_f64.hypot(slope_rad * 1.6)];
+        let expected = (0.75e-4 - slope_rad * slope_rad * 2.0 * 1.6) / (stds[0] * stds[1]);
+        assert!((between(&alone) - 0.75).abs() < 1e-12);
+        assert!(
+            (between(&shared) - expected).abs() < 1e-12,
+            "{}",
+            between(&shared)
+        );
     }
 
     #[test]

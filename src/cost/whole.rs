@@ -225,7 +225,8 @@ pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut between = |low: f64, high: f64| low + (high - low) * (random.next_u64() as f64 / u64::MAX as f64);
     let (drop_m, speed_m_s) = (between(0.08, 0.14), between(0.7, 1.2));
-    let (restitution, friction) = (between(0.70, 0.90), between(0.05, 0.15));
+    // So little friction that the ball slides in every one of them, and so tells it.
+    let (restitution, friction) = (between(0.70, 0.90), between(0.03, 0.06));
     let (u, v) = (between(119.0, 121.0), between(659.0, 661.0));
     let k = setting.reduction as f64;
     // The pixel with number n of a reduced picture covers those from k n on.

@@ -146,7 +146,7 @@ fn repeated(
     ))
 }
 
-/// Shifts beyond this are worth a word, px.
+/// Shifts beyond this are worth a word, px: smaller ones are followed without one, and a codec makes some of up to 0.3.
 const WORTH_SAYING_PX: f64 = 0.5;
 
 /// Swings of a camera that otherwise stands still.
@@ -163,7 +163,7 @@ fn shaken_camera(seen: &Observation, base: &TimeBase) -> Option<Warning> {
         .first()
         .filter(|_| seen.detector.background.registrar.fixed)?;
     let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
-    (most > SHAKEN_PX).then(|| warning(
+    (most > WORTH_SAYING_PX).then(|| warning(
         "camera_shaken",
         format!(
             "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
@@ -172,9 +172,6 @@ fn shaken_camera(seen: &Observation, base: &TimeBase) -> Option<Warning> {
         ),
     ))
 }
-
-/// A codec moves edges by a tenth of a pixel now and then; what is followed up to here is not worth a word, px.
-const SHAKEN_PX: f64 = 0.25;
 
 fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
     let most = registrations
