@@ -156,23 +156,14 @@ mod tests {
     use super::*;
     use crate::flight::fit::{Forces, Upright};
     use crate::flight::linking::Spot;
+    use crate::flight::tests::Noise;
     use crate::frames::Coded;
     use crate::geometry::PlanePoint;
 
     /// A ball that bounces at 0.2025 s with e = 0.8, filmed at 240 Hz for 0.45 s; the picture swings by `size` from then on.
     fn spots(size: f64, seed: u64) -> Vec<Spot> {
-        let mut state = seed;
-        let mut noise = move || {
-            let sum: f64 = (0..12)
-                .map(|_| {
-                    state = state
-                        .wrapping_mul(6_364_136_223_846_793_005)
-                        .wrapping_add(1_442_695_040_888_963_407);
-                    (state >> 33) as f64 / f64::from(1_u32 << 31)
-                })
-                .sum();
-            0.03 * (sum - 6.0)
-        };
+        let mut random = Noise(seed);
+        let mut noise = || 0.03 * random.normal();
         let g = 12_000.0;
         (0..108)
             .map(|frame| {

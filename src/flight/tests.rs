@@ -4,10 +4,10 @@ use super::*;
 use crate::geometry::PlanePoint;
 
 /// Noise that is the same every time: sums of twelve uniform numbers are normal enough for a test.
-struct Noise(u64);
+pub(super) struct Noise(pub(super) u64);
 
 impl Noise {
-    fn normal(&mut self) -> f64 {
+    pub(super) fn normal(&mut self) -> f64 {
         (0..12)
             .map(|_| {
                 self.0 = self
