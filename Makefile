@@ -2,6 +2,7 @@
 #
 #     make demo     renders a recording into demo/, measures it, says where the page is
 #     make test     all tests
+#     make golden   writes the golden results anew and says what moved
 #     make lint     format, clippy, documentation: as CI does
 #     make build    the program, target/debug/track
 #     make setup    what a build needs, and nothing else
@@ -19,7 +20,7 @@ TRACK := cargo run --locked --quiet --bin track --
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball
 
-.PHONY: demo test lint build setup
+.PHONY: demo test golden lint build setup
 
 demo: build
 	$(TRACK) simulate $(SCENE) --out demo
@@ -28,6 +29,10 @@ demo: build
 
 test: setup
 	cargo test --locked
+
+# After a change that is meant to move numbers; look at the difference before it is committed.
+golden: setup
+	TRACK_GOLDEN=refresh cargo test --locked --test golden -- --nocapture | grep -E '^moved|^test result' || true
 
 lint:
 	@scripts/setup.sh --lint

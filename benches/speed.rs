@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{self, FrameSource, Luma};
-use track::measure::measure;
+use track::pipeline::measure;
 use track::simulate::truth::Truth;
 use track::simulate::{Recording, Scene, write};
 

@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
-use track::measure::{PointUse, measure};
+use track::pipeline::{PointUse, measure};
 use track::simulate::{Recording, Scene, write};
 
 /// Grey levels of the simulator's flat ball over its background.

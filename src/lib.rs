@@ -13,11 +13,10 @@
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
 //! | [`flight`] | the freely falling path among all that moves; arcs and the impacts between them | arcs |
-//! | [`bounce`] | an impact's angles, restitution, spin; x0 and x | [`bounce::Bounce`] |
-//! | [`models`] | the two rebound models of Domenech 2005: pure functions | |
-//! | [`measure`] | one recording from file to result: the order of the steps, nothing else | [`measure::Measurement`] |
-//! | [`fit`] | a series of bounces: the models' coefficients, where sliding begins, which model it is | [`fit::SeriesFit`] |
-//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `bounce` or `fit` | |
+//! | [`impact`] | an impact's angles, restitution, spin; x0 and x | [`impact::Bounce`] |
+//! | [`rebound`] | the rebound models of Domenech 2005: pure functions; [`rebound::fit`]: their coefficients from a series of bounces, where sliding begins, which model it is | [`rebound::fit::SeriesFit`] |
+//! | [`pipeline`] | one recording from file to result: the order of the steps, nothing else | [`pipeline::Measurement`] |
+//! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `impact` or `rebound::fit` | |
 //! | [`cost`] | accuracy against time: scenes with known truth, measured at many settings | [`cost::Report`] |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
 //! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::Finished`] |
@@ -34,17 +33,16 @@
 //! * OpenCV types stay in `detect`, `calibration` and the renderer; FFmpeg's in `frames`.
 
 pub mod batch;
-pub mod bounce;
 pub mod calibration;
 pub mod cli;
 pub mod cost;
 pub mod detect;
-pub mod fit;
 pub mod flight;
 pub mod frames;
 pub mod geometry;
-pub mod measure;
-pub mod models;
+pub mod impact;
+pub mod pipeline;
 pub mod quantity;
+pub mod rebound;
 pub mod report;
 pub mod simulate;

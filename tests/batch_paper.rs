@@ -11,8 +11,8 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
-use track::models::mu_e::Parameters;
-use track::models::{SOLID_SPHERE, mu_e};
+use track::rebound::mu_e::Parameters;
+use track::rebound::{SOLID_SPHERE, mu_e};
 use track::simulate::{Recording, Scene};
 
 /// A ball and how it is launched.

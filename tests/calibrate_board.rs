@@ -24,7 +24,7 @@ use track::calibration::{Calibration, Scale};
 use track::detect::centre::Accuracy;
 use track::frames::{Coding, Luma, VideoWriter};
 use track::geometry::{PixelPoint, PlanePoint};
-use track::measure::{Outcome, PointUse, measure};
+use track::pipeline::{Outcome, PointUse, measure};
 use track::quantity::Quantity;
 use track::simulate::{Recording, Scene};
 

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
-use track::measure::{Outcome, measure};
+use track::pipeline::{Outcome, measure};
 use track::quantity::Quantity;
 use track::simulate::{Recording, Scene, calibration, write};
 

@@ -12,12 +12,12 @@ mod noise;
 use exactly::{N, Relation, n};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use noise::Noise;
-use track::bounce::relations::Crossing;
 use track::calibration::{Calibration, Scale, ScaleEvidence};
 use track::flight::drag::DragLaw;
 use track::flight::planar::{ARCS, DRAG, GRAVITY, Planar};
 use track::geometry::PixelPoint;
-use track::models::{Motion, Regime, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
+use track::impact::relations::Crossing;
+use track::rebound::{Motion, Regime, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
 
 /// Evaluations a relation; more with TRACK_EXACT.
 fn times() -> usize {

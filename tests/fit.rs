@@ -9,10 +9,10 @@ use series::{
     Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, bounce, distances, e_e, fitted, grip_slide,
     is_null, model, mu_e, near, sound, spread, value, velocities,
 };
-use track::fit::{
+use track::rebound::fit::{
     self, Column, Fitted, GroupFit, ModelName, Options, Parameter, Preferred, Row, RowRegime, Series, Weights,
 };
-use track::models::{SOLID_SPHERE, grip_slide as grip_slide_model, mu_e as mu_e_model};
+use track::rebound::{SOLID_SPHERE, grip_slide as grip_slide_model, mu_e as mu_e_model};
 
 const SETS: [(&str, Maker); 3] = [
     ("velocities", velocities),
@@ -382,8 +382,8 @@ fn e_e_needs_rows_with_two_spins_where_the_columns_hold_only_a_product() {
 /// differences of the models' own functions, the normal equations are solved whole.
 mod independent {
     use nalgebra::{DMatrix, DVector, Vector3};
-    use track::fit::{Column, ColumnSet, Row, Series};
-    use track::models::{Motion, SOLID_SPHERE, grip_slide};
+    use track::rebound::fit::{Column, ColumnSet, Row, Series};
+    use track::rebound::{Motion, SOLID_SPHERE, grip_slide};
 
     /// e, e_x, μ of grip-slide; `free` tells which of them move. μ-e with μ_o = μ is e_x = 0.
     pub fn solve(series: &Series, start: [f64; 3], free: [bool; 3]) -> ([f64; 3], f64) {
@@ -1509,7 +1509,7 @@ fn a_court_is_rated_and_gripping_is_told() {
         4.0 * rating.quantity.std_uncertainty.unwrap(),
         "court",
     );
-    assert_eq!(pace.class, Some(track::models::itf::Pace::Slow));
+    assert_eq!(pace.class, Some(track::rebound::itf::Pace::Slow));
     assert!(!sliding.notes.iter().any(|n| n.code == "rating_assumes_sliding"));
     assert!(
         sliding.models[0]

@@ -9,7 +9,7 @@ use series::{
     EXACT, Maker, Noise, TRACK, angles, bounce, distances, e_e, fitted, grip_slide, is_null, model, mu_e,
     near, sound, spread, value, velocities,
 };
-use track::fit::{Column, GroupFit, ModelName, Parameter, Preferred, Row, Series};
+use track::rebound::fit::{Column, GroupFit, ModelName, Parameter, Preferred, Row, Series};
 
 const SETS: [(&str, Maker); 3] = [
     ("velocities", velocities),

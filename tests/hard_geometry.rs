@@ -8,7 +8,7 @@ use flown::{Film, G, Measured, quantities, sound, truths};
 use nalgebra::{Matrix3, Vector3};
 use track::calibration::{Calibration, Lens, Scale, ScaleEvidence};
 use track::geometry::{PixelPoint, PlanePoint};
-use track::models::{Motion, SOLID_SPHERE, mu_e};
+use track::rebound::{Motion, SOLID_SPHERE, mu_e};
 
 const STEEL: mu_e::Parameters = mu_e::Parameters {
     restitution: 0.78,

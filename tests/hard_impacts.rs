@@ -7,9 +7,9 @@ mod flown;
 
 use flown::{Film, Measured, quantities, sound, truths};
 use nalgebra::Vector3;
-use track::bounce::{Bounce, EERegime, MuERegime};
-use track::models::{Motion, Regime, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
+use track::impact::{Bounce, EERegime, MuERegime};
 use track::quantity::Quantity;
+use track::rebound::{Motion, Regime, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
 
 fn moving(vx: f64, vz: f64, spin: f64) -> Motion {
     Motion {

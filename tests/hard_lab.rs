@@ -12,7 +12,7 @@ mod hard;
 
 use hard::{Clip, HONEST_SIGMAS, Judged, scene, with};
 use serde_json::{Value, json};
-use track::bounce::EERegime;
+use track::impact::EERegime;
 
 /// What the lift of a wrong spin may do to a speed.
 const LIFT_PART: f64 = 0.005;

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::Luma;
-use track::measure::measure;
+use track::pipeline::measure;
 use track::simulate::{Recording, Scene, write};
 
 /// That no number is wrong without a word that names the cause: `codes` are words that do.

@@ -19,11 +19,11 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 use series::{Noise, TRACK, Truth, angles, distances, spread, velocities};
 use track::calibration::Scale;
-use track::fit::{self, Column, GroupFit, Options, Parameter, Row, Series};
 use track::flight::linking::Spot;
 use track::geometry::PlanePoint;
-use track::models::{Motion, SOLID_SPHERE, mu_e};
 use track::quantity::Quantity;
+use track::rebound::fit::{self, Column, GroupFit, Options, Parameter, Row, Series};
+use track::rebound::{Motion, SOLID_SPHERE, mu_e};
 
 /// Part of its standard uncertainty by which rounding of places may move a result; see above.
 const ROUNDED: f64 = 1e-7;

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use track::calibration::Scale;
 use track::frames::Luma;
 use track::geometry::PixelPoint;
-use track::measure::Measurement;
+use track::pipeline::Measurement;
 use track::quantity::Quantity;
 
 fn usual() -> Clip {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use track::models::{
+use track::rebound::{
     Motion, Regime, SOLID_SPHERE, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e, slip_share,
 };
 

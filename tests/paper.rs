@@ -4,7 +4,7 @@
 
 use assert_cmd::Command;
 use serde_json::Value;
-use track::models::{SOLID_SPHERE, e_e, launch, mu_e};
+use track::rebound::{SOLID_SPHERE, e_e, launch, mu_e};
 use track::simulate::{Recording, Scene, write};
 
 const STEEL: mu_e::Parameters = mu_e::Parameters {

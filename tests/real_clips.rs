@@ -12,7 +12,7 @@
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
-use track::measure::{Measurement, Outcome, PointUse, measure};
+use track::pipeline::{Measurement, Outcome, PointUse, measure};
 use track::quantity::Quantity;
 
 /// Restitution may differ from a rough figure by this.
@@ -58,7 +58,7 @@ fn measured(clip: &str) -> Option<Measurement> {
 /// What a failing test shows.
 fn summary(m: &Measurement) -> String {
     let codes: Vec<&str> = m.warnings.iter().map(|w| w.code).collect();
-    let values = |pick: fn(&track::bounce::Bounce) -> Option<Quantity>| -> Vec<f64> {
+    let values = |pick: fn(&track::impact::Bounce) -> Option<Quantity>| -> Vec<f64> {
         m.bounces
             .iter()
             .map(|b| pick(b).map_or(f64::NAN, |q| q.value))

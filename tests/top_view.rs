@@ -10,9 +10,9 @@ use assert_cmd::Command;
 use rendered::{Rendered, standard};
 use serde_json::{Value, json};
 use std::sync::OnceLock;
-use track::bounce::Bounce;
 use track::calibration::{Calibration, Lens, Scale};
-use track::measure::{Measurement, Outcome};
+use track::impact::Bounce;
+use track::pipeline::{Measurement, Outcome};
 use track::quantity::Quantity;
 
 /// Half of the 95 % interval is two of them; of a dozen comparisons none is beyond three.

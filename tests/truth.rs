@@ -10,7 +10,7 @@ use rendered::Rendered;
 use serde_json::{Value, json};
 use std::path::Path;
 use track::calibration::Calibration;
-use track::measure::{Measurement, Outcome};
+use track::pipeline::{Measurement, Outcome};
 use track::quantity::Quantity;
 
 /// A scene of the reference kind: 1280 × 720, 240 Hz, 0.8 mm/px, crf 14, noise 2, shaded with a highlight, R 15 px.
@@ -203,7 +203,7 @@ fn lift_and_drag_of_a_light_ball_shift_no_impact() {
 
 #[test]
 fn the_models_are_told_apart_where_the_bounces_tell() {
-    use track::bounce::{EERegime, MuERegime, Preferred};
+    use track::impact::{EERegime, MuERegime, Preferred};
     let grips = json!({"model": "e_e", "restitution": 0.9, "tangential_restitution_x": 0.5,
                        "tangential_restitution_y": 0.5});
     let r = Rendered::new(&scene(11, &grips, 0.3, 0.7, 0.0));

@@ -135,7 +135,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
     if text.trim().is_empty() {
         return Err(not_csv("it is empty".to_owned()));
     }
-    let delimiter = crate::fit::csv::delimiter(bytes);
+    let delimiter = crate::rebound::fit::csv::delimiter(bytes);
     let mut reader = ::csv::ReaderBuilder::new()
         .flexible(true)
         .comment(Some(b'#'))

@@ -168,7 +168,7 @@ pub enum BatchError {
     },
     /// The series of our own making cannot be read back.
     #[error("the series of the batch cannot be fitted (a fault of track, please report it)")]
-    Series(#[from] crate::fit::FitError),
+    Series(#[from] crate::rebound::fit::FitError),
     /// The page cannot be made.
     #[error("the page of the batch cannot be made (a fault of track, please report it)")]
     Page(#[from] PageError),

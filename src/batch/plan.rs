@@ -3,8 +3,8 @@
 use super::manifest::{self, ManifestError, Row};
 use super::names::{names, stem, whole};
 use super::{Changes, Recording};
-use crate::fit::series::DEFAULT_GROUP;
 use crate::frames::pictures_in;
+use crate::rebound::fit::series::DEFAULT_GROUP;
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

@@ -9,8 +9,8 @@
 //! them the scale.
 
 use super::Recording;
-use crate::bounce::Speed;
 use crate::calibration::Calibration;
+use crate::impact::Speed;
 use serde_json::Value;
 
 /// The rows of a recording.
@@ -270,7 +270,7 @@ mod tests {
     use super::*;
     use crate::batch::Changes;
     use crate::calibration::Scale;
-    use crate::fit::{self, Column, ColumnSet, Weights};
+    use crate::rebound::fit::{self, Column, ColumnSet, Weights};
     use serde_json::json;
     use std::path::PathBuf;
 

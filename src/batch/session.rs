@@ -6,7 +6,7 @@ use super::series::{self, Rows, Source};
 use super::shelf::{RESULTS, Shelf};
 use super::{BatchError, Ending, Plan, Recording, Settings, schedule};
 use crate::calibration::Calibration;
-use crate::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
+use crate::rebound::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
 use crate::report::batch_page::{self, Entry, State};
 use crate::report::{series_json, write};
 use rayon::prelude::*;

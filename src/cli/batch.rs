@@ -6,7 +6,7 @@ use crate::batch::plan::{self, Plan, Request};
 use crate::batch::process::{bind, machine_memory_bytes};
 use crate::batch::{self, Changes, Ending, Finished, LaunchSpin, Progress, Settings};
 use crate::calibration::Calibration;
-use crate::measure::measure;
+use crate::pipeline::measure;
 use crate::report::{series_table, write};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -125,8 +125,8 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     )?;
     write::write_reports(&measurement, &args.out, &args.name, None)?;
     Ok(match measurement.outcome {
-        crate::measure::Outcome::Measured => Status::Done,
-        crate::measure::Outcome::Rejected { .. } => Status::Rejected,
+        crate::pipeline::Outcome::Measured => Status::Done,
+        crate::pipeline::Outcome::Rejected { .. } => Status::Rejected,
     })
 }
 

@@ -1,7 +1,7 @@
 //! `track fit PATH [--out DIR] [--json] [--itf TEMPERATURE_C]`: a series of bounces.
 
 use super::{Status, answer, say};
-use crate::fit::{self, Options, SeriesFit};
+use crate::rebound::fit::{self, Options, SeriesFit};
 use crate::report::{series_json, series_table, write};
 use clap::Args;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@ use super::{Status, answer, say};
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
 use crate::frames;
-use crate::measure::{Measurement, Outcome, Progress, measure};
+use crate::pipeline::{Measurement, Outcome, Progress, measure};
 use crate::report::overlay::Overlay;
 use crate::report::{json, table, write};
 use anyhow::Context;

@@ -14,7 +14,7 @@ use super::render::{Rendered, decode, folder, render};
 use super::stats::{Errors, Spread};
 use super::{CostError, Curve, Diagram, Floor, Measure, Run, Section, Watch, moments};
 use crate::detect::centre::Accuracy;
-use crate::measure::{Outcome, PointUse, measure};
+use crate::pipeline::{Outcome, PointUse, measure};
 use crate::simulate::Scene;
 use std::f64::consts::PI;
 

@@ -5,9 +5,9 @@
 
 use super::stats::{Errors, Spread};
 use super::{CostError, Curve, Diagram, Floor, Measure, Run, Section, Watch};
-use crate::fit::study::{DEFAULT_TOLERANCE, Searched, Study, Variant};
-use crate::fit::{Column, Row, Series};
-use crate::models::{Motion, SOLID_SPHERE, grip_slide};
+use crate::rebound::fit::study::{DEFAULT_TOLERANCE, Searched, Study, Variant};
+use crate::rebound::fit::{Column, Row, Series};
+use crate::rebound::{Motion, SOLID_SPHERE, grip_slide};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};

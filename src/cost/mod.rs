@@ -381,7 +381,7 @@ pub enum CostError {
     Folder(#[source] std::io::Error),
     /// A series of its own that cannot be fitted.
     #[error("a series of the cost study cannot be fitted")]
-    Fit(#[from] crate::fit::FitError),
+    Fit(#[from] crate::rebound::fit::FitError),
 }
 
 /// The plan's part of the work; how many settings are tried again is not known beforehand.

@@ -21,7 +21,7 @@ use super::stats::{Errors, Spread};
 use super::want::Want;
 use super::{CostError, Curve, Diagram, Measure, Run, Section, Watch};
 use crate::detect::centre::Accuracy;
-use crate::measure::{Measurement, Outcome, PointUse, measure};
+use crate::pipeline::{Measurement, Outcome, PointUse, measure};
 use crate::simulate::Scene;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};

@@ -3,7 +3,7 @@
 use super::page::{self, PageError, escape};
 use super::words::{NO_VALUE, counted};
 use super::{series_page, series_rows};
-use crate::fit::{Series, SeriesFit};
+use crate::rebound::fit::{Series, SeriesFit};
 use std::fmt::Write as _;
 
 /// A recording of the batch.

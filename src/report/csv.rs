@@ -1,6 +1,6 @@
 //! `<stem>.points.csv`: a row for every frame in which the ball was seen.
 
-use crate::measure::{Measurement, PointUse, TrackPoint, View};
+use crate::pipeline::{Measurement, PointUse, TrackPoint, View};
 
 /// The points as CSV. A cell is empty where there is no value; numbers carry all their digits, as in the JSON.
 ///

@@ -1,13 +1,13 @@
 //! Measurements for the tests of this module: a ball launched from an edge that bounces twice, with the noise that a
 //! good recording has, and its less fortunate relatives.
 
-use crate::bounce::{
+use crate::frames::Luma;
+use crate::geometry::{PixelPoint, WorldPoint};
+use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, Correlation, Distances, EERegime, FloorSlope, FloorSource, Leg,
     MuERegime, Preferred, Readings, Speed, XSource,
 };
-use crate::frames::Luma;
-use crate::geometry::{PixelPoint, WorldPoint};
-use crate::measure::{
+use crate::pipeline::{
     ArcSample, ArcTrace, Measurement, Outcome, PointUse, Strobe, StrobeBall, TimeSource, Track, TrackPoint,
     UpSource, UpTilt, VideoFacts, View, Warning,
 };

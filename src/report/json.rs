@@ -4,11 +4,11 @@
 //! `null` too, as JSON has no word for it.
 
 use super::words;
-use crate::bounce::{
+use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, Correlation, EERegime, FloorSource, Leg, MuERegime, Preferred, Readings,
     XSource,
 };
-use crate::measure::{
+use crate::pipeline::{
     Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,
 };
 use crate::quantity::Quantity;

@@ -7,7 +7,7 @@
 use super::places;
 use crate::frames::Yuv420;
 use crate::geometry::PixelPoint;
-use crate::measure::{Measurement, PointUse, View};
+use crate::pipeline::{Measurement, PointUse, View};
 use std::collections::BTreeMap;
 
 /// At most this many past centres are shown, so that a long clip costs no more a frame than a short one.

@@ -7,8 +7,8 @@ use super::plots::{self, Coordinate, Plot};
 use super::strobe::{self, StrobePicture};
 use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
 use super::words::{self, NO_VALUE, Written};
-use crate::bounce::{Bounce, Preferred, Readings, XSource};
-use crate::measure::{Measurement, Outcome, View, Warning};
+use crate::impact::{Bounce, Preferred, Readings, XSource};
+use crate::pipeline::{Measurement, Outcome, View, Warning};
 use crate::quantity::Quantity;
 use std::fmt::Write as _;
 use thiserror::Error;
@@ -612,7 +612,7 @@ pub(super) mod tests {
         measurement.video.path = "a/<script>alert('1')</script>\u{7}&\".mp4".into();
         measurement.track.method = "<b>circle</b>".to_owned();
         measurement.track.points[0].use_ =
-            crate::measure::PointUse::Unused("<img src=x onerror=alert(1)>".to_owned());
+            crate::pipeline::PointUse::Unused("<img src=x onerror=alert(1)>".to_owned());
         measurement.warnings[0].message = "set \"frame_rate_hz\" <now>".to_owned();
         let page = report_html(&measurement).unwrap();
         assert_well_formed(&page);

@@ -1,7 +1,7 @@
 //! Where things are, for drawing: impacts in the picture, the scale, a value on an arc between its samples.
 
 use crate::geometry::PixelPoint;
-use crate::measure::{ArcSample, ArcTrace, Measurement, TrackPoint};
+use crate::pipeline::{ArcSample, ArcTrace, Measurement, TrackPoint};
 
 /// An impact in time and in the reference picture.
 #[derive(Debug, Clone, Copy, PartialEq)]

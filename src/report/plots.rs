@@ -4,7 +4,7 @@
 //! and the page scales it down. Shapes and dashes carry the meaning; colour only helps, so that grey print loses nothing.
 
 use super::places;
-use crate::measure::{ArcTrace, Measurement, PointUse, TrackPoint, View};
+use crate::pipeline::{ArcTrace, Measurement, PointUse, TrackPoint, View};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;

@@ -2,10 +2,10 @@
 
 use super::chart::{Chart, Dot, Marker, Stroke};
 use super::plots::span;
-use crate::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
-use crate::fit::{Curve, GroupFit, ModelFit, ModelName, RowRegime, Series};
-use crate::models::SOLID_SPHERE;
 use crate::quantity::{commonest, median};
+use crate::rebound::SOLID_SPHERE;
+use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
+use crate::rebound::fit::{Curve, GroupFit, ModelFit, ModelName, RowRegime, Series};
 use std::f64::consts::FRAC_PI_2;
 
 /// Rows drawn of a group; of more, every n-th.

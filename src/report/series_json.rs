@@ -3,8 +3,10 @@
 //! A parameter that the data do not determine is `null`, and `not_determined` says why. Angles are degrees here.
 
 use super::json::quantity;
-use crate::fit::{CourtPace, Estimate, Fitted, GroupFit, ModelFit, Note, Parameter, SeriesFit, Weights};
-use crate::models::itf::Pace;
+use crate::rebound::fit::{
+    CourtPace, Estimate, Fitted, GroupFit, ModelFit, Note, Parameter, SeriesFit, Weights,
+};
+use crate::rebound::itf::Pace;
 use serde_json::{Map, Value, json};
 
 /// The schema that [`fit_json`] follows.

@@ -11,7 +11,7 @@ use super::series_rows::{rows_table, to_copy};
 use super::series_table::{self, missing, model_rows, preferred};
 use super::words::{counted, format_quantity};
 use super::{chart::Marker, chart::Stroke};
-use crate::fit::{GroupFit, ModelFit, Note, Parameter, Preferred, Series, SeriesFit};
+use crate::rebound::fit::{GroupFit, ModelFit, Note, Parameter, Preferred, Series, SeriesFit};
 use std::fmt::Write as _;
 
 /// The page, complete. Links of rows are relative to where it lies.
@@ -69,7 +69,7 @@ fn short_name(name: &str) -> &str {
     let mut parts = name.rsplit('/');
     let last = parts.next().unwrap_or(name);
     match parts.next() {
-        Some(folder) if last == crate::fit::csv::BATCH_SERIES => {
+        Some(folder) if last == crate::rebound::fit::csv::BATCH_SERIES => {
             &name[name.len() - folder.len() - last.len() - 1..]
         }
         _ => last,
@@ -382,7 +382,7 @@ fn stroke_key(stroke: Stroke) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::{self, Column, Options, Row};
+    use crate::rebound::fit::{self, Column, Options, Row};
     use crate::report::page::tests::assert_well_formed;
 
     /// A steel ball by angles and a superball by the same, two rows off, in two groups with links.

@@ -2,8 +2,8 @@
 
 use super::page::escape;
 use super::words::{NO_VALUE, counted, trimmed};
-use crate::fit::coordinates::Coordinates;
-use crate::fit::{
+use crate::rebound::fit::coordinates::Coordinates;
+use crate::rebound::fit::{
     Estimate, Fitted, GroupFit, ModelFit, Parameter, Preferred, Row, RowRegime, Series, SeriesFit, Weights,
 };
 use std::collections::HashMap;

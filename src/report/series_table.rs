@@ -3,7 +3,7 @@
 use super::series_json::pace_name;
 use super::table::line;
 use super::words::{self, NO_VALUE, counted, format_quantity};
-use crate::fit::{
+use crate::rebound::fit::{
     CourtPace, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, SeriesFit, Weights,
 };
 use std::fmt::Write as _;

@@ -8,7 +8,7 @@ use super::places::{self, ImpactMark};
 use super::words;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use crate::measure::{ArcTrace, Measurement, PointUse, Strobe, StrobeBall};
+use crate::pipeline::{ArcTrace, Measurement, PointUse, Strobe, StrobeBall};
 use base64::Engine as _;
 use std::fmt::Write as _;
 use thiserror::Error;

@@ -3,8 +3,8 @@
 pub use super::words::format_quantity;
 
 use super::words;
-use crate::bounce::{Bounce, Distances, Readings};
-use crate::measure::{Measurement, Outcome};
+use crate::impact::{Bounce, Distances, Readings};
+use crate::pipeline::{Measurement, Outcome};
 use crate::quantity::Quantity;
 use std::fmt::Write as _;
 

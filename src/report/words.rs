@@ -1,7 +1,7 @@
 //! Numbers and findings in words, shared by the table and the page.
 
-use crate::bounce::{BenchLaunch, EERegime, FloorSource, MuERegime, Preferred, XSource};
-use crate::measure::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
+use crate::impact::{BenchLaunch, EERegime, FloorSource, MuERegime, Preferred, XSource};
+use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
 
 /// What stands where there is no value.

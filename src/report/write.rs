@@ -6,8 +6,8 @@
 use super::{cost_json, cost_page, csv, json, page, series_json, series_page};
 use crate::cost::Report;
 use crate::cost::whole::Check;
-use crate::fit::{Series, SeriesFit};
-use crate::measure::Measurement;
+use crate::pipeline::Measurement;
+use crate::rebound::fit::{Series, SeriesFit};
 use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};

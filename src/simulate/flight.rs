@@ -25,7 +25,7 @@
 
 use super::effects::{Acting, ContactLaw, Dip, Force, Loads, Plane};
 use super::scene::{Scene, SceneError};
-use crate::models::{Motion, Regime};
+use crate::rebound::{Motion, Regime};
 use nalgebra::{Vector3, Vector6};
 use ode_solvers::{Dop853, OutputType, System};
 

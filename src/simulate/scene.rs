@@ -5,7 +5,7 @@ use super::reader::{
     ANY, FACTOR, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown,
 };
 use crate::calibration::INERTIA;
-use crate::models::{Motion, Regime, e_e, grip_slide, mu_e};
+use crate::rebound::{Motion, Regime, e_e, grip_slide, mu_e};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 use std::collections::BTreeMap;

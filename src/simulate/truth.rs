@@ -13,7 +13,7 @@ use super::effects::{Decision, Unit};
 use super::flight::Impact;
 use super::{Recording, frame_times_s};
 use crate::geometry::PixelPoint;
-use crate::models::{Regime, azimuth_rad};
+use crate::rebound::{Regime, azimuth_rad};
 use nalgebra::Vector3;
 use serde::Serialize;
 

@@ -6,10 +6,6 @@
 mod noise;
 
 use noise::Noise;
-use track::bounce::air::Lift;
-use track::bounce::impacts::{Picture, Scene};
-use track::bounce::reading;
-use track::bounce::{Bounce, Distances, Readings};
 use track::calibration::{Calibration, Floor, Scale};
 use track::flight::fit::{ArcFit, FitPoint, Forces, Upright};
 use track::flight::linking::Spot;
@@ -18,8 +14,12 @@ use track::flight::segment::Sample;
 use track::flight::{self, Flight, FlightPoint, NoFlight, SpotUse};
 use track::frames::Coded;
 use track::geometry::PixelPoint;
-use track::models::{Motion, SOLID_SPHERE};
+use track::impact::air::Lift;
+use track::impact::impacts::{Picture, Scene};
+use track::impact::reading;
+use track::impact::{Bounce, Distances, Readings};
 use track::quantity::Quantity;
+use track::rebound::{Motion, SOLID_SPHERE};
 
 pub const G: f64 = 9.81;
 

@@ -30,9 +30,9 @@ use mutate::{mutated_bytes, mutated_csv, mutated_json};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use track::calibration::{Calibration, ScaleEvidence, Silhouettes};
-use track::fit::{self, Options};
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
+use track::rebound::fit::{self, Options};
 use track::simulate::{Recording, Scene};
 
 fn repository() -> &'static Path {

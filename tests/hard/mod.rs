@@ -8,11 +8,11 @@
 
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use track::bounce::EERegime;
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{Coding, Luma, Timing, VideoOptions, VideoWriter};
-use track::measure::{MeasureError, Measurement, Outcome, measure};
+use track::impact::EERegime;
+use track::pipeline::{MeasureError, Measurement, Outcome, measure};
 use track::quantity::Quantity;
 use track::simulate::truth::{BounceTruth, CentreTruth, LaunchTruth, LegTruth, Truth};
 use track::simulate::{Recording, Scene, calibration};

@@ -9,7 +9,7 @@ use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{self, Coding, VideoWriter};
 use track::geometry::PixelPoint;
-use track::measure::{Measurement, measure};
+use track::pipeline::{Measurement, measure};
 use track::simulate::{Recording, Scene, write};
 
 /// A recording on disk, as long as this lives.

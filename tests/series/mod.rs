@@ -6,8 +6,10 @@ mod noise;
 
 use nalgebra::Vector3;
 pub use noise::Noise;
-use track::fit::{self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series};
-use track::models::{Motion, SOLID_SPHERE, e_e, grip_slide, mu_e};
+use track::rebound::fit::{
+    self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series,
+};
+use track::rebound::{Motion, SOLID_SPHERE, e_e, grip_slide, mu_e};
 
 pub const G: f64 = 9.81;
 

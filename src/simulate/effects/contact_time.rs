@@ -12,7 +12,7 @@
 
 use super::deviation::{Disturbance, Jump};
 use super::{Action, ContactLaw, Effect, Estimate, Ideal, Plane};
-use crate::models::Motion;
+use crate::rebound::Motion;
 use crate::simulate::flight::Impact;
 use crate::simulate::scene::Scene;
 use nalgebra::Vector3;

@@ -10,7 +10,7 @@
 //! ```
 
 use super::{Ideal, Plane};
-use crate::models::Motion;
+use crate::rebound::Motion;
 use crate::simulate::camera::{along_axis, picture_shift_px};
 use crate::simulate::flight::{Impact, State};
 use crate::simulate::scene::Scene;

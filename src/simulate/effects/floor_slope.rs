@@ -9,7 +9,7 @@
 //! reflection.
 
 use super::{Action, Effect, Estimate, Ideal};
-use crate::models::{Motion, Regime};
+use crate::rebound::{Motion, Regime};
 use crate::simulate::camera::picture_shift_px;
 use crate::simulate::flight::Trajectory;
 use crate::simulate::frame_times_s;

@@ -42,7 +42,7 @@ use super::flight::{Acts, State, Trajectory};
 use super::render::{Backdrop, Patch};
 use super::scene::{EffectsChoice, Scene, SceneError, Switch};
 use crate::geometry::PixelPoint;
-use crate::models::Motion;
+use crate::rebound::Motion;
 use nalgebra::{Vector2, Vector3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

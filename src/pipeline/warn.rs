@@ -1,0 +1,761 @@
+//! What the user has to know: what is odd about the file, the time base, the scale, the flight. Each warning names
+//! what was found, with numbers, and the key or step that mends it.
+
+use super::observe::Observation;
+use super::result::UpTilt;
+use super::result::Warning;
+use crate::calibration::{Calibration, Scale, View};
+use crate::detect::centre::Accuracy;
+use crate::detect::registration::Registration;
+use crate::flight::overhead::find;
+use crate::flight::shake::Shake;
+use crate::flight::{Flight, NoFlight};
+use crate::frames::timebase::TimeBase;
+use crate::impact::impacts::{Scene, SoftBall};
+use crate::impact::{BenchLaunch, Bounce, FloorSlope, Impossible};
+use crate::quantity::Quantity;
+
+/// What is measured contradicts what is given when they differ by more than this many of their standard uncertainties together.
+const CONTRADICTS_SIGMAS: f64 = 4.0;
+
+/// Residuals this much larger than the centres' own uncertainty say that the flight is not a parabola.
+const LARGE_EXCESS: f64 = 4.0;
+
+/// Errors of successive frames that hang together as (1 + ρ)/(1 − ρ) = this: ρ = 0.5. A codec's change from frame to
+/// frame; a path that is no parabola lasts.
+const LASTING: f64 = 3.0;
+
+fn warning(code: &'static str, message: String) -> Warning {
+    Warning { code, message }
+}
+
+/// Oddities of the file and its clock.
+pub fn file(
+    seen: &Observation,
+    base: &TimeBase,
+    repeats: &[bool],
+    calibration: &Calibration,
+) -> Vec<Warning> {
+    let mut out: Vec<Warning> = seen
+        .health
+        .notes
+        .iter()
+        .map(|n| warning(n.code, n.message.clone()))
+        .collect();
+    let health = &seen.health;
+    let read = health.frames_read;
+    if let Some(why) = &health.ended_early {
+        let of = health
+            .frames_expected
+            .map_or(String::new(), |n| format!(" of {n}"));
+        out.push(warning(
+            "file_cut_short",
+            format!("the file ends early: {read}{of} frames were read, then: {why}. What is there was measured; copy the file from the camera again to have the rest."),
+        ));
+    } else if let Some(expected) = health.frames_expected.filter(|&n| n > read) {
+        out.push(warning(
+            "frames_missing",
+            format!("the file announces {expected} frames, {read} could be read."),
+        ));
+    }
+    if health.damaged > 0 {
+        out.push(warning(
+            "damaged_frames",
+            format!(
+                "{} of {read} frames are damaged; centres in them are less sure or missing.",
+                health.damaged
+            ),
+        ));
+    }
+    if health.interlaced > 0 {
+        out.push(warning(
+            "interlaced",
+            format!("{} of {read} frames are interlaced: odd and even rows show different moments, which blurs a moving ball. Record progressively, or deinterlace to double rate first (ffmpeg -vf bwdif).", health.interlaced),
+        ));
+    }
+    if health.stamps_repaired > 0 {
+        out.push(warning(
+            "time_stamps_repaired",
+            format!(
+                "{} frames had no usable time stamp; their times were interpolated.",
+                health.stamps_repaired
+            ),
+        ));
+    }
+    out.extend(repeated(seen, base, repeats, calibration));
+    if base.gaps > 0 {
+        out.push(warning(
+            "dropped_frames",
+            format!("the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.", base.missing, base.gaps),
+        ));
+    }
+    if base.skipped > 0 {
+        out.push(warning(
+            "frames_skipped",
+            format!("{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.", base.skipped),
+        ));
+    }
+    out.extend(moved_camera(
+        &seen.registrations,
+        seen.detector.background.registrar.fixed,
+    ));
+    out.extend(shaken_camera(seen, base));
+    out
+}
+
+/// A top view whose camera is not known to be far.
+pub fn perspective(calibration: &Calibration) -> Option<Warning> {
+    (calibration.view == View::Top && calibration.distance_m.is_none()).then(|| {
+        warning(
+            "perspective_uncorrected",
+            "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
+        )
+    })
+}
+
+fn repeated(
+    seen: &Observation,
+    base: &TimeBase,
+    repeats: &[bool],
+    calibration: &Calibration,
+) -> Option<Warning> {
+    let count = repeats.iter().filter(|&&r| r).count();
+    if count == 0 {
+        return None;
+    }
+    let stored = seen
+        .info
+        .nominal_rate_hz
+        .map_or(String::new(), |r| format!(" of a {r:.4} Hz file"));
+    let rate = base.interval_s.map_or(String::new(), |i| {
+        let told = if calibration.frame_rate_hz.is_some() {
+            "by the calibration"
+        } else if base.evened {
+            "evenly, as the ball's motion shows, not by the stamps"
+        } else {
+            "by the stamps"
+        };
+        format!(" Distinct pictures come at {:.4} Hz {told}.", 1.0 / i)
+    });
+    Some(warning(
+        "repeated_frames",
+        format!(
+            "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
+            repeats.len()
+        ),
+    ))
+}
+
+/// Shifts beyond this are worth a word, px: smaller ones are followed without one, and a codec makes some of up to 0.3.
+const WORTH_SAYING_PX: f64 = 0.5;
+
+/// Swings of a camera that otherwise stands still.
+fn shaken_camera(seen: &Observation, base: &TimeBase) -> Option<Warning> {
+    let swings = |r: &&Registration| !r.is_still();
+    let shaken: Vec<(f64, f64)> = seen
+        .registrations
+        .iter()
+        .zip(&base.times_s)
+        .filter(|(r, _)| swings(r))
+        .map(|(r, &t)| (t, r.shift_px()))
+        .collect();
+    let (first, _) = shaken
+        .first()
+        .filter(|_| seen.detector.background.registrar.fixed)?;
+    let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
+    (most > WORTH_SAYING_PX).then(|| warning(
+        "camera_shaken",
+        format!(
+            "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
+            shaken.len(),
+            seen.registrations.len(),
+        ),
+    ))
+}
+
+fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
+    let most = registrations
+        .iter()
+        .map(Registration::shift_px)
+        .fold(0.0, f64::max);
+    (!fixed && most > WORTH_SAYING_PX).then(|| {
+        warning(
+            "camera_moved",
+            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."),
+        )
+    })
+}
+
+/// A lamp whose light changes by this factor makes a ball look different enough to move its centre.
+const LIGHT_CHANGES: f64 = 1.3;
+
+/// Light that changes while the ball flies, in the frames `flown`, for longer than a tenth of them.
+pub fn light(seen: &Observation, flown: &[usize]) -> Option<Warning> {
+    let scene = &seen.detector.background.luma.data;
+    let grey = scene.iter().map(|&p| f64::from(p)).sum::<f64>() / scene.len().max(1) as f64;
+    let mut brightness: Vec<f64> = flown
+        .iter()
+        .map(|&frame| seen.registrations[frame].brightness(grey))
+        .collect();
+    brightness.sort_by(f64::total_cmp);
+    let tenth = brightness.len() / 10;
+    let least = *brightness.get(tenth)?;
+    let most = *brightness.get(brightness.len() - 1 - tenth)?;
+    (least > 0.0 && most > LIGHT_CHANGES * least).then(|| {
+        warning(
+            "light_changed",
+            format!("the light changes by a factor of {:.2} while the ball flies: where a side of it is saturated or dark in one light and not in the other, its centre is displaced by some hundredths of its radius, which is not in the uncertainties. Use a steady light.", most / least),
+        )
+    })
+}
+
+/// A pixel that the ball covers in more than this part of the frames: the median of some of them, the empty scene, may be
+/// the ball there.
+const LINGERS_PART: f64 = 0.4;
+
+/// Places of a flight that are looked at for that.
+const LINGERS_PLACES: usize = 300;
+
+/// That the ball covers one place of its flight for too much of the recording's `frames`.
+pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
+    let spots = || flight.points.iter().map(|p| p.spot);
+    let covers = |place: crate::geometry::PlanePoint| {
+        spots()
+            .filter(|s| (s.place.right - place.right).hypot(s.place.up - place.up) < s.radius)
+            .count()
+    };
+    // Some places along the way tell; all of them would take the square of their number.
+    let step = flight.points.len().div_ceil(LINGERS_PLACES).max(1);
+    let most = spots().step_by(step).map(|s| covers(s.place)).max()?;
+    let part = most as f64 / frames.max(1) as f64;
+    (part > LINGERS_PART).then(|| {
+        warning(
+            "ball_lingers",
+            format!("the ball covers one place in {:.0} % of the frames, so the empty scene behind it is not known for sure there: centres may be off by more than their uncertainties. Record the scene without the ball for as long as the flight lasts, before or after it.", 100.0 * part),
+        )
+    })
+}
+
+/// Everything to judge a measured flight by.
+pub struct Judged<'a> {
+    pub calibration: &'a Calibration,
+    pub flight: &'a Flight,
+    pub scene: &'a Scene<'a>,
+    pub bounces: &'a [(usize, Bounce)],
+    pub gravity: Option<Quantity>,
+    pub radius_m: Option<f64>,
+    pub radius_units: Option<f64>,
+    pub walls: usize,
+    pub shake: Option<Shake>,
+    pub impossible: usize,
+    pub x0_missing: bool,
+    pub up: Option<UpTilt>,
+    pub floor: Option<FloorSlope>,
+    pub launch: Option<BenchLaunch>,
+    pub units_per_px: f64,
+    pub interval_s: f64,
+}
+
+/// Oddities of the measured flight.
+pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
+    let mut out = Vec::new();
+    out.extend(j.gravity.map(|g| gravity(g, j)).unwrap_or_default());
+    out.extend(up_tilted(j));
+    out.extend(j.shake.map(|s| shaken_ball(&s, j)));
+    out.extend(floor_slope(j));
+    out.extend(bench(j));
+    out.extend(impossible_tangential(j.bounces));
+    out.extend(distance_against_fall(j));
+    out.extend(j.scene.bend().map(bent));
+    out.extend(scale_against_ball(j));
+    out.extend(floor_height(j));
+    out.extend(different_heights(j));
+    if j.x0_missing && j.calibration.launch.edge_x_m.is_some() && !j.bounces.is_empty() {
+        out.push(warning(
+            "first_impact_unsure",
+            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out, and so are spins and e_x, which need the spin at the launch.".to_owned(),
+        ));
+    }
+    if j.impossible > 0 {
+        out.push(warning(
+            "impossible_impact",
+            format!("{} impact(s) would have sent the ball up faster than it came down: on one side of them something else was followed (a shadow, a reflection, a hand). They are not among the bounces; x0 counts from the first that is.", j.impossible),
+        ));
+    }
+    if j.walls > 0 {
+        out.push(warning(
+            "not_a_floor",
+            format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
+        ));
+    }
+    if j.flight.excess() > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
+        out.push(warning(
+            "not_a_parabola",
+            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.excess()),
+        ));
+    }
+    out.extend(j.scene.may_be_soft().map(soft));
+    if j.scene.metres_per_unit.std_uncertainty.is_none() {
+        let key = match j.calibration.scale {
+            Scale::Homography(_) => "scale.relative_std",
+            _ => "scale.std_uncertainty",
+        };
+        out.push(warning(
+            "scale_uncertainty_unknown",
+            format!("the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"{key}\"."),
+        ));
+    }
+    out
+}
+
+/// That the ball may be softer than its times and restitution are for.
+fn soft(ball: SoftBall) -> Warning {
+    warning(
+        "contact_time_unknown",
+        format!(
+            "a ball of {:.2} g/cm³ may be soft, and nothing tells how long it stays on the floor. Times, restitution and their uncertainties are those of a ball as hard as metal or glass; one as soft as a superball touches {:.1} ms earlier than said, and its restitution is off by up to {:.1} %.",
+            ball.density_kg_m3 / 1000.0,
+            1000.0 * ball.earlier_s,
+            100.0 * ball.restitution_part,
+        ),
+    )
+}
+
+/// That another method had to be used than was asked for.
+pub fn unlearned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
+    (asked != used).then(|| {
+        warning(
+            "appearance_not_learned",
+            "the ball looks too different from frame to frame (noise, smear, light) to learn its appearance: centres are circles through edge points, which shading pulls by up to a tenth of a pixel. More light, a shorter exposure or a plainer background helps.".to_owned(),
+        )
+    })
+}
+
+/// The self-check: gravity as the flight shows it, and what would explain another.
+fn gravity(g: Quantity, j: &Judged<'_>) -> Vec<Warning> {
+    let expected = j.calibration.gravity_m_s2;
+    let off = (g.value - expected).abs();
+    let std = g.std_uncertainty.unwrap_or(0.0);
+    let local = j.calibration.gravity_uncertainty_m_s2();
+    if !(off > CONTRADICTS_SIGMAS * std.hypot(local)) {
+        return Vec::new();
+    }
+    let ratio = expected / g.value;
+    let mut causes = Vec::new();
+    if let Some(n) = time_factor(ratio) {
+        causes.push(format!(
+            "time: it fits a capture rate of {} Hz in place of {} Hz (a factor {} in time is {} in g): set \"frame_rate_hz\": {}",
+            rounded(n / j.interval_s),
+            rounded(1.0 / j.interval_s),
+            rounded(n),
+            rounded(n * n),
+            rounded(n / j.interval_s),
+        ));
+    } else {
+        causes.push(format!(
+            "time: it would be right with {:.4} Hz in place of {:.4} Hz (\"frame_rate_hz\")",
+            ratio.sqrt() / j.interval_s,
+            1.0 / j.interval_s,
+        ));
+    }
+    causes.push(format!(
+        "scale: it would be right with lengths times {ratio:.4} ({:.6} m/px in place of {:.6}): check the two ends and the length of the ruler, and that it stood in the plane of motion (\"scale\")",
+        j.scene.metres_per_unit.value * ratio,
+        j.scene.metres_per_unit.value,
+    ));
+    if ratio > 1.0 && ratio < 1.35 {
+        causes.push(format!(
+            "tilt: a plane of motion or camera that leans away by {:.1} degrees would do it",
+            (1.0 / ratio).acos().to_degrees()
+        ));
+    }
+    if j.calibration.ball.mass_kg.is_none() || j.calibration.ball.radius_m.is_none() {
+        causes.push("air: drag on a light ball, if \"ball\" had its radius and mass".to_owned());
+    }
+    let mut out = vec![warning(
+        "gravity_mismatch",
+        format!(
+            "the flight falls with {:.4} ± {:.4} m/s², not {expected} ± {local:.4}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
+            g.value,
+            std,
+            causes.join("; ")
+        ),
+    )];
+    if j.scene.metres_per_unit.std_uncertainty.is_none() {
+        out.push(warning(
+            "refuted_calibration",
+            format!(
+                "scale and frame rate are stated as exact, and the fall refutes them: together they are off by {:.2} % in g. Give the scale's \"std_uncertainty\", or measure it again.",
+                100.0 * (1.0 / ratio - 1.0)
+            ),
+        ));
+    }
+    out
+}
+
+/// "Up" that is not worth a word where nobody said where it is, rad.
+const UPRIGHT_RAD: f64 = 0.0175;
+
+/// That the fall has another "up" than the calibration.
+fn up_tilted(j: &Judged<'_>) -> Option<Warning> {
+    let up = j.up?;
+    let given = j.calibration.up_given || matches!(j.calibration.scale, Scale::Homography(_));
+    let degrees = |rad: f64| rad.to_degrees();
+    let (tilt, std) = (up.tilt_rad.value, j.flight.fit.lean_std_rad());
+    let (prior, word) = (
+        j.calibration.upright_std_rad(),
+        if tilt > 0.0 { "right" } else { "left" },
+    );
+    // What contradicts the calibration is in the fit without it.
+    let alone = j
+        .flight
+        .fit
+        .forces
+        .upright()
+        .is_some_and(|u| u.std_rad.is_infinite());
+    if given && alone {
+        return Some(warning(
+            "up_tilted",
+            format!(
+                "the ball falls {:.2} ± {:.2} degrees to the {word} of \"up_px\", which is stated to {:.2} degrees: the direction of the fall was used. Check \"up_px\" (a plumb line in the picture), or leave it out.",
+                degrees(tilt.abs()),
+                degrees(std),
+                degrees(prior),
+            ),
+        ));
+    }
+    let seen = up.tilt_rad.value.abs();
+    let shows = seen > UPRIGHT_RAD && seen > CONTRADICTS_SIGMAS * up.tilt_rad.std_uncertainty.unwrap_or(0.0);
+    (!given && shows).then(|| {
+        warning(
+            "up_tilted",
+            format!(
+                "\"up\" is {:.2} degrees to the {word} of the picture's, as the fall shows: x, z and angles are along and against the fall. If the camera stood level, the plane of motion is seen at a slant, or something pushes the ball sideways.",
+                degrees(seen),
+            ),
+        )
+    })
+}
+
+/// A floor steeper than this is worth a word, rad: half a degree.
+const STEEP_RAD: f64 = 0.0087;
+
+/// That the floor slopes, or is said to do otherwise than it does.
+fn floor_slope(j: &Judged<'_>) -> Option<Warning> {
+    let slope = j.floor?.slope_rad;
+    let (value, std) = (slope.value, slope.std_uncertainty.unwrap_or(0.0));
+    let found = format!("{:.2} ± {:.2} degrees", value.to_degrees(), std.to_degrees());
+    if let Some((said, std)) = j.scene.floor_contradicts().filter(|_| j.calibration.floor.given) {
+        return Some(warning(
+            "floor_contradicts",
+            format!(
+                "the floor slopes by {found} along x as the picture shows it, and by {:.2} ± {:.2} degrees by \"floor.slope_deg\": the first was used. Check that the impacts are on one floor, and the calibration's sign (positive where the floor rises along the launch).",
+                said.to_degrees(),
+                std.to_degrees(),
+            ),
+        ));
+    }
+    (value.abs() > STEEP_RAD && value.abs() > CONTRADICTS_SIGMAS * std).then(|| {
+        warning(
+            "floor_slopes",
+            format!("the floor slopes by {found} along x, if the impacts are on one plane floor: restitution, friction and angles are along it and its normal. If it is level, the impacts are at different heights (a step, a mat), and these numbers are off by the slope."),
+        )
+    })
+}
+
+/// A pixel read off a picture by eye, where its uncertainty is not given, px.
+const READ_PX: f64 = 1.0;
+
+/// What a bench that is seen says against the calibration.
+fn bench(j: &Judged<'_>) -> Vec<Warning> {
+    let Some(launch) = &j.launch else {
+        return Vec::new();
+    };
+    let mut out = Vec::new();
+    let Some(edge) = launch.edge_x_m else {
+        let gap = launch.gap_m.map_or(0.0, |g| 1e3 * g.value);
+        out.push(warning(
+            "launch_unclear",
+            format!("the ball moves along a bench for {:.3} s, but its flight does not begin where that ends: followed back, it is {gap:.2} mm above the bench (below, if negative). It tipped round the edge, went over a step, or was pushed: the edge is not told.", launch.rolled_s),
+        ));
+        return out;
+    };
+    if let Some(said) = j
+        .calibration
+        .launch
+        .edge_x_m
+        .filter(|_| j.calibration.has_origin())
+    {
+        let metre = j.scene.metres_per_unit.value * j.units_per_px;
+        let read = j.calibration.origin_std_px.unwrap_or(READ_PX) * metre;
+        let std = edge.std_uncertainty.unwrap_or(0.0);
+        if (edge.value - said).abs() > CONTRADICTS_SIGMAS * std.hypot(read) {
+            out.push(warning(
+                "edge_mismatch",
+                format!(
+                    "the ball leaves its bench at x = {:.2} ± {:.2} mm, the calibration has the edge at {:.2} ± {:.2} mm: x0 counts from the latter. Check \"origin_px\" and \"launch.edge_x_m\", or leave origin_px out: then x = 0 is where the bench ends.",
+                    1e3 * edge.value,
+                    1e3 * std,
+                    1e3 * said,
+                    1e3 * read,
+                ),
+            ));
+        }
+    }
+    if j.calibration.launch.spin_ratio == Some(0.0) {
+        out.push(warning(
+            "rolling_unsaid",
+            format!("the ball is seen moving along its bench for {:.3} s, and \"launch.spin_ratio\" is 0: if it rolled, e_x, spins and regimes are wrong. Set \"spin_ratio\": \"rolling\" (with \"track_width_m\" on a track), or null where nobody knows.", launch.rolled_s),
+        ));
+    }
+    out
+}
+
+/// A swing that the ball alone shows.
+fn shaken_ball(shake: &Shake, j: &Judged<'_>) -> Warning {
+    warning(
+        "camera_shaken",
+        format!(
+            "after the impact at {:.3} s the ball seems to leave its arc by up to {:.2} px and comes back within some hundredths of a second: the table or the camera is bumped, and nothing in the picture tells by how much. The centres after each impact count for as little as that makes them sure. Put the camera on a stand of its own, or have an edge in the picture (the floor, the bench).",
+            shake.impact_s,
+            shake.size / j.units_per_px,
+        ),
+    )
+}
+
+/// Impacts whose motion along the floor no contact makes.
+fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
+    let found: Vec<String> = bounces
+        .iter()
+        .enumerate()
+        .filter_map(|(i, (_, b))| {
+            let words = match b.impossible? {
+                Impossible::Reversed(e_x) => format!(
+                    "e_x would be {:.2} ± {:.2}",
+                    e_x.value,
+                    e_x.std_uncertainty.unwrap_or(f64::NAN)
+                ),
+                Impossible::Driven(gain) => format!(
+                    "the slip grows by {:.3} ± {:.3} m/s",
+                    gain.value,
+                    gain.std_uncertainty.unwrap_or(f64::NAN)
+                ),
+            };
+            Some(format!("bounce {}: {words}", i + 1))
+        })
+        .collect();
+    (!found.is_empty()).then(|| {
+        warning(
+            "impossible_tangential",
+            format!("no contact does that ({}), so e_x, spins and friction are left out there. Possible: the ball spun before (\"launch.spin_ratio\": a number, \"rolling\" or null), it moves out of the plane, the floor slopes, or two things were taken for one.", found.join("; ")),
+        )
+    })
+}
+
+/// The self-check of a top view: the bend of the path tells g over the camera's distance.
+fn distance_against_fall(j: &Judged<'_>) -> Option<Warning> {
+    let distance_m = j.calibration.distance_m?;
+    let seen = find::fall_seen(j.flight)?;
+    let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
+    let std = seen.std_uncertainty? / seen.value;
+    let off = seen.value.ln().abs();
+    if !(off > DISTANCE_SIGMAS * std.hypot(given) && off > DISTANCE_PART) {
+        return None;
+    }
+    let time = time_factor(1.0 / seen.value).map_or(String::new(), |n| {
+        let (given, meant) = (rounded(1.0 / j.interval_s), rounded(n / j.interval_s));
+        format!(" Or the clock is wrong: it fits a capture rate of {meant} Hz in place of {given} Hz (\"frame_rate_hz\").")
+    });
+    Some(warning(
+        "distance_mismatch",
+        format!(
+            "the ball's path bends as for a camera {:.2} ± {:.2} m above the floor, not {distance_m} m: directions and speeds are not to be trusted before this is explained. Check \"distance_m\": from the lens to the floor, in metres, along the line of sight.{time}",
+            distance_m / seen.value,
+            distance_m / seen.value * std,
+        ),
+    ))
+}
+
+/// A path that is no straight line, where it is taken for one.
+fn bent(part: f64) -> Warning {
+    warning(
+        "paths_bend",
+        format!(
+            "seen from above, the ball's path bends by {:.0} % of its speed within one flight (up to {:.0} degrees), as a near camera shows it: directions and speeds may be off by as much, so their uncertainties are left out. Set \"distance_m\" to the distance from the lens to the floor, and this is corrected.",
+            100.0 * part,
+            part.atan().to_degrees()
+        ),
+    )
+}
+
+/// A distance is off when it is by this part, which turns directions by less than the tracking does, and by so many
+/// standard uncertainties.
+const DISTANCE_PART: f64 = 0.04;
+const DISTANCE_SIGMAS: f64 = 4.0;
+
+/// Whole factors between stored and true frame rates that phones and editors make.
+fn time_factor(ratio: f64) -> Option<f64> {
+    // Phones store 60 to 960 Hz at 24 to 30 Hz; editors halve or double.
+    const FACTORS: [f64; 13] = [
+        2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 16.0, 20.0, 32.0, 0.5, 0.25,
+    ];
+    let n = ratio.sqrt();
+    FACTORS
+        .into_iter()
+        .filter(|f| (n / f - 1.0).abs() < 0.12)
+        .min_by(|a, b| (n / a).ln().abs().total_cmp(&(n / b).ln().abs()))
+}
+
+/// Up to four digits without trailing zeros.
+fn rounded(x: f64) -> String {
+    let text = if x >= 100.0 {
+        format!("{x:.0}")
+    } else {
+        format!("{x:.2}")
+    };
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// A ball of known size is a second ruler.
+fn scale_against_ball(j: &Judged<'_>) -> Option<Warning> {
+    if matches!(j.calibration.scale, Scale::Ball) {
+        return None;
+    }
+    let (known, seen) = (
+        j.calibration.ball.radius_m?,
+        j.radius_units? * j.scene.metres_per_unit.value,
+    );
+    let ratio = seen / known;
+    if (ratio - 1.0).abs() < 0.1 {
+        return None;
+    }
+    let time = if matches!(j.calibration.scale, Scale::Gravity) {
+        let n = time_factor(1.0 / ratio).map_or(String::new(), |n| {
+            let rate = rounded(n / j.interval_s);
+            format!(" It fits a capture rate of {rate} Hz: set \"frame_rate_hz\": {rate}.")
+        });
+        format!(" The scale comes from the fall, so a wrong time base would do this.{n}")
+    } else {
+        String::new()
+    };
+    Some(warning(
+        "ball_size_mismatch",
+        format!(
+            "by the scale the ball's radius is {:.2} mm, by the calibration {:.2} mm (factor {ratio:.3}).{time}",
+            1e3 * seen,
+            1e3 * known
+        ),
+    ))
+}
+
+/// With an origin on the floor, the ball's centre must touch at its radius.
+fn floor_height(j: &Judged<'_>) -> Option<Warning> {
+    let radius_m = j.radius_m?;
+    if !j.calibration.has_origin() || j.calibration.view == View::Top {
+        return None;
+    }
+    let (k, first) = j.bounces.first()?;
+    let (_, height_m) = j.scene.place_m(*k, first.time_s?.value);
+    let off = height_m - radius_m;
+    (off.abs() > 0.5 * radius_m + 3.0 * j.scene.metres_per_unit.value).then(|| {
+        warning(
+            "floor_mismatch",
+            format!("the ball touches with its centre {:.1} mm above the calibration's floor; its radius is {:.1} mm. Check \"origin_px\": its row is the floor where the ball bounces.", 1e3 * height_m, 1e3 * radius_m),
+        )
+    })
+}
+
+/// x is a distance on one floor.
+fn different_heights(j: &Judged<'_>) -> Option<Warning> {
+    if j.calibration.view == View::Top {
+        return None;
+    }
+    let heights: Vec<f64> = j
+        .bounces
+        .iter()
+        .filter_map(|(k, b)| Some(j.scene.place_m(*k, b.time_s?.value).1))
+        .collect();
+    let (first, second) = (heights.first()?, heights.get(1)?);
+    let radius_m = j.radius_m.unwrap_or(0.01);
+    ((first - second).abs() > radius_m).then(|| {
+        warning(
+            "floors_differ",
+            format!("the second impact is {:.0} mm {} than the first: x is the distance between them, not one on a level floor, and the relation of x to x0 does not hold.", 1e3 * (first - second).abs(), if second < first { "lower" } else { "higher" }),
+        )
+    })
+}
+
+/// Why nothing was measured, and what to try.
+pub fn no_flight(
+    reason: &NoFlight,
+    seen: &Observation,
+    base: &TimeBase,
+    calibration: &Calibration,
+) -> String {
+    let frames = seen.stamps_s.len();
+    let moving = seen.sightings.len();
+    match reason {
+        NoFlight::NothingRound { spots } => format!(
+            "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
+        ),
+        NoFlight::NothingFalls { longest } if calibration.view == View::Top => {
+            let all = format!(
+                "{moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames)"
+            );
+            match calibration.distance_m {
+                Some(distance_m) => format!(
+                    "nothing bounces as seen from above: {all} follows the path of a bouncing ball as a camera {distance_m} m above it shows it. Are \"distance_m\" (from the lens to the calibrated plane, in metres), the scale and the frame rate right, and does the camera look straight down?"
+                ),
+                None => format!(
+                    "nothing moves in straight lines as seen from above: {all} is made of straight lines with turns between. A camera that is near sees them bent, because the ball nears it as it rises: set \"distance_m\" to the distance from the lens to the calibrated plane."
+                ),
+            }
+        }
+        NoFlight::NothingFalls { longest } => format!(
+            "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?{}",
+            slow_frames(base, calibration.gravity_m_s2)
+        ),
+    }
+}
+
+/// Frames that an arc needs to be found.
+const ARC_FRAMES: f64 = 5.0;
+
+/// Rates below which the time between two impacts of a ball in the lab (0.1 s and more) may hold too few frames, Hz.
+const FEW_FRAMES_HZ: f64 = 90.0;
+
+/// That arcs may hold too few frames, where frames are slow.
+fn slow_frames(base: &TimeBase, gravity_m_s2: f64) -> String {
+    let slow = base.interval_s.filter(|&s| s > 1.0 / FEW_FRAMES_HZ);
+    slow.map_or(String::new(), |s| {
+        format!(
+            " An arc needs {ARC_FRAMES} frames: at {} Hz that is {:.2} s from impact to impact, so bounces below {:.0} mm are too short; a higher frame rate helps.",
+            rounded(1.0 / s),
+            ARC_FRAMES * s,
+            // Up and down in that time: g T² / 8.
+            1e3 * gravity_m_s2 * (ARC_FRAMES * s).powi(2) / 8.0,
+        )
+    })
+}
+
+/// Why a flight alone is no measurement.
+pub fn no_bounce(flight: &Flight, walls: usize, calibration: &Calibration) -> String {
+    let frames = flight.used();
+    if calibration.view == View::Top {
+        return format!(
+            "a ball moves freely through {frames} frames, but shows no impact within the clip: seen from above it is a turn of the path between two stretches, so keep recording until after the first one."
+        );
+    }
+    let walls = if walls > 0 {
+        format!(", and {walls} impact(s) on something upright")
+    } else {
+        String::new()
+    };
+    format!(
+        "a ball flies freely through {frames} frames{walls}, but does not bounce on a floor within the clip: keep recording until after the first bounce, with the floor in the picture."
+    )
+}

@@ -1,0 +1,305 @@
+//! What the paper's figures show of a row, with its uncertainty, and what a model makes of the same incidence.
+//!
+//! | figure | abscissa | ordinate |
+//! |---|---|---|
+//! | 3 | tan θ | tan φ |
+//! | 4 | x_o | x / x_o |
+//! | 5 | θ | R ω_y / u_o |
+//! | 7 | θ | R ω_oy / u_o |
+
+use super::result::Curve;
+use super::series::{Column, ColumnSet, GRAVITY_M_S2, Row, Weights};
+use crate::rebound::{Motion, e_e, grip_slide, mu_e};
+use nalgebra::Vector3;
+
+/// Spin ratios no further from each other than this are those of one kind of launch.
+pub const SAME_SPIN: f64 = 0.03;
+
+/// A number to draw, with the length of its error bar to either side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mark {
+    /// Where.
+    pub value: f64,
+    /// One standard uncertainty; `None` without.
+    pub std: Option<f64>,
+}
+
+/// A row in the coordinates of the figures. What it does not hold is `None`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coordinates {
+    /// tan θ.
+    pub incident_tangent: Mark,
+    /// θ, rad.
+    pub incident_rad: Mark,
+    /// tan φ; distances do not hold it.
+    pub rebound_tangent: Option<Mark>,
+    /// x_o, m.
+    pub x0_m: Option<Mark>,
+    /// x / x_o.
+    pub distance_ratio: Option<Mark>,
+    /// R ω_oy / u_o.
+    pub spin_ratio: Option<Mark>,
+    /// R ω_y / u_o, from the impulse balance; angles and distances hold it only with the model's restitution.
+    pub spin_after_ratio: Option<Mark>,
+}
+
+/// What a model makes of an incidence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prediction {
+    /// tan φ.
+    pub rebound_tangent: f64,
+    /// x / x_o.
+    pub distance_ratio: f64,
+    /// R ω_y / u_o.
+    pub spin_after_ratio: f64,
+}
+
+/// The numbers of a row that everything else is computed from.
+const COLUMNS: [Column; 11] = [
+    Column::IncidentVx,
+    Column::IncidentVz,
+    Column::ReboundVx,
+    Column::ReboundVz,
+    Column::SpinIn,
+    Column::IncidentAngle,
+    Column::ReboundAngle,
+    Column::X0,
+    Column::X,
+    Column::LaunchSpeed,
+    Column::SpinRatio,
+];
+
+/// A row's numbers, in the order of [`COLUMNS`].
+type Numbers = [Option<f64>; COLUMNS.len()];
+
+impl Coordinates {
+    /// Of `row`, in a series of `set`; `restitution` and `shared_spin_ratio` are the model's, for what the row itself does
+    /// not hold. Error bars only with `weights` that were stated.
+    #[must_use]
+    pub fn new(
+        row: &Row,
+        set: ColumnSet,
+        weights: Weights,
+        restitution: f64,
+        shared_spin_ratio: Option<f64>,
+    ) -> Option<Self> {
+        let reader = Reader {
+            row,
+            set,
+            weights,
+            restitution,
+            shared_spin_ratio,
+        };
+        Some(Self {
+            incident_tangent: reader.mark(Reader::incident_tangent)?,
+            incident_rad: reader.mark(|r, n| r.incident_tangent(n).map(f64::atan))?,
+            rebound_tangent: reader.mark(Reader::rebound_tangent),
+            x0_m: reader.mark(|_, n| get(n, Column::X0)),
+            distance_ratio: reader.mark(|_, n| Some(get(n, Column::X)? / get(n, Column::X0)?)),
+            spin_ratio: reader.mark(Reader::spin_ratio),
+            spin_after_ratio: reader.mark(Reader::spin_after_ratio),
+        })
+    }
+}
+
+fn get(numbers: &Numbers, column: Column) -> Option<f64> {
+    COLUMNS.iter().position(|c| *c == column).and_then(|i| numbers[i])
+}
+
+/// A row and what it is read with.
+struct Reader<'a> {
+    row: &'a Row,
+    set: ColumnSet,
+    weights: Weights,
+    restitution: f64,
+    shared_spin_ratio: Option<f64>,
+}
+
+impl Reader<'_> {
+    /// A number with its uncertainty, by differences over each of the row's own.
+    fn mark(&self, function: impl Fn(&Self, &Numbers) -> Option<f64>) -> Option<Mark> {
+        let numbers: Numbers = COLUMNS.map(|c| self.row.value(c));
+        let value = function(self, &numbers).filter(|v| v.is_finite())?;
+        if self.weights == Weights::Unit {
+            return Some(Mark { value, std: None });
+        }
+        let mut slopes = [0.0; COLUMNS.len()];
+        for (i, column) in COLUMNS.into_iter().enumerate() {
+            let Some(std) = self.row.reading(column).and_then(|r| r.std).filter(|s| *s > 0.0) else {
+                continue;
+            };
+            let at = |sign: f64| {
+                let mut moved = numbers;
+                moved[i] = moved[i].map(|x| x + 0.1 * sign * std);
+                function(self, &moved).filter(|v| v.is_finite())
+            };
+            // Times the deviation already.
+            slopes[i] = 5.0 * (at(1.0)? - at(-1.0)?);
+        }
+        let mut variance: f64 = slopes.iter().map(|s| s * s).sum();
+        for &(a, b, r) in self.row.correlations() {
+            let place = |c: Column| COLUMNS.iter().position(|known| *known == c);
+            if let (Some(i), Some(j)) = (place(a), place(b)) {
+                variance += 2.0 * r * slopes[i] * slopes[j];
+            }
+        }
+        Some(Mark {
+            value,
+            std: Some(variance.max(0.0).sqrt()).filter(|s| *s > 0.0),
+        })
+    }
+
+    fn incident_tangent(&self, n: &Numbers) -> Option<f64> {
+        Some(match self.set {
+            ColumnSet::Velocities => get(n, Column::IncidentVx)? / -get(n, Column::IncidentVz)?,
+            ColumnSet::Angles => get(n, Column::IncidentAngle)?.to_radians().tan(),
+            ColumnSet::Distances => {
+                get(n, Column::LaunchSpeed)?.powi(2) / (self.gravity() * get(n, Column::X0)?)
+            }
+        })
+    }
+
+    fn gravity(&self) -> f64 {
+        self.row.value(Column::Gravity).unwrap_or(GRAVITY_M_S2)
+    }
+
+    fn rebound_tangent(&self, n: &Numbers) -> Option<f64> {
+        match self.set {
+            ColumnSet::Velocities => Some(get(n, Column::ReboundVx)? / get(n, Column::ReboundVz)?),
+            ColumnSet::Angles => Some(get(n, Column::ReboundAngle)?.to_radians().tan()),
+            ColumnSet::Distances => None,
+        }
+    }
+
+    fn spin_ratio(&self, n: &Numbers) -> Option<f64> {
+        let surface = get(n, Column::SpinIn).filter(|_| self.set == ColumnSet::Velocities);
+        match surface {
+            Some(surface) => Some(surface / get(n, Column::IncidentVx)?),
+            None => get(n, Column::SpinRatio).or(self.shared_spin_ratio),
+        }
+    }
+
+    fn spin_after_ratio(&self, n: &Numbers) -> Option<f64> {
+        let kept = match self.set {
+            ColumnSet::Velocities => get(n, Column::ReboundVx)? / get(n, Column::IncidentVx)?,
+            ColumnSet::Angles => self.restitution * self.rebound_tangent(n)? / self.incident_tangent(n)?,
+            ColumnSet::Distances => get(n, Column::X)? / (2.0 * self.restitution * get(n, Column::X0)?),
+        };
+        Some(self.spin_ratio(n)? + (1.0 - kept) / self.row.inertia_factor())
+    }
+}
+
+impl Curve {
+    /// What the model makes of a ball that comes at `incident_tangent` with `spin_ratio`; `None` where the rebound has no
+    /// such number (straight down, or no rebound).
+    #[must_use]
+    pub fn predict(&self, incident_tangent: f64, spin_ratio: f64, inertia_factor: f64) -> Option<Prediction> {
+        let incoming = Motion {
+            velocity_m_s: Vector3::new(incident_tangent, 0.0, -1.0),
+            surface_spin_m_s: Vector3::new(0.0, spin_ratio * incident_tangent, 0.0),
+        };
+        let after = match self {
+            Self::MuE(p) => mu_e::impact(&incoming, p, inertia_factor).0,
+            Self::EE(p) => e_e::impact(&incoming, p, inertia_factor).0,
+            Self::GripSlide(p) => grip_slide::impact(&incoming, p, inertia_factor).0,
+        };
+        let kept = after.velocity_m_s.x / incident_tangent;
+        let prediction = Prediction {
+            rebound_tangent: after.velocity_m_s.x / after.velocity_m_s.z,
+            // x = v_x · 2 v_z / g, x_o = u_o |v_oz| / g.
+            distance_ratio: 2.0 * kept * after.velocity_m_s.z,
+            spin_after_ratio: after.surface_spin_m_s.y / incident_tangent,
+        };
+        [
+            prediction.rebound_tangent,
+            prediction.distance_ratio,
+            prediction.spin_after_ratio,
+        ]
+        .iter()
+        .all(|x| x.is_finite())
+        .then_some(prediction)
+    }
+
+    /// Incident angle at which a ball with `spin_ratio` begins to slide, rad; `None` where it never does.
+    #[must_use]
+    pub fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64> {
+        let angle = match self {
+            Self::MuE(p) if p.static_friction.is_finite() => {
+                mu_e::transition_angle_rad(p, spin_ratio, inertia_factor)
+            }
+            Self::GripSlide(p) if p.friction.is_finite() => {
+                grip_slide::transition_angle_rad(p, spin_ratio, inertia_factor)
+            }
+            _ => return None,
+        };
+        angle.is_finite().then_some(angle)
+    }
+
+    /// e.
+    #[must_use]
+    pub fn restitution(&self) -> f64 {
+        match self {
+            Self::MuE(p) => p.restitution,
+            Self::EE(p) => p.restitution,
+            Self::GripSlide(p) => p.restitution,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rebound::SOLID_SPHERE;
+
+    #[test]
+    fn every_set_shows_the_same_bounce() {
+        // e = 0.8, leaves rolling from u = 1 m/s at 30 degrees.
+        let (u, e, g) = (1.0, 0.8, 10.0);
+        let b = u / 30_f64.to_radians().tan();
+        let (after_x, after_z) = (5.0 / 7.0 * u, e * b);
+        let velocities = Row::new(1, "all")
+            .with(Column::IncidentVx, u, Some(0.01))
+            .with(Column::IncidentVz, -b, Some(0.0))
+            .with(Column::ReboundVx, after_x, Some(0.0))
+            .with(Column::ReboundVz, after_z, Some(0.0))
+            .with(Column::SpinIn, 0.0, None);
+        let angles = Row::new(1, "all")
+            .with(Column::IncidentAngle, 30.0, None)
+            .with(Column::ReboundAngle, after_x.atan2(after_z).to_degrees(), None)
+            .with(Column::SpinRatio, 0.0, None);
+        let distances = Row::new(1, "all")
+            .with(Column::X0, u * b / g, None)
+            .with(Column::X, after_x * 2.0 * after_z / g, None)
+            .with(Column::LaunchSpeed, u, None)
+            .with(Column::Gravity, g, None)
+            .with(Column::SpinRatio, 0.0, None);
+        let curve = Curve::EE(e_e::Parameters {
+            restitution: e,
+            tangential_restitution_x: 0.0,
+            tangential_restitution_y: 0.0,
+        });
+        let predicted = curve.predict(u / b, 0.0, SOLID_SPHERE).unwrap();
+        for (row, set) in [
+            (velocities, ColumnSet::Velocities),
+            (angles, ColumnSet::Angles),
+            (distances, ColumnSet::Distances),
+        ] {
+            let c = Coordinates::new(&row, set, Weights::Stated, e, None).unwrap();
+            assert!((c.incident_rad.value.to_degrees() - 30.0).abs() < 1e-9, "{set:?}");
+            assert!(
+                (c.spin_after_ratio.unwrap().value - 5.0 / 7.0).abs() < 1e-9,
+                "{set:?}"
+            );
+            if let Some(mark) = c.rebound_tangent {
+                assert!((mark.value - predicted.rebound_tangent).abs() < 1e-9);
+            }
+            if let Some(mark) = c.distance_ratio {
+                assert!((mark.value - predicted.distance_ratio).abs() < 1e-9);
+            }
+            if set == ColumnSet::Velocities {
+                assert!((c.incident_tangent.std.unwrap() - 0.01 / b).abs() < 1e-9);
+            }
+        }
+        assert!((predicted.spin_after_ratio - 5.0 / 7.0).abs() < 1e-12);
+    }
+}

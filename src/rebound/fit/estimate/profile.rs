@@ -1,0 +1,146 @@
+//! Intervals by profile: how far each parameter may go while the others make up for it.
+//!
+//! Where rows change sides as a parameter moves, χ² is no parabola: steep while every row stays on its side, nearly flat once
+//! one has crossed. The covariance at the least χ² knows of neither. So each parameter is moved away, the others fitted
+//! anew, until χ² is beyond what chance allows. Where it comes out as the covariance has it, one step to either side shows it.
+
+use super::{KNOWN, Work};
+use crate::rebound::fit::law::{PARAMETERS, Regimes, Theta};
+use crate::rebound::fit::models::FEW;
+use crate::rebound::fit::search::Task;
+
+/// χ² at the end that the covariance gives may be off by this part before the end is looked for.
+const AS_EXPECTED: f64 = 0.1;
+
+/// To what part of the level an end is found.
+const CLOSE: f64 = 0.05;
+
+/// Steps outwards, and steps to an end once it lies between two.
+const STEPS: usize = 12;
+
+/// Where χ² stays within reach.
+#[derive(Debug, Default)]
+pub(super) struct Region {
+    /// Parameters at its ends.
+    pub ends: Vec<Theta>,
+    /// For each parameter, whether it goes on downwards and upwards to where nothing is known of it.
+    pub open: [(bool, bool); PARAMETERS],
+}
+
+impl Region {
+    /// Around the least χ², of the parameters that the rows determine.
+    pub fn around(work: &Work<'_>) -> Self {
+        let mut region = Self::default();
+        let solution = work.solution;
+        let level = (work.factor * work.scatter.unwrap_or(0.0)).powi(2);
+        if solution.regimes != Regimes::Continuous || work.data.rows.len() > FEW || !(level > 0.0) {
+            return region;
+        }
+        let at_once = |j: usize| solution.determined[j] && work.covariance[(j, j)].sqrt() <= KNOWN[j];
+        for j in (0..PARAMETERS).filter(|&j| at_once(j)) {
+            let [low, high] = [-1.0, 1.0].map(|sign| region.end(work, level, j, sign));
+            region.open[j] = (low, high);
+        }
+        region
+    }
+
+    /// Whether any parameter goes on to where nothing is known of it.
+    pub fn is_open(&self) -> bool {
+        self.open.iter().any(|(low, high)| *low || *high)
+    }
+
+    /// Goes to the end of a parameter to one side; whether there is none.
+    fn end(&mut self, work: &Work<'_>, level: f64, j: usize, sign: f64) -> bool {
+        let mut path = Path::new(work, j);
+        let best = work.theta[j];
+        let mut reach = work.factor * work.covariance[(j, j)].sqrt();
+        let mut rise = path.rise(best + sign * reach);
+        if (rise - level).abs() <= AS_EXPECTED * level {
+            return false;
+        }
+        let mut inside = 0.0;
+        let mut outside = None;
+        for _ in 0..STEPS {
+            if rise > level {
+                outside = Some(reach);
+                break;
+            }
+            self.ends.push(path.theta);
+            inside = reach;
+            reach *= 1.6;
+            if reach > work.factor * KNOWN[j] {
+                return true;
+            }
+            rise = path.rise(best + sign * reach);
+        }
+        let Some(mut outside) = outside else {
+            return true;
+        };
+        for _ in 0..STEPS {
+            let middle = 0.5 * (inside + outside);
+            let rise = path.rise(best + sign * middle);
+            if rise > level {
+                outside = middle;
+            } else {
+                inside = middle;
+                self.ends.push(path.theta);
+            }
+            if (rise - level).abs() <= CLOSE * level || outside - inside <= CLOSE * outside {
+                break;
+            }
+        }
+        false
+    }
+}
+
+/// Least χ² along one parameter.
+struct Path<'a> {
+    work: &'a Work<'a>,
+    task: Task<'a>,
+    j: usize,
+    /// Where it went last.
+    theta: Theta,
+}
+
+impl<'a> Path<'a> {
+    fn new(work: &'a Work<'a>, j: usize) -> Self {
+        let mut task = work.solution.task(work.data);
+        task.free[j] = false;
+        Self {
+            work,
+            task,
+            j,
+            theta: work.theta,
+        }
+    }
+
+    /// By how much the least χ² rises with the parameter at `value`; infinite where there is none.
+    fn rise(&mut self, value: f64) -> f64 {
+        let (work, j) = (self.work, self.j);
+        let at = |theta: &Theta| {
+            let by = (value - theta[j]) / work.covariance[(j, j)];
+            let mut moved: Theta = std::array::from_fn(|i| theta[i] + by * work.covariance[(i, j)]);
+            moved[j] = value;
+            moved
+        };
+        let straight = |theta: &Theta| {
+            let mut moved = *theta;
+            moved[j] = value;
+            moved
+        };
+        let valleys = work.solution.valleys.iter().map(|valley| straight(&valley.theta));
+        let starts = [at(&work.theta), straight(&self.theta)];
+        let found = starts
+            .into_iter()
+            .chain(valleys)
+            .filter_map(|start| self.task.search(start))
+            .min_by(|a, b| a.chi2.total_cmp(&b.chi2));
+        match found {
+            Some(found) => {
+                self.theta = found.theta;
+                found.chi2 - work.solution.found.chi2
+            }
+            None => f64::INFINITY,
+        }
+    }
+}

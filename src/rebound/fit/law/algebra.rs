@@ -1,0 +1,63 @@
+//! The few matrices of a row, written out: they are small, and there are many rows.
+
+use super::{Equations, MOST};
+use crate::rebound::fit::observation::Slots;
+
+pub(super) fn dot(a: &Slots, b: &Slots) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// The largest change of a slot, against its size.
+pub(super) fn relative_move(from: &Slots, to: &Slots) -> f64 {
+    from.iter()
+        .zip(to)
+        .map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(1e-9))
+        .fold(0.0, f64::max)
+}
+
+/// L of J Σ Jᵀ = L Lᵀ; false where an equation has no error at all, or two have the same one.
+pub(super) fn cholesky(
+    equations: &Equations,
+    spread: &[Slots; MOST],
+    lower: &mut [[f64; MOST]; MOST],
+) -> bool {
+    for i in 0..equations.count {
+        for j in 0..=i {
+            let entry = dot(&equations.by_slot[i], &spread[j]);
+            let known: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
+            if i == j {
+                let pivot = entry - known;
+                // Positive and not mere rounding of what it was before.
+                if !(pivot > 1e-13 * entry && pivot.is_finite()) {
+                    return false;
+                }
+                lower[i][i] = pivot.sqrt();
+            } else {
+                lower[i][j] = (entry - known) / lower[j][j];
+            }
+        }
+    }
+    true
+}
+
+/// L⁻¹ v.
+pub(super) fn forward(lower: &[[f64; MOST]; MOST], mut v: [f64; MOST], count: usize) -> [f64; MOST] {
+    for i in 0..count {
+        for j in 0..i {
+            v[i] -= lower[i][j] * v[j];
+        }
+        v[i] /= lower[i][i];
+    }
+    v
+}
+
+/// L⁻ᵀ v.
+pub(super) fn backward(lower: &[[f64; MOST]; MOST], mut v: [f64; MOST], count: usize) -> [f64; MOST] {
+    for i in (0..count).rev() {
+        for j in i + 1..count {
+            v[i] -= lower[j][i] * v[j];
+        }
+        v[i] /= lower[i][i];
+    }
+    v
+}

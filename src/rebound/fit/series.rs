@@ -1,0 +1,432 @@
+//! A series of bounces: what was measured of each, before any model.
+//!
+//! A [`Row`] holds what its columns say, in the units that their names say. [`Series::new`] looks at all of them and sets
+//! aside, with a reason, what cannot be used; nothing is dropped silently. A file becomes rows in [`super::csv`].
+
+pub use super::columns::{Column, ColumnSet, Reading};
+
+use super::error::FitError;
+use crate::rebound::SOLID_SPHERE;
+use std::collections::HashSet;
+
+/// Gravity where a row does not give it, m/s².
+pub const GRAVITY_M_S2: f64 = 9.81;
+
+/// Name of the group of rows that name none.
+pub const DEFAULT_GROUP: &str = "all";
+
+/// A bounce.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// Its number in its file, counted from 1 below the column names.
+    pub number: usize,
+    /// Which rows it is fitted with.
+    pub group: String,
+    /// What it was measured on, for people.
+    pub recording: Option<String>,
+    /// Where its page lies, relative to the report; only a relative path is linked.
+    pub page: Option<String>,
+    readings: [Option<Reading>; Column::COUNT],
+    correlations: Vec<(Column, Column, f64)>,
+}
+
+impl Row {
+    /// A row without numbers.
+    #[must_use]
+    pub fn new(number: usize, group: &str) -> Self {
+        Self {
+            number,
+            group: group.to_owned(),
+            recording: None,
+            page: None,
+            readings: [None; Column::COUNT],
+            correlations: Vec::new(),
+        }
+    }
+
+    /// With `value` and its standard deviation in `column`.
+    #[must_use]
+    pub fn with(mut self, column: Column, value: f64, std: Option<f64>) -> Self {
+        self.set(column, Some(Reading { value, std }));
+        self
+    }
+
+    /// With errors of `a` and `b` that are correlated by `correlation`.
+    #[must_use]
+    pub fn with_correlation(mut self, a: Column, b: Column, correlation: f64) -> Self {
+        self.correlations.push((a, b, correlation));
+        self
+    }
+
+    /// Puts a reading in its place, or takes it away.
+    pub fn set(&mut self, column: Column, reading: Option<Reading>) {
+        self.readings[column as usize] = reading;
+    }
+
+    /// What stands in `column`.
+    #[must_use]
+    pub fn reading(&self, column: Column) -> Option<Reading> {
+        self.readings[column as usize]
+    }
+
+    /// The number in `column`.
+    #[must_use]
+    pub fn value(&self, column: Column) -> Option<f64> {
+        self.reading(column).map(|reading| reading.value)
+    }
+
+    /// The correlations that were given.
+    #[must_use]
+    pub fn correlations(&self) -> &[(Column, Column, f64)] {
+        &self.correlations
+    }
+
+    /// k, by default that of a solid sphere.
+    #[must_use]
+    pub fn inertia_factor(&self) -> f64 {
+        self.value(Column::InertiaFactor).unwrap_or(SOLID_SPHERE)
+    }
+}
+
+/// Where the weights of a fit come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Weights {
+    /// The deviations of the rows.
+    Stated,
+    /// No row has a deviation: all count the same, and how they scatter tells how sure they are.
+    Unit,
+}
+
+/// A row that is not in the fit, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetAside {
+    /// Its number.
+    pub row: usize,
+    /// Its group.
+    pub group: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+/// Something to know about a series or its fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Note {
+    /// Stable, lower case with underscores.
+    pub code: &'static str,
+    /// What was noticed, with numbers, and what to do.
+    pub message: String,
+}
+
+/// Rows that can be fitted, and those that cannot.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// What it is called in messages and on the page.
+    pub name: String,
+    /// The columns of the fit.
+    pub set: ColumnSet,
+    /// Where the weights come from.
+    pub weights: Weights,
+    /// The names of the groups, in the order in which they appear.
+    pub groups: Vec<String>,
+    /// Rows whose numbers can be used.
+    pub rows: Vec<Row>,
+    /// Rows whose numbers cannot.
+    pub set_aside: Vec<SetAside>,
+    /// What to know about it as a whole.
+    pub notes: Vec<Note>,
+}
+
+impl Series {
+    /// Looks through `rows`. `set_aside` are those that were no rows of numbers to begin with.
+    ///
+    /// Which set of columns is fitted is the first of [`ColumnSet::ALL`] that some row holds in full.
+    ///
+    /// # Errors
+    ///
+    /// No row at all, or none that holds one of the sets.
+    pub fn new(name: &str, rows: Vec<Row>, set_aside: Vec<SetAside>) -> Result<Self, FitError> {
+        if rows.is_empty() && set_aside.is_empty() {
+            return Err(FitError::NoRows {
+                name: name.to_owned(),
+            });
+        }
+        let full = |set: &ColumnSet| {
+            rows.iter()
+                .any(|row| set.required().iter().all(|&c| row.value(c).is_some()))
+        };
+        let set = ColumnSet::ALL.into_iter().find(full);
+        match set {
+            Some(set) => Ok(Self::of_set(name, set, rows, set_aside)),
+            None if rows.is_empty() => Ok(Self::of_set(name, ColumnSet::Velocities, rows, set_aside)),
+            None => Err(FitError::Columns {
+                name: name.to_owned(),
+                missing: "no row holds a whole set of numbers".to_owned(),
+                found: present(&rows),
+            }),
+        }
+    }
+
+    /// As [`Series::new`], on the columns of `set`.
+    #[must_use]
+    pub fn of_set(name: &str, set: ColumnSet, rows: Vec<Row>, set_aside: Vec<SetAside>) -> Self {
+        let groups = group_names(&rows, &set_aside);
+        let deviations = Deviations::of(set, &rows);
+        let mut series = Self {
+            name: name.to_owned(),
+            set,
+            weights: deviations.weights(),
+            groups,
+            rows: Vec::with_capacity(rows.len()),
+            set_aside,
+            notes: deviations.notes(),
+        };
+        for row in rows {
+            match deviations.check(&row) {
+                Ok(()) => series.rows.push(row),
+                Err(reason) => series.set_aside.push(SetAside {
+                    row: row.number,
+                    group: row.group,
+                    reason,
+                }),
+            }
+        }
+        series.set_aside.sort_by_key(|s| s.row);
+        series
+    }
+}
+
+/// The names of the groups, in the order of the rows.
+fn group_names(rows: &[Row], set_aside: &[SetAside]) -> Vec<String> {
+    let mut order: Vec<(usize, &str)> = rows.iter().map(|r| (r.number, r.group.as_str())).collect();
+    order.extend(set_aside.iter().map(|s| (s.row, s.group.as_str())));
+    order.sort_by_key(|&(number, _)| number);
+    let mut seen = HashSet::new();
+    order.retain(|&(_, group)| seen.insert(group));
+    order.into_iter().map(|(_, group)| group.to_owned()).collect()
+}
+
+/// The names of the columns in which some row has a number.
+fn present(rows: &[Row]) -> String {
+    let names: Vec<&str> = Column::ALL
+        .into_iter()
+        .filter(|&c| rows.iter().any(|row| row.value(c).is_some()))
+        .map(Column::name)
+        .collect();
+    if names.is_empty() {
+        "none".to_owned()
+    } else {
+        names.join(", ")
+    }
+}
+
+/// What is known of the rows' deviations, column by column.
+struct Deviations {
+    set: ColumnSet,
+    /// Columns of the fit in which some row has a deviation, be it zero.
+    given: Vec<Column>,
+    /// Those in which some deviation is not zero.
+    positive: Vec<Column>,
+    /// Relations between the numbers in which none has a deviation.
+    exact: Vec<&'static [Column]>,
+}
+
+impl Deviations {
+    fn of(set: ColumnSet, rows: &[Row]) -> Self {
+        let columns = set.required().iter().chain(set.optional());
+        let std = |row: &Row, column| row.reading(column).and_then(|r| r.std);
+        let given: Vec<Column> = columns
+            .copied()
+            .filter(|&c| rows.iter().any(|row| std(row, c).is_some()))
+            .collect();
+        let positive: Vec<Column> = given
+            .iter()
+            .copied()
+            .filter(|&c| rows.iter().any(|row| std(row, c).is_some_and(|s| s != 0.0)))
+            .collect();
+        let exact = relations(set)
+            .iter()
+            .copied()
+            .filter(|relation| !relation.iter().any(|c| positive.contains(c)))
+            .collect();
+        Self {
+            set,
+            given,
+            positive,
+            exact,
+        }
+    }
+
+    fn weights(&self) -> Weights {
+        if self.exact.is_empty() {
+            Weights::Stated
+        } else {
+            Weights::Unit
+        }
+    }
+
+    fn notes(&self) -> Vec<Note> {
+        const ALL_THE_SAME: &str = "all rows count the same, and their scatter tells how sure the result is";
+        let names = |columns: &[Column]| columns.iter().map(|c| c.name()).collect::<Vec<_>>();
+        let note = |code, message| vec![Note { code, message }];
+        if self.given.is_empty() {
+            return note(
+                "no_deviations",
+                format!(
+                    "no column of standard deviations (such as {}_std): {ALL_THE_SAME}. So the fit itself cannot be tested.",
+                    self.set.required()[self.set.required().len() - 1].name()
+                ),
+            );
+        }
+        if self.positive.is_empty() {
+            return note(
+                "deviations_all_zero",
+                format!(
+                    "every standard deviation in the file is 0, which no measurement has; {ALL_THE_SAME}. Give the \
+                     deviations, or leave the columns out."
+                ),
+            );
+        }
+        if let Some(relation) = self.exact.first() {
+            let without = names(relation).join(" and ");
+            return note(
+                "deviations_not_used",
+                format!(
+                    "standard deviations for {}, but none for {without}, which would have to agree exactly then; they \
+                     are not used: {ALL_THE_SAME}. Give all of them.",
+                    names(&self.positive).join(", ")
+                ),
+            );
+        }
+        let required = self.set.required().iter().copied();
+        let exact: Vec<Column> = required.filter(|c| !self.given.contains(c)).collect();
+        match exact.first() {
+            None => Vec::new(),
+            Some(first) => note(
+                "taken_as_exact",
+                format!(
+                    "no standard deviations for {}, which is taken as exact while other columns have theirs; add {}_std.",
+                    names(&exact).join(", "),
+                    first.name()
+                ),
+            ),
+        }
+    }
+
+    /// Whether the row's numbers can be used; why not.
+    fn check(&self, row: &Row) -> Result<(), String> {
+        for &column in self.set.required() {
+            let reading = row
+                .reading(column)
+                .ok_or_else(|| format!("{} is empty", column.name()))?;
+            self.check_reading(column, reading, true)?;
+        }
+        for &column in self.set.optional() {
+            if let Some(reading) = row.reading(column) {
+                self.check_reading(column, reading, false)?;
+            }
+        }
+        check_inertia(row)?;
+        check_range(self.set, row)?;
+        let known = |c: &Column| self.set.required().contains(c) || self.set.optional().contains(c);
+        for &(a, b, r) in row.correlations() {
+            if known(&a) && known(&b) && !(r.is_finite() && r.abs() <= 1.0) {
+                return Err(format!(
+                    "the correlation of {} and {} is {r}; it lies between -1 and 1",
+                    a.name(),
+                    b.name()
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_reading(&self, column: Column, reading: Reading, required: bool) -> Result<(), String> {
+        let name = column.name();
+        if !reading.value.is_finite() {
+            return Err(format!("{name} is not a finite number"));
+        }
+        // Far beyond any laboratory; products of such numbers overflow.
+        if !(reading.value.abs() <= 1e9) {
+            return Err(format!("{name} is {}, which no bounce has", reading.value));
+        }
+        match reading.std {
+            Some(std) if std < 0.0 => Err(format!("{name}_std is negative ({std})")),
+            Some(std) if !(std <= 1e9) => Err(format!("{name}_std is {std}, not a deviation")),
+            None if required && self.weights() == Weights::Stated && self.given.contains(&column) => {
+                Err(format!("{name}_std is empty, while other rows have one"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The numbers that a rebound ties together, one set for each equation: some of each need deviations.
+fn relations(set: ColumnSet) -> &'static [&'static [Column]] {
+    match set {
+        ColumnSet::Velocities => &[
+            &[Column::IncidentVx, Column::ReboundVx],
+            &[Column::IncidentVz, Column::ReboundVz],
+        ],
+        ColumnSet::Angles => &[&[Column::IncidentAngle, Column::ReboundAngle]],
+        ColumnSet::Distances => &[&[Column::X0, Column::X]],
+    }
+}
+
+fn check_inertia(row: &Row) -> Result<(), String> {
+    let k = row.inertia_factor();
+    if k > 0.0 && k <= 1.0 {
+        Ok(())
+    } else {
+        Err(format!(
+            "inertia_factor is {k}; it lies above 0 (0.4 for a solid sphere, 0.667 for a thin shell) and up to 1"
+        ))
+    }
+}
+
+/// What no bounce on a floor has.
+fn check_range(set: ColumnSet, row: &Row) -> Result<(), String> {
+    let value = |column| row.value(column).unwrap_or(f64::NAN);
+    match set {
+        ColumnSet::Velocities => {
+            if !(value(Column::IncidentVz) < 0.0) {
+                return Err(format!(
+                    "incident_vz_m_s is {}: before the bounce the ball goes down, which is negative",
+                    value(Column::IncidentVz)
+                ));
+            }
+            if !(value(Column::ReboundVz) >= 0.0) {
+                return Err(format!(
+                    "rebound_vz_m_s is {}: after the bounce the ball goes up, which is positive",
+                    value(Column::ReboundVz)
+                ));
+            }
+        }
+        ColumnSet::Angles => {
+            for column in [Column::IncidentAngle, Column::ReboundAngle] {
+                if !(value(column).abs() < 90.0) {
+                    return Err(format!(
+                        "{} is {}: angles are from the vertical, between -90 and 90 degrees",
+                        column.name(),
+                        value(column)
+                    ));
+                }
+            }
+        }
+        ColumnSet::Distances => {
+            for column in [Column::X0, Column::LaunchSpeed] {
+                if !(value(column) > 0.0) {
+                    return Err(format!(
+                        "{} is {}; it has to be above 0",
+                        column.name(),
+                        value(column)
+                    ));
+                }
+            }
+            let gravity = row.value(Column::Gravity).unwrap_or(GRAVITY_M_S2);
+            if !(gravity > 0.0) {
+                return Err(format!("gravity_m_s2 is {gravity}; it has to be above 0"));
+            }
+        }
+    }
+    Ok(())
+}
