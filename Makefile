@@ -2,6 +2,7 @@
 #
 #     make demo     renders a recording into demo/, measures it, says where the page is
 #     make test     all tests
+#     make figures  makes the tables and pictures of docs/accuracy.md anew (half an hour)
 #     make golden   writes the golden results anew and says what moved
 #     make lint     format, clippy, documentation: as CI does
 #     make build    the program, target/debug/track
@@ -20,7 +21,7 @@ TRACK := cargo run --locked --quiet --bin track --
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball
 
-.PHONY: demo test golden lint build setup
+.PHONY: demo test figures golden lint build setup
 
 demo: build
 	$(TRACK) simulate $(SCENE) --out demo
@@ -29,6 +30,11 @@ demo: build
 
 test: setup
 	cargo test --locked
+
+# Also docs/demo.jpg: the picture of the demo's page.
+figures: demo
+	scripts/figures.sh
+	grep -o 'data:image/jpeg;base64,[^"]*' $(DEMO).report.html | head -n 1 | cut -d , -f 2 | base64 -d > docs/demo.jpg
 
 # After a change that is meant to move numbers; look at the difference before it is committed.
 golden: setup
