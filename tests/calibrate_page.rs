@@ -12,7 +12,7 @@ use base64::Engine as _;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::{TempDir, tempdir};
-use track::calibration::ruler::{self, Length, Request, calibrate};
+use track::calibration::ruler::{self, Length, RulerRequest, calibrate};
 use track::calibration::{Calibration, Scale};
 use track::frames::{Coding, Luma, VideoWriter};
 use track::geometry::PixelPoint;
@@ -381,14 +381,14 @@ fn with_a_lens_the_page_and_the_program_agree() {
     let mut known = ruler::known(None, None);
     known.lens = Calibration::parse(&file.to_string(), "file").unwrap().lens;
     let p = PixelPoint::new;
-    let request = Request {
+    let request = RulerRequest {
         length: Length::Ruler {
             from: p(80.0, 320.0),
             to: p(560.0, 300.0),
             length_m: 0.3,
             length_std_m: None,
         },
-        held: Some(ruler::Held::Level),
+        held: Some(ruler::RulerOrientation::Level),
         up_px: [0.0, -1.0],
         up_given: false,
         up_std_rad: None,

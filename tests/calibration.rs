@@ -152,11 +152,11 @@ fn every_sample_is_read_and_works_over_its_whole_picture() {
 
 #[test]
 fn no_sample_has_a_problem() {
-    use track::calibration::check::{Weight, check};
+    use track::calibration::check::{Severity, check};
     for path in samples() {
         let found = check(&path, None).unwrap();
         assert!(
-            found.iter().all(|f| f.weight == Weight::Remark),
+            found.iter().all(|f| f.severity == Severity::Remark),
             "{}: {found:?}",
             path.display()
         );
@@ -1169,7 +1169,9 @@ fn use_all(text: &str) -> Result<(), TestCaseError> {
             let centre = silhouettes.centre_of_outline(p, 20.0);
             prop_assert!(centre.is_none_or(|c| c.right.is_finite() && c.up.is_finite()));
             let drawn = silhouettes.at(p);
-            prop_assert!(drawn.is_none_or(|s| s.size > 0.0 && s.size.is_finite() && s.longer().is_finite()));
+            prop_assert!(
+                drawn.is_none_or(|s| s.size > 0.0 && s.size.is_finite() && s.elongation().is_finite())
+            );
             if let Some(back) = r.pixel_from_plane(q) {
                 prop_assert!(back.u_px.is_finite() && back.v_px.is_finite());
             }

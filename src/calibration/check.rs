@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// How much a finding matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Weight {
+pub enum Severity {
     /// It makes results wrong, or keeps the calibration from being used.
     Problem,
     /// It is worth knowing.
@@ -23,7 +23,7 @@ pub enum Weight {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
     /// How much it matters.
-    pub weight: Weight,
+    pub severity: Severity,
     /// Dotted path of the key; empty for the whole file.
     pub key: String,
     /// What was found, and what to do.
@@ -32,12 +32,12 @@ pub struct Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let weight = match self.weight {
-            Weight::Problem => "problem",
-            Weight::Remark => "remark ",
+        let severity = match self.severity {
+            Severity::Problem => "problem",
+            Severity::Remark => "remark ",
         };
         let key = if self.key.is_empty() { "(file)" } else { &self.key };
-        write!(f, "{weight}  {key}: {}", self.message)
+        write!(f, "{severity}  {key}: {}", self.message)
     }
 }
 
@@ -82,13 +82,13 @@ impl Findings {
     }
 
     fn sorted(mut self) -> Vec<Finding> {
-        self.all.sort_by_key(|f| f.weight);
+        self.all.sort_by_key(|f| f.severity);
         self.all
     }
 
     fn refused(&mut self, problem: &Problem) {
         self.all.push(Finding {
-            weight: Weight::Problem,
+            severity: Severity::Problem,
             key: problem.key.clone(),
             message: format!(
                 "found {}; accepted: {}; try: {}",
@@ -97,7 +97,7 @@ impl Findings {
         });
     }
 
-    fn add(&mut self, weight: Weight, key: &str, message: impl Into<String>) {
+    fn add(&mut self, severity: Severity, key: &str, message: impl Into<String>) {
         if self
             .refused
             .iter()
@@ -106,18 +106,18 @@ impl Findings {
             return;
         }
         self.all.push(Finding {
-            weight,
+            severity,
             key: key.to_owned(),
             message: message.into(),
         });
     }
 
     fn problem(&mut self, key: &str, message: impl Into<String>) {
-        self.add(Weight::Problem, key, message);
+        self.add(Severity::Problem, key, message);
     }
 
     fn remark(&mut self, key: &str, message: impl Into<String>) {
-        self.add(Weight::Remark, key, message);
+        self.add(Severity::Remark, key, message);
     }
 }
 

@@ -3,8 +3,8 @@
 //! A lens's parameters are strongly correlated (a longer focal length with a smaller distortion, a larger distance of the
 //! plane with a longer focal length), so that deviations one by one would say far too much. A [`Deviation`] is a joint
 //! change by one standard deviation along a principal axis of their covariance; several of them are independent, and
-//! the sum of their outer products is the covariance. A result's share of the calibration's doubt is the sum of the
-//! squares of what each of them changes in it, with everything else (ruler, origin) worked out anew.
+//! the sum of their outer products is the covariance. The variance that a result takes from the calibration is the
+//! sum of the squares of what each of them changes in it, with everything else (ruler, origin) worked out anew.
 
 use super::{Calibration, Lens, Scale};
 use nalgebra::Matrix3;

@@ -24,7 +24,7 @@ mod deviation;
 mod error;
 mod file;
 mod lens;
-mod plane;
+mod rectification;
 pub mod ruler;
 mod scale;
 mod silhouette;
@@ -34,7 +34,7 @@ pub use deviation::Deviation;
 pub use error::{CalibrationError, Problem};
 pub(crate) use file::{FINITE, INERTIA, POSITIVE};
 pub use lens::Lens;
-pub use plane::{PlaneUnit, Rectification};
+pub use rectification::{PlaneUnit, Rectification};
 pub use scale::{Homography, ROUNDED_PIXEL_STD_PX, Scale, ScaleEvidence};
 pub use silhouette::{Silhouette, Silhouettes};
 pub use viewpoint::{Optics, Viewpoint};
@@ -225,8 +225,8 @@ pub struct Calibration {
     pub distance_std_m: Option<f64>,
     /// Lens distortion.
     pub lens: Option<Lens>,
-    /// Standard uncertainties of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, for people: what a result takes from the lens's
-    /// doubt is in `deviations`. `None` where a number was not fitted.
+    /// Standard uncertainties of fx, fy, cx, cy (px), k1, k2, p1, p2, k3, for people: the uncertainty that
+    /// results take from the lens is in `deviations`. `None` where a number was not fitted.
     pub lens_std: [Option<f64>; 9],
     /// How lens and homography may be off together; empty where nobody determined it.
     pub deviations: Vec<Deviation>,

@@ -14,7 +14,7 @@
 //! rounding to whole pixels. (That is a floor. A mark that is 3 px wide wants `point_std_px` of about 1.)
 
 use super::error::CalibrationError;
-use super::plane::Rectification;
+use super::rectification::Rectification;
 use super::{Calibration, Problem};
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;

@@ -1,6 +1,6 @@
-//! How the picture draws a ball: an ellipse, by its place.
+//! The outline of a ball in the picture: an ellipse that depends on where the ball is.
 //!
-//! Three things make it one. Perspective draws the ball out, away from the optical axis (see [`super::viewpoint`]); the lens
+//! Three things make it one. Perspective lengthens the outline away from the optical axis (see [`super::viewpoint`]); the lens
 //! stretches the picture there by other factors along the radius than across it; and a plane that is not square to the
 //! camera is nearer at one side than at the other. With S(p) the product of the first two, S of determinant 1 but for
 //! perspective's part, the outline of a ball seen at p is
@@ -16,7 +16,7 @@
 //! undistorted one; from its centre perspective leads to that of the ball. (A ball of 15 px in the corner of a barrel lens:
 //! 0.02 px; it grows with the radius squared.)
 
-use super::plane::Rectification;
+use super::rectification::Rectification;
 use super::viewpoint::Optics;
 use crate::geometry::{PixelPoint, PlanePoint, nearest_ellipse};
 use nalgebra::{Matrix2, Vector2};
@@ -33,16 +33,16 @@ pub struct Silhouettes<'a> {
 /// The outline of a ball at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Silhouette {
-    /// Makes it of a circle.
+    /// The linear map that takes a circle to it.
     pub stretch: Matrix2<f64>,
     /// How many times larger than usual that circle is.
     pub size: f64,
 }
 
 impl Silhouette {
-    /// By how much longer than wide it is, for a radius of 1: the difference of the stretch's singular values.
+    /// Long minus short half axis for a circle of radius 1: the difference of the stretch's singular values.
     #[must_use]
-    pub fn longer(&self) -> f64 {
+    pub fn elongation(&self) -> f64 {
         let m = &self.stretch;
         (m[(0, 0)] - m[(1, 1)]).hypot(m[(0, 1)] + m[(1, 0)])
     }
@@ -132,13 +132,13 @@ mod tests {
     const MIDDLE: PixelPoint = PixelPoint::new(639.5, 359.5);
 
     /// A camera 1 m from a plane turned by `tilt_rad`, its calibration, and what it does.
-    struct Camera {
+    struct TiltedCamera {
         focal_px: [f64; 2],
         lens: Option<Lens>,
         turned: Rotation3<f64>,
     }
 
-    impl Camera {
+    impl TiltedCamera {
         fn new(focal_px: [f64; 2], distortion: Option<[f64; 5]>, tilt_rad: f64) -> Self {
             let [fx, fy] = focal_px;
             let matrix = Matrix3::new(fx, 0.0, MIDDLE.u_px, 0.0, fy, MIDDLE.v_px, 0.0, 0.0, 1.0);
@@ -218,7 +218,7 @@ mod tests {
             k1 in -0.3..0.1_f64, aspect in 0.9..1.1_f64, lens in any::<bool>(),
         ) {
             let focal_px = if lens { [1000.0, 1000.0 * aspect] } else { [1000.0; 2] };
-            let camera = Camera::new(focal_px, lens.then_some([k1, 0.05, 0.0005, -0.0004, 0.0]), tilt);
+            let camera = TiltedCamera::new(focal_px, lens.then_some([k1, 0.05, 0.0005, -0.0004, 0.0]), tilt);
             let c = camera.calibration();
             let map = c.rectification().unwrap();
             let silhouettes = Silhouettes::new(&map, c.optics(Some(1.0), SIZE), MIDDLE);
@@ -256,7 +256,7 @@ mod tests {
         let p = PixelPoint::new(10.25, 700.125);
         let drawn = silhouettes.at(p).unwrap();
         assert_eq!(
-            (drawn.stretch, drawn.size, drawn.longer()),
+            (drawn.stretch, drawn.size, drawn.elongation()),
             (Matrix2::identity(), 1.0, 0.0)
         );
         assert_eq!(silhouettes.centre_of_outline(p, 20.0), map.plane_from_pixel(p));
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn a_pixel_of_the_ball_is_not_foreshortened() {
-        let tilted = Camera::new([1000.0; 2], None, 0.2).calibration();
+        let tilted = TiltedCamera::new([1000.0; 2], None, 0.2).calibration();
         let map = tilted.rectification().unwrap();
         let units = Silhouettes::new(&map, None, MIDDLE).units_per_px().unwrap();
         assert!((units - 0.001).abs() < 1e-9, "{units}");
@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn beyond_the_lens_there_is_no_outline() {
-        let camera = Camera::new([400.0; 2], Some([-0.5, 0.0, 0.0, 0.0, 0.0]), 0.0);
+        let camera = TiltedCamera::new([400.0; 2], Some([-0.5, 0.0, 0.0, 0.0, 0.0]), 0.0);
         let map = camera.calibration().rectification().unwrap();
         let silhouettes = Silhouettes::new(&map, None, MIDDLE);
         let far = PixelPoint::new(1279.0, 719.0);

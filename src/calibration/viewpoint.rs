@@ -25,7 +25,7 @@
 //! is turned: (K⁻¹ h1, K⁻¹ h2, K⁻¹ h3) = λ (r1, r2, t), λ from the depth of the plane on the axis, f from |r1| = |r2| = 1.
 
 use super::error::{CalibrationError, Problem};
-use super::plane::Rectification;
+use super::rectification::Rectification;
 use super::{Calibration, Lens};
 use crate::geometry::{PixelPoint, PlanePoint};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
@@ -176,8 +176,8 @@ impl Optics {
         )
     }
 
-    /// How the outline of a ball seen at `p` is drawn out: the matrix that makes it of a circle, longer along the line from
-    /// the optical axis by √(1 + (ρ/Z)²).
+    /// How perspective stretches the outline of a ball seen at `p`: the matrix that makes it of a circle, longer along the
+    /// line from the optical axis by √(1 + (ρ/Z)²).
     pub(super) fn outline_stretch(&self, p: PixelPoint) -> Matrix2<f64> {
         // As square pixels would have it.
         let away = Vector2::new(
@@ -240,9 +240,9 @@ mod tests {
             let map = c.rectification().unwrap();
             let there = map
                 .plane_from_pixel(PixelPoint::new(639.5 + focal_px * ray.x / ray.z, 359.5 + focal_px * ray.y / ray.z));
-            let told = v.seen_against(seen, 0.2 * height).unwrap();
+            let expected = v.seen_against(seen, 0.2 * height).unwrap();
             if let Some(there) = there {
-                prop_assert!((there.right - told.right).hypot(there.up - told.up) < 1e-6 * height);
+                prop_assert!((there.right - expected.right).hypot(there.up - expected.up) < 1e-6 * height);
             }
         }
     }

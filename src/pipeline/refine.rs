@@ -141,7 +141,7 @@ impl Scenery<'_> {
     fn patch<'a>(&self, s: &'a Sighting, disc: &Disc) -> Patch<'a> {
         let drawn = self
             .silhouette(s, disc.centre)
-            .filter(|drawn| drawn.longer() * disc.radius_px > ROUND_ENOUGH_PX);
+            .filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
         Patch {
             drawn_out: drawn.and_then(|drawn| DrawnOut::new(disc.centre, drawn.stretch)),
             ..self.seen.detector.patch(&s.blob.crop, &s.registration)

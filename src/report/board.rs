@@ -2,7 +2,7 @@
 
 use super::table::format_quantity;
 use crate::calibration::Calibration;
-use crate::calibration::board::{BoardLens, COVERAGE_CELLS, Coverage, Plane, Use, View};
+use crate::calibration::board::{BoardLens, BoardView, COVERAGE_CELLS, Coverage, MotionPlane, ViewUse};
 use crate::quantity::Quantity;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -11,11 +11,11 @@ use std::fmt::Write as _;
 #[derive(Debug, Clone, Copy)]
 pub struct Board<'a> {
     /// The pictures.
-    pub views: &'a [View],
+    pub views: &'a [BoardView],
     /// The lens; `None` where it was given and not determined here.
     pub lens: Option<&'a BoardLens>,
     /// The plane of motion.
-    pub plane: Option<&'a Plane>,
+    pub plane: Option<&'a MotionPlane>,
     /// The calibration made of them.
     pub calibration: &'a Calibration,
 }
@@ -113,7 +113,7 @@ fn lens_rows(text: &mut String, board: &Board<'_>, lens: &BoardLens) {
     }
 }
 
-fn plane_rows(text: &mut String, plane: &Plane) {
+fn plane_rows(text: &mut String, plane: &MotionPlane) {
     row(
         text,
         "plane",
@@ -132,7 +132,7 @@ fn plane_rows(text: &mut String, plane: &Plane) {
     row(text, "origin", origin);
 }
 
-fn view_rows(text: &mut String, views: &[View]) {
+fn view_rows(text: &mut String, views: &[BoardView]) {
     let width = views
         .iter()
         .map(|v| v.name.chars().count())
@@ -142,7 +142,7 @@ fn view_rows(text: &mut String, views: &[View]) {
     let _ = writeln!(text, "{:<width$}  corners  misfit px  turned", "picture");
     for view in views {
         match &view.use_ {
-            Use::Used { rms_px, tilt_rad } => {
+            ViewUse::Used { rms_px, tilt_rad } => {
                 let _ = writeln!(
                     text,
                     "{:<width$}  {:>7}  {rms_px:>9.3}  {:>5.0}°",
@@ -151,18 +151,18 @@ fn view_rows(text: &mut String, views: &[View]) {
                     tilt_rad.to_degrees()
                 );
             }
-            Use::Found => {
+            ViewUse::Found => {
                 let _ = writeln!(text, "{:<width$}  {:>7}", view.name, view.corners());
             }
-            Use::Aside(reason) => {
+            ViewUse::Aside(reason) => {
                 let _ = writeln!(text, "{:<width$}  set aside: {reason}", view.name);
             }
         }
     }
 }
 
-fn used(views: &[View]) -> impl Iterator<Item = &View> {
-    views.iter().filter(|v| matches!(v.use_, Use::Used { .. }))
+fn used(views: &[BoardView]) -> impl Iterator<Item = &BoardView> {
+    views.iter().filter(|v| matches!(v.use_, ViewUse::Used { .. }))
 }
 
 /// The lens's nine numbers with their standard uncertainties.
@@ -255,13 +255,15 @@ pub fn board_json(board: &Board<'_>) -> Value {
         .views
         .iter()
         .map(|view| match &view.use_ {
-            Use::Used { rms_px, tilt_rad } => json!({
+            ViewUse::Used { rms_px, tilt_rad } => json!({
                 "name": view.name, "used": true, "corners": view.corners(), "rms_px": rms_px,
                 "tilt_deg": tilt_rad.to_degrees(), "reason": null,
             }),
-            Use::Found => json!({"name": view.name, "used": true, "corners": view.corners(), "rms_px": null,
-                "tilt_deg": null, "reason": null}),
-            Use::Aside(reason) => {
+            ViewUse::Found => {
+                json!({"name": view.name, "used": true, "corners": view.corners(), "rms_px": null,
+                "tilt_deg": null, "reason": null})
+            }
+            ViewUse::Aside(reason) => {
                 json!({"name": view.name, "used": false, "corners": view.corners(), "rms_px": null,
                 "tilt_deg": null, "reason": reason})
             }

@@ -85,7 +85,12 @@ pub fn refine(picture: &Luma, columns: usize, found: &[PixelPoint]) -> Vec<Optio
             return vec![None; found.len()];
         };
         corners = (0..places.len())
-            .map(|i| fit(picture, &Board::around(&places, columns, i, &perspective)?))
+            .map(|i| {
+                fit(
+                    picture,
+                    &BoardCoordinates::around(&places, columns, i, &perspective)?,
+                )
+            })
             .collect();
         for (place, corner) in places.iter_mut().zip(&corners) {
             if let Some(Corner { at, .. }) = corner {
@@ -103,7 +108,7 @@ type Polynomial = SVector<f64, 5>;
 ///
 /// The perspective is that of the whole view; what it leaves (the lens) goes into a polynomial through the 3 by 3 corners
 /// around this one (or nearest to it at the board's rim).
-struct Board<'a> {
+struct BoardCoordinates<'a> {
     corner: PixelPoint,
     perspective: &'a Matrix3<f64>,
     /// X and Y of the perspective at the corner.
@@ -111,7 +116,7 @@ struct Board<'a> {
     rest: [Polynomial; 2],
 }
 
-impl<'a> Board<'a> {
+impl<'a> BoardCoordinates<'a> {
     #[allow(
         clippy::needless_range_loop,
         reason = "indices of matrices, as in the formulas"
@@ -176,14 +181,14 @@ impl<'a> Board<'a> {
 }
 
 /// What is fitted: place (2), blur, mean grey, slope of the light (2), contrast.
-type Parameters = SVector<f64, 7>;
+type CornerParameters = SVector<f64, 7>;
 const BLUR: usize = 2;
 const MEAN: usize = 3;
 const CONTRAST: usize = 6;
 
-fn fit(picture: &Luma, board: &Board<'_>) -> Option<Corner> {
+fn fit(picture: &Luma, board: &BoardCoordinates<'_>) -> Option<Corner> {
     let reach = board.reach_px().clamp(REACH_PX.0, REACH_PX.1);
-    let window = Window::new(picture, board, reach)?;
+    let window = CornerWindow::new(picture, board, reach)?;
     let mut p = window.start();
     let mut damping = 1e-3;
     let mut current = window.system(&p);
@@ -224,21 +229,21 @@ fn fit(picture: &Luma, board: &Board<'_>) -> Option<Corner> {
 }
 
 /// Normal equations at some parameters.
-struct System {
+struct CornerEquations {
     matrix: SMatrix<f64, 7, 7>,
-    right: Parameters,
+    right: CornerParameters,
     chi2: f64,
 }
 
 /// The picture around a corner.
-struct Window<'a> {
-    board: &'a Board<'a>,
+struct CornerWindow<'a> {
+    board: &'a BoardCoordinates<'a>,
     /// (u, v) from the corner, grey.
     pixels: Vec<(f64, f64, f64)>,
 }
 
-impl<'a> Window<'a> {
-    fn new(picture: &Luma, board: &'a Board<'a>, reach: f64) -> Option<Self> {
+impl<'a> CornerWindow<'a> {
+    fn new(picture: &Luma, board: &'a BoardCoordinates<'a>, reach: f64) -> Option<Self> {
         let (cu, cv) = (board.corner.u_px, board.corner.v_px);
         let side = |centre: f64, size: usize| {
             let (from, to) = ((centre - reach).ceil(), (centre + reach).floor());
@@ -261,8 +266,8 @@ impl<'a> Window<'a> {
     }
 
     /// Light and contrast of a corner at the place it was found.
-    fn start(&self) -> Parameters {
-        let mut p = Parameters::zeros();
+    fn start(&self) -> CornerParameters {
+        let mut p = CornerParameters::zeros();
         p[BLUR] = FIRST_BLUR_PX;
         let count = self.pixels.len() as f64;
         p[MEAN] = self.pixels.iter().map(|x| x.2).sum::<f64>() / count;
@@ -279,8 +284,8 @@ impl<'a> Window<'a> {
         p
     }
 
-    fn system(&self, p: &Parameters) -> System {
-        let mut system = System {
+    fn system(&self, p: &CornerParameters) -> CornerEquations {
+        let mut system = CornerEquations {
             matrix: SMatrix::zeros(),
             right: SVector::zeros(),
             chi2: 0.0,
@@ -296,7 +301,7 @@ impl<'a> Window<'a> {
     }
 
     /// The model at an offset, and its derivatives.
-    fn model(&self, p: &Parameters, u: f64, v: f64) -> (f64, Parameters) {
+    fn model(&self, p: &CornerParameters, u: f64, v: f64) -> (f64, CornerParameters) {
         let (du, dv, blur) = (u - p[0], v - p[1], p[BLUR]);
         let [(ex, ex_u, ex_v, ex_blur), (ey, ey_u, ey_v, ey_blur)] =
             self.board.at(du, dv).map(|axis| edge(axis, blur));

@@ -1,7 +1,7 @@
 //! Where in the picture the board was seen, and how sure the lens is there and elsewhere.
 
 use super::lens_fit::{LensFit, lens};
-use super::projection::Camera;
+use super::projection::CameraParameters;
 use crate::geometry::PixelPoint;
 use nalgebra::{SMatrix, SVector};
 
@@ -81,7 +81,10 @@ fn std_at(fit: &LensFit, seen: PixelPoint) -> f64 {
 }
 
 /// d(undistorted u, v)/d(camera) at a point of the picture, by differences.
-pub(super) fn undistortion_by_camera(camera: &Camera, seen: PixelPoint) -> Option<SMatrix<f64, 2, 9>> {
+pub(super) fn undistortion_by_camera(
+    camera: &CameraParameters,
+    seen: PixelPoint,
+) -> Option<SMatrix<f64, 2, 9>> {
     let mut by_camera = SMatrix::<f64, 2, 9>::zeros();
     for i in 0..9 {
         // Pixels and coefficients: both displace by some px a unit of this step.

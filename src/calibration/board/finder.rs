@@ -14,31 +14,23 @@ const SEARCH_SIDE_PX: usize = 1600;
 /// Inner corners of a board: columns and rows.
 pub type Corners = (usize, usize);
 
-/// What a picture shows.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Found {
-    /// The board; the corners row by row, `None` where one could not be refined.
-    Board(Vec<Option<Corner>>),
-    /// None with that many corners.
-    Nothing,
-}
-
-/// Looks for a board of `corners` inner corners.
+/// The corners, row by row, of a board of `corners` inner corners; one that could not be refined is `None`. `None` where the
+/// picture shows no such board.
 ///
 /// # Errors
 /// What OpenCV says of a picture it cannot work on.
-pub fn find(picture: &Luma, corners: Corners) -> opencv::Result<Found> {
+pub fn find(picture: &Luma, corners: Corners) -> opencv::Result<Option<Vec<Option<Corner>>>> {
     let (small, factor) = searched(picture)?;
     for flags in [0, CALIB_CB_NORMALIZE_IMAGE | CALIB_CB_EXHAUSTIVE] {
         let mut points = Vector::<Point2f>::new();
         if calib3d::find_chessboard_corners_sb(&small, size_of(corners), &mut points, flags)? {
             let places: Vec<PixelPoint> = points.iter().map(|p| enlarged(p, factor)).collect();
             if places.len() == corners.0 * corners.1 {
-                return Ok(Found::Board(corner::refine(picture, corners.0, &places)));
+                return Ok(Some(corner::refine(picture, corners.0, &places)));
             }
         }
     }
-    Ok(Found::Nothing)
+    Ok(None)
 }
 
 /// The inner corners (more along a row than rows) of whatever board the picture shows, for a message.

@@ -1,9 +1,9 @@
 //! The plane of motion from one picture of the board, where the lens is known already.
 
 use super::lens_fit;
-use super::plane_fit::SeenBoard;
-use super::projection::{Camera, Pose, Seen};
-use super::{BoardError, Marks, Pattern, Plane, Use, View};
+use super::plane_fit::PosedBoard;
+use super::projection::{CameraParameters, CornerObservation, Pose};
+use super::{BoardError, BoardView, MotionPlane, Pattern, PlaneMarks, ViewUse};
 use crate::calibration::{Calibration, Lens, Scale};
 use crate::frames::Luma;
 use nalgebra::{Rotation3, SMatrix, Vector3};
@@ -20,8 +20,8 @@ pub fn plane_with_lens(
     (name, picture): (&str, &Luma),
     pattern: &Pattern,
     (lens_name, known): (&str, &Calibration),
-    marks: &Marks,
-) -> Result<(Plane, Calibration, View), BoardError> {
+    marks: &PlaneMarks,
+) -> Result<(MotionPlane, Calibration, BoardView), BoardError> {
     let size_px = (picture.width, picture.height);
     let lens = known.lens.as_ref().ok_or_else(|| BoardError::NoLens {
         name: lens_name.to_owned(),
@@ -33,7 +33,7 @@ pub fn plane_with_lens(
             expected,
         });
     }
-    let seen = match pattern.look(picture)?.outcome {
+    let seen = match pattern.search(picture)?.outcome {
         Ok(seen) => seen,
         Err(reason) => {
             return Err(super::no_board_in_plane(
@@ -48,21 +48,21 @@ pub fn plane_with_lens(
     let covariance: SMatrix<f64, 9, 9> = known
         .deviations
         .iter()
-        .map(|d| Camera::from(d.lens))
+        .map(|d| CameraParameters::from(d.lens))
         .map(|d| d * d.transpose())
         .sum();
     let undetermined = || BoardError::not_determined(None, 1);
     let start = first_pose(lens, &seen)?;
     let (pose, joint, rms_px) =
         lens_fit::pose(&camera, &covariance, start, &seen).ok_or_else(undetermined)?;
-    let board = SeenBoard {
+    let board = PosedBoard {
         camera,
         lens,
         size_px,
         pose,
         joint: &joint,
     };
-    let plane = Plane::new(name, &board, pattern, marks)?;
+    let plane = MotionPlane::new(name, &board, pattern, marks)?;
     let calibration = Calibration {
         image_size_px: Some(size_px),
         lens: Some(lens.clone()),
@@ -70,9 +70,9 @@ pub fn plane_with_lens(
         deviations: plane.deviations.clone(),
         ..Calibration::new(Scale::Homography(plane.homography.clone()))
     };
-    let view = View {
+    let view = BoardView {
         name: name.to_owned(),
-        use_: Use::Used {
+        use_: ViewUse::Used {
             rms_px,
             tilt_rad: pose.tilt_rad(),
         },
@@ -81,13 +81,13 @@ pub fn plane_with_lens(
     Ok((plane, calibration, view))
 }
 
-fn camera_of(lens: &Lens) -> Camera {
+fn camera_of(lens: &Lens) -> CameraParameters {
     let m = lens.camera_matrix();
     let [k1, k2, p1, p2, k3] = lens.distortion();
-    Camera::from([m[(0, 0)], m[(1, 1)], m[(0, 2)], m[(1, 2)], k1, k2, p1, p2, k3])
+    CameraParameters::from([m[(0, 0)], m[(1, 1)], m[(0, 2)], m[(1, 2)], k1, k2, p1, p2, k3])
 }
 
-fn first_pose(lens: &Lens, seen: &[Seen]) -> Result<Pose, BoardError> {
+fn first_pose(lens: &Lens, seen: &[CornerObservation]) -> Result<Pose, BoardError> {
     let objects: Vector<Point3d> = seen
         .iter()
         .map(|s| Point3d::new(s.board_m.x, s.board_m.y, 0.0))

@@ -22,8 +22,8 @@
 //! not is drawn towards zero, and its uncertainty says so.
 
 use super::BoardError;
-use super::normal::{JointCovariance, Normal, SMALLEST_PX2, State};
-use super::projection::{Camera, POSE, Pose, Seen, project};
+use super::bundle::{Bundle, BundleEquations, JointCovariance, SMALLEST_PX2};
+use super::projection::{CameraParameters, CornerObservation, POSE, Pose, project};
 use crate::calibration::Lens;
 use crate::geometry::PixelPoint;
 use nalgebra::{DMatrix, Rotation3, SMatrix, SVector, Vector3};
@@ -32,7 +32,7 @@ use opencv::core::{Mat, MatTraitConst as _, Point2f, Point3f, Size, TermCriteria
 
 /// The terms of a lens that are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Terms {
+pub struct LensTerms {
     /// k1, k2, k3: how many of them.
     pub radial: usize,
     /// p1 and p2.
@@ -41,7 +41,7 @@ pub struct Terms {
     pub two_focal_lengths: bool,
 }
 
-impl Terms {
+impl LensTerms {
     const ALL: Self = Self {
         radial: 3,
         tangential: true,
@@ -78,7 +78,7 @@ impl Terms {
     }
 
     /// A camera with what is not fitted at rest.
-    fn held(self, camera: &Camera) -> Camera {
+    fn held(self, camera: &CameraParameters) -> CameraParameters {
         let mut camera = *camera;
         if !self.two_focal_lengths {
             let mean = 0.5 * (camera[0] + camera[1]);
@@ -98,9 +98,9 @@ impl Terms {
 #[derive(Debug, Clone)]
 pub struct LensFit {
     /// The camera.
-    pub camera: Camera,
+    pub camera: CameraParameters,
     /// Akaike's weight of each combination of terms that counts, largest first.
-    pub terms: Vec<(Terms, f64)>,
+    pub terms: Vec<(LensTerms, f64)>,
     /// Covariance of the camera's nine parameters.
     pub covariance: SMatrix<f64, 9, 9>,
     /// The pose of each view.
@@ -108,7 +108,7 @@ pub struct LensFit {
     /// Root mean square residual of each view, px (both coordinates together).
     pub view_rms_px: Vec<f64>,
     /// Root mean square of each view's residuals over their expected deviation; 1 is usual.
-    pub view_excess: Vec<f64>,
+    pub view_reduced_chi: Vec<f64>,
     /// Root mean square residual over all views, px.
     pub rms_px: f64,
     /// Of camera and pose of each view.
@@ -129,7 +129,7 @@ impl LensFit {
     }
 
     /// Residuals of a view's corners: px, and over the expected deviation of such a distance.
-    pub fn residuals(&self, index: usize, view: &[Seen]) -> Vec<(f64, f64)> {
+    pub fn residuals(&self, index: usize, view: &[CornerObservation]) -> Vec<(f64, f64)> {
         view.iter()
             .map(
                 |seen| match project(&self.camera, &self.poses[index], &seen.board_m) {
@@ -148,7 +148,7 @@ impl LensFit {
 }
 
 /// The lens of nine parameters.
-pub fn lens(camera: &Camera) -> Option<Lens> {
+pub fn lens(camera: &CameraParameters) -> Option<Lens> {
     let distortion = [camera[4], camera[5], camera[6], camera[7], camera[8]];
     Lens::new(super::projection::camera_matrix(camera), distortion).ok()
 }
@@ -161,33 +161,33 @@ const ITERATIONS: usize = 40;
 ///
 /// # Errors
 /// [`BoardError::NotDetermined`] where the views do not fix a lens, [`BoardError::OpenCv`].
-pub fn fit(size: (usize, usize), views: &[Vec<Seen>]) -> Result<LensFit, BoardError> {
+pub fn fit(size: (usize, usize), views: &[Vec<CornerObservation>]) -> Result<LensFit, BoardError> {
     let (camera, poses) = start(size, views)?;
     let undetermined = || BoardError::not_determined(None, views.len());
     // Unweighted first: only the residuals tell what there is beside the pictures' noise.
     let plain: Vec<Vec<f64>> = views.iter().map(|v| vec![1.0; v.len()]).collect();
-    let full = State { camera, poses };
-    let (full, normal) = descend(full, views, &plain, Terms::ALL).ok_or_else(undetermined)?;
+    let full = Bundle { camera, poses };
+    let (full, normal) = descend(full, views, &plain, LensTerms::ALL).ok_or_else(undetermined)?;
     let mean_square = (normal.chi2 / normal.coordinates as f64).max(SMALLEST_PX2);
     let common_px2 = common(views, mean_square);
     let weights = weights(views, mean_square, common_px2);
-    let candidates: Vec<Candidate> = Terms::every()
-        .filter_map(|terms| Candidate::new(terms, &full, views, &weights, size))
+    let candidates: Vec<CandidateLens> = LensTerms::every()
+        .filter_map(|terms| CandidateLens::new(terms, &full, views, &weights, size))
         .collect();
     average(candidates, views, common_px2).ok_or_else(undetermined)
 }
 
 /// Mean square of a coordinate's residual that the pictures' noise does not explain (the board's own unevenness, the
 /// lens's), at least a tenth of the whole `mean_square`, px².
-fn common(views: &[Vec<Seen>], mean_square: f64) -> f64 {
+fn common(views: &[Vec<CornerObservation>], mean_square: f64) -> f64 {
     let count: usize = views.iter().map(Vec::len).sum();
     let noise: f64 = views.iter().flatten().map(|s| s.std_px * s.std_px).sum::<f64>() / count as f64;
     (mean_square - noise).max(0.1 * mean_square)
 }
 
 /// Weights of corners: 1 for the typical one, less for those that noise or blur makes worse than what is common to all.
-fn weights(views: &[Vec<Seen>], mean_square: f64, common_px2: f64) -> Vec<Vec<f64>> {
-    let weigh = |s: &Seen| mean_square / (common_px2 + s.std_px * s.std_px);
+fn weights(views: &[Vec<CornerObservation>], mean_square: f64, common_px2: f64) -> Vec<Vec<f64>> {
+    let weigh = |s: &CornerObservation| mean_square / (common_px2 + s.std_px * s.std_px);
     views
         .iter()
         .map(|view| view.iter().map(weigh).collect())
@@ -207,7 +207,10 @@ fn covers(lens: &Lens, (width, height): (usize, usize)) -> bool {
 }
 
 /// Camera and poses by OpenCV, all terms free.
-fn start(size: (usize, usize), views: &[Vec<Seen>]) -> Result<(Camera, Vec<Pose>), BoardError> {
+fn start(
+    size: (usize, usize),
+    views: &[Vec<CornerObservation>],
+) -> Result<(CameraParameters, Vec<Pose>), BoardError> {
     let mut objects = Vector::<Vector<Point3f>>::new();
     let mut images = Vector::<Vector<Point2f>>::new();
     for view in views {
@@ -238,7 +241,7 @@ fn start(size: (usize, usize), views: &[Vec<Seen>]) -> Result<(Camera, Vec<Pose>
     );
     // What it asserts on the way fails where the views are too much alike.
     found.map_err(|_| BoardError::not_determined(None, views.len()))?;
-    let mut camera = Camera::zeros();
+    let mut camera = CameraParameters::zeros();
     for (i, at) in [(0, 0), (1, 1), (0, 2), (1, 2)].into_iter().enumerate() {
         camera[i] = *matrix.at_2d::<f64>(at.0, at.1)?;
     }
@@ -263,19 +266,19 @@ fn start(size: (usize, usize), views: &[Vec<Seen>]) -> Result<(Camera, Vec<Pose>
 
 /// Pose of a board seen by a known camera, from `start` on, and the covariance of camera and pose.
 pub fn pose(
-    camera: &Camera,
+    camera: &CameraParameters,
     covariance: &SMatrix<f64, 9, 9>,
     start: Pose,
-    view: &[Seen],
+    view: &[CornerObservation],
 ) -> Option<(Pose, JointCovariance, f64)> {
     let views = [view.to_vec()];
     let weights = [vec![1.0; view.len()]];
     let at = |pose: Pose| {
-        let state = State {
+        let state = Bundle {
             camera: *camera,
             poses: vec![pose],
         };
-        Normal::at(&state, &views, &weights)
+        BundleEquations::at(&state, &views, &weights)
     };
     let (mut pose, mut normal, mut damping) = (start, at(start)?, 1e-6);
     for _ in 0..ITERATIONS {
@@ -307,13 +310,13 @@ pub fn pose(
 
 /// The optimum from `state` on, and the normal equations there.
 fn descend(
-    mut state: State,
-    views: &[Vec<Seen>],
+    mut state: Bundle,
+    views: &[Vec<CornerObservation>],
     weights: &[Vec<f64>],
-    terms: Terms,
-) -> Option<(State, Normal)> {
+    terms: LensTerms,
+) -> Option<(Bundle, BundleEquations)> {
     let basis = terms.basis();
-    let mut normal = Normal::at(&state, views, weights)?;
+    let mut normal = BundleEquations::at(&state, views, weights)?;
     let mut damping = 1e-6;
     for _ in 0..ITERATIONS {
         let Some((camera_step, pose_steps)) = normal.step(&basis, damping) else {
@@ -323,7 +326,7 @@ fn descend(
             }
             continue;
         };
-        let next = State {
+        let next = Bundle {
             camera: state.camera + camera_step,
             poses: state
                 .poses
@@ -332,7 +335,7 @@ fn descend(
                 .map(|(p, s)| p.stepped(s))
                 .collect(),
         };
-        let better = Normal::at(&next, views, weights).filter(|n| n.chi2 <= normal.chi2);
+        let better = BundleEquations::at(&next, views, weights).filter(|n| n.chi2 <= normal.chi2);
         let moved_px = camera_step[0]
             .abs()
             .max(camera_step[2].abs())
@@ -357,23 +360,23 @@ fn descend(
 }
 
 /// A combination of terms, fitted.
-struct Candidate {
-    terms: Terms,
+struct CandidateLens {
+    terms: LensTerms,
     criterion: f64,
-    state: State,
+    state: Bundle,
     joint: Vec<JointCovariance>,
 }
 
-impl Candidate {
+impl CandidateLens {
     /// `None` where it has no solution, or one that cannot be inverted over the picture.
     fn new(
-        terms: Terms,
-        full: &State,
-        views: &[Vec<Seen>],
+        terms: LensTerms,
+        full: &Bundle,
+        views: &[Vec<CornerObservation>],
         weights: &[Vec<f64>],
         size: (usize, usize),
     ) -> Option<Self> {
-        let held = State {
+        let held = Bundle {
             camera: terms.held(&full.camera),
             poses: full.poses.clone(),
         };
@@ -398,7 +401,7 @@ impl Candidate {
     }
 
     /// Camera and the pose of view `index` as differences from `reference`.
-    fn difference(&self, reference: &State, index: usize) -> SVector<f64, 15> {
+    fn difference(&self, reference: &Bundle, index: usize) -> SVector<f64, 15> {
         let mut all = SVector::<f64, 15>::zeros();
         all.fixed_rows_mut::<9>(0)
             .copy_from(&(self.state.camera - reference.camera));
@@ -418,7 +421,11 @@ const SHARED_PX: f64 = 0.0008;
 const LEAST_WEIGHT: f64 = 1e-3;
 
 /// The candidates' mean by Akaike's weights, with what they differ by in the covariance.
-fn average(mut candidates: Vec<Candidate>, views: &[Vec<Seen>], common_px2: f64) -> Option<LensFit> {
+fn average(
+    mut candidates: Vec<CandidateLens>,
+    views: &[Vec<CornerObservation>],
+    common_px2: f64,
+) -> Option<LensFit> {
     candidates.sort_by(|a, b| a.criterion.total_cmp(&b.criterion));
     let best = candidates.first()?.criterion;
     candidates.retain(|c| (0.5 * (best - c.criterion)).exp() > LEAST_WEIGHT);
@@ -458,7 +465,7 @@ fn average(mut candidates: Vec<Candidate>, views: &[Vec<Seen>], common_px2: f64)
         covariance,
         poses: mean.poses,
         view_rms_px: Vec::new(),
-        view_excess: Vec::new(),
+        view_reduced_chi: Vec::new(),
         rms_px: 0.0,
         joint,
         common_px2,
@@ -468,7 +475,7 @@ fn average(mut candidates: Vec<Candidate>, views: &[Vec<Seen>], common_px2: f64)
     for (index, view) in views.iter().enumerate() {
         let (px, excess): (Vec<f64>, Vec<f64>) = fit.residuals(index, view).into_iter().unzip();
         fit.view_rms_px.push(rms(&px));
-        fit.view_excess.push(rms(&excess));
+        fit.view_reduced_chi.push(rms(&excess));
         all.extend(px);
     }
     fit.rms_px = rms(&all);

@@ -1,39 +1,38 @@
 //! A lens, and the plane of motion, from pictures of a chessboard.
 //!
-//! `finder` (where the board is) → `corner` (each corner, to a hundredth of a pixel) → `settle` (which views and corners
-//! serve) with `lens_fit` (camera, poses, covariance; `normal` has the equations) → `coverage` (how sure the lens is where in
-//! the picture) → `plane_fit` (the plane of motion, its "up" and origin; `known_lens` where the lens is given) → `deviate`
+//! `finder` (where the board is) → `corner` (each corner, to a hundredth of a pixel) → `outliers` (which views and corners
+//! serve) with `lens_fit` (camera, poses, covariance; `bundle` has the equations) → `coverage` (how sure the lens is where in
+//! the picture) → `plane_fit` (the plane of motion, its "up" and origin; `known_lens` where the lens is given) → `principal_deviations`
 //! (the calibration's [`Deviation`](super::Deviation)s).
 //!
-//! [`Views`] takes the pictures one by one; those that cannot serve are set aside with their reason.
+//! [`BoardViews`] takes the pictures one by one; those that cannot serve are set aside with their reason.
 
+mod bundle;
 mod corner;
 mod coverage;
-mod deviate;
 mod error;
 mod finder;
 mod known_lens;
 mod lens_fit;
-mod normal;
+mod outliers;
 mod plane_fit;
+mod principal_deviations;
 mod projection;
-mod settle;
 
 pub use coverage::{CELLS as COVERAGE_CELLS, Coverage};
 pub use error::BoardError;
 pub use finder::Corners;
 pub use known_lens::plane_with_lens;
-pub use lens_fit::{LensFit, Terms};
-pub use plane_fit::{Marks, Plane};
+pub use lens_fit::{LensFit, LensTerms};
+pub use plane_fit::{MotionPlane, PlaneMarks};
 pub use projection::Pose;
 
 use super::{Calibration, Lens, Scale};
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use finder::Found;
 use nalgebra::Vector2;
-use plane_fit::SeenBoard;
-use projection::Seen;
+use plane_fit::PosedBoard;
+use projection::CornerObservation;
 
 /// A chessboard.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,22 +69,22 @@ impl Pattern {
     ///
     /// # Errors
     /// [`BoardError::OpenCv`].
-    pub fn look(&self, picture: &Luma) -> Result<Looked, BoardError> {
+    pub fn search(&self, picture: &Luma) -> Result<BoardSearch, BoardError> {
         let size = (picture.width, picture.height);
-        let Found::Board(corners) = finder::find(picture, self.corners)? else {
-            return Ok(Looked {
+        let Some(corners) = finder::find(picture, self.corners)? else {
+            return Ok(BoardSearch {
                 size,
                 outcome: Err("no board found".to_owned()),
                 without: Some(picture.clone()),
             });
         };
         let all = corners.len();
-        let seen: Vec<Seen> = corners
+        let seen: Vec<CornerObservation> = corners
             .into_iter()
             .enumerate()
             .filter_map(|(i, corner)| {
                 let corner = corner?;
-                Some(Seen {
+                Some(CornerObservation {
                     board_m: self.place_m(i),
                     at: corner.at,
                     std_px: corner.std_px,
@@ -100,7 +99,7 @@ impl Pattern {
         } else {
             Ok(seen)
         };
-        Ok(Looked {
+        Ok(BoardSearch {
             size,
             outcome,
             without: None,
@@ -115,17 +114,17 @@ impl Pattern {
 
 /// A picture in which the board was looked for.
 #[derive(Debug, Clone)]
-pub struct Looked {
+pub struct BoardSearch {
     size: (usize, usize),
     /// The corners, or why the picture cannot serve.
-    outcome: Result<Vec<Seen>, String>,
+    outcome: Result<Vec<CornerObservation>, String>,
     /// The picture, where there is no board in it.
     without: Option<Luma>,
 }
 
 /// What became of a picture.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Use {
+pub enum ViewUse {
     /// The board was found; whether it serves shows in the fit.
     Found,
     /// It serves.
@@ -141,15 +140,15 @@ pub enum Use {
 
 /// A picture of the board.
 #[derive(Debug, Clone)]
-pub struct View {
+pub struct BoardView {
     /// The picture's name.
     pub name: String,
     /// What became of it.
-    pub use_: Use,
-    seen: Vec<Seen>,
+    pub use_: ViewUse,
+    seen: Vec<CornerObservation>,
 }
 
-impl View {
+impl BoardView {
     /// Corners in use.
     #[must_use]
     pub fn corners(&self) -> usize {
@@ -172,10 +171,10 @@ const VAGUE_PART: f64 = 0.02;
 const KEPT: usize = 3;
 /// Pictures of one board by one camera.
 #[derive(Debug)]
-pub struct Views {
+pub struct BoardViews {
     pattern: Pattern,
     size: Option<(usize, usize)>,
-    views: Vec<View>,
+    views: Vec<BoardView>,
     plane: Option<usize>,
     without: Vec<Luma>,
 }
@@ -197,7 +196,7 @@ pub struct BoardLens {
     plane: Option<usize>,
 }
 
-impl Views {
+impl BoardViews {
     /// No pictures yet.
     #[must_use]
     pub fn new(pattern: Pattern) -> Self {
@@ -212,48 +211,48 @@ impl Views {
 
     /// The pictures so far.
     #[must_use]
-    pub fn views(&self) -> &[View] {
+    pub fn views(&self) -> &[BoardView] {
         &self.views
     }
 
     /// Notes a picture that could not be read.
     pub fn add_unreadable(&mut self, name: String, reason: String) {
-        self.views.push(View {
+        self.views.push(BoardView {
             name,
-            use_: Use::Aside(reason),
+            use_: ViewUse::Aside(reason),
             seen: Vec::new(),
         });
     }
 
-    /// Adds a picture in which the board was [looked for](Pattern::look).
-    pub fn add(&mut self, name: String, looked: Looked) {
-        let size = looked.size;
+    /// Adds a picture in which the board was [looked for](Pattern::search).
+    pub fn add(&mut self, name: String, search: BoardSearch) {
+        let size = search.size;
         let expected = *self.size.get_or_insert(size);
         let mut seen = Vec::new();
         let use_ = if size == expected {
-            self.keep(&looked);
-            match looked.outcome {
+            self.keep(&search);
+            match search.outcome {
                 Ok(found) => {
                     seen = found;
-                    self.alike(&seen).map_or(Use::Found, |other| {
-                        Use::Aside(format!("shows the board in the same place as {other}"))
+                    self.alike(&seen).map_or(ViewUse::Found, |other| {
+                        ViewUse::Aside(format!("shows the board in the same place as {other}"))
                     })
                 }
-                Err(reason) => Use::Aside(reason),
+                Err(reason) => ViewUse::Aside(reason),
             }
         } else {
-            Use::Aside(format!(
+            ViewUse::Aside(format!(
                 "is {}x{} px, the first picture {}x{} px",
                 size.0, size.1, expected.0, expected.1
             ))
         };
-        self.views.push(View { name, use_, seen });
+        self.views.push(BoardView { name, use_, seen });
     }
 
     /// Keeps one of the pictures without a board, for the message.
-    fn keep(&mut self, looked: &Looked) {
+    fn keep(&mut self, search: &BoardSearch) {
         if self.without.len() < KEPT {
-            self.without.extend(looked.without.clone());
+            self.without.extend(search.without.clone());
         }
     }
 
@@ -262,8 +261,8 @@ impl Views {
     /// # Errors
     /// [`BoardError::PlaneSize`], [`BoardError::NoBoardInPlane`], [`BoardError::OpenCv`].
     pub fn add_plane(&mut self, name: String, picture: &Luma) -> Result<(), BoardError> {
-        let looked = self.pattern.look(picture)?;
-        let size = looked.size;
+        let search = self.pattern.search(picture)?;
+        let size = search.size;
         let expected = *self.size.get_or_insert(size);
         if size != expected {
             return Err(BoardError::PlaneSize {
@@ -272,18 +271,18 @@ impl Views {
                 expected,
             });
         }
-        match looked.outcome {
+        match search.outcome {
             Ok(seen) => {
                 self.plane = Some(self.views.len());
                 // What it repeats goes: the plane needs its own.
-                for view in self.views.iter_mut().filter(|v| v.use_ == Use::Found) {
+                for view in self.views.iter_mut().filter(|v| v.use_ == ViewUse::Found) {
                     if same_place(&view.seen, &seen, diagonal(size)) {
-                        view.use_ = Use::Aside(format!("shows the board in the same place as {name}"));
+                        view.use_ = ViewUse::Aside(format!("shows the board in the same place as {name}"));
                     }
                 }
-                self.views.push(View {
+                self.views.push(BoardView {
                     name,
-                    use_: Use::Found,
+                    use_: ViewUse::Found,
                     seen,
                 });
                 Ok(())
@@ -293,11 +292,11 @@ impl Views {
     }
 
     /// The name of an earlier view with the board in the same place.
-    fn alike(&self, seen: &[Seen]) -> Option<String> {
+    fn alike(&self, seen: &[CornerObservation]) -> Option<String> {
         let size = self.size?;
         self.views
             .iter()
-            .find(|v| v.use_ == Use::Found && same_place(&v.seen, seen, diagonal(size)))
+            .find(|v| v.use_ == ViewUse::Found && same_place(&v.seen, seen, diagonal(size)))
             .map(|v| v.name.clone())
     }
 
@@ -307,13 +306,13 @@ impl Views {
     /// [`BoardError`]: no board anywhere, too few views, views that do not fix the lens.
     pub fn lens(&mut self) -> Result<BoardLens, BoardError> {
         let mut used: Vec<usize> = (0..self.views.len())
-            .filter(|&i| self.views[i].use_ == Use::Found)
+            .filter(|&i| self.views[i].use_ == ViewUse::Found)
             .collect();
         let size = match self.size {
             Some(size) if !used.is_empty() => size,
             _ => return Err(self.no_board()?),
         };
-        let fit = settle::settled(self, &mut used, size)?;
+        let fit = outliers::fit_without_outliers(self, &mut used, size)?;
         let relative = fit.covariance[(0, 0)].sqrt() / fit.camera[0];
         let determined = relative < VAGUE_PART;
         if !determined {
@@ -323,7 +322,7 @@ impl Views {
             .lens()
             .ok_or_else(|| BoardError::not_determined(None, used.len()))?;
         for (k, &i) in used.iter().enumerate() {
-            self.views[i].use_ = Use::Used {
+            self.views[i].use_ = ViewUse::Used {
                 rms_px: fit.view_rms_px[k],
                 tilt_rad: fit.poses[k].tilt_rad(),
             };
@@ -395,7 +394,7 @@ fn other_board((columns, rows): Corners) -> String {
 impl BoardLens {
     /// The calibration of lens and plane. Without a plane the scale is the fall until another is given.
     #[must_use]
-    pub fn calibration(&self, plane: Option<&Plane>) -> Calibration {
+    pub fn calibration(&self, plane: Option<&MotionPlane>) -> Calibration {
         let scale = plane.map_or(Scale::Gravity, |p| Scale::Homography(p.homography.clone()));
         let deviations = match plane {
             Some(plane) => plane.deviations.clone(),
@@ -410,11 +409,11 @@ impl BoardLens {
         }
     }
 
-    /// The plane of the board in the picture given to [`Views::add_plane`], with `marks`; `None` where none was given.
+    /// The plane of the board in the picture given to [`BoardViews::add_plane`], with `marks`; `None` where none was given.
     ///
     /// # Errors
     /// [`BoardError::Askew`], [`BoardError::Mark`].
-    pub fn plane(&self, views: &Views, marks: &Marks) -> Result<Option<Plane>, BoardError> {
+    pub fn plane(&self, views: &BoardViews, marks: &PlaneMarks) -> Result<Option<MotionPlane>, BoardError> {
         let (Some(index), Some(view)) = (self.plane, views.plane) else {
             return Ok(None);
         };
@@ -423,14 +422,14 @@ impl BoardLens {
             .fit
             .joint_covariance(index)
             .ok_or_else(|| BoardError::not_determined(None, self.fit.poses.len()))?;
-        let seen = SeenBoard {
+        let seen = PosedBoard {
             camera: self.fit.camera,
             lens: &self.lens,
             size_px: self.size_px,
             pose: self.fit.poses[index],
             joint,
         };
-        Plane::new(name, &seen, &views.pattern, marks).map(Some)
+        MotionPlane::new(name, &seen, &views.pattern, marks).map(Some)
     }
 }
 
@@ -439,8 +438,8 @@ fn diagonal((width, height): (usize, usize)) -> f64 {
 }
 
 /// Whether two views have the board in the same place, whichever corner is the first.
-fn same_place(a: &[Seen], b: &[Seen], diagonal_px: f64) -> bool {
-    let near = |s: &Seen, others: &[Seen]| {
+fn same_place(a: &[CornerObservation], b: &[CornerObservation], diagonal_px: f64) -> bool {
+    let near = |s: &CornerObservation, others: &[CornerObservation]| {
         others
             .iter()
             .map(|o| s.at.distance_px(o.at))

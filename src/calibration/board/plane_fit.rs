@@ -5,10 +5,10 @@
 //! the marked origin, is `world_from_pixel`. It rests on six numbers of the pose beside the lens, where a homography
 //! fitted freely would have eight: beyond the board's rim that tells.
 
-use super::deviate;
+use super::bundle::JointCovariance;
 use super::lens_fit::lens;
-use super::normal::JointCovariance;
-use super::projection::{Camera, POSE, Pose};
+use super::principal_deviations;
+use super::projection::{CameraParameters, POSE, Pose};
 use super::{BoardError, Pattern};
 use crate::calibration::{Calibration, Deviation, Homography, Lens, Scale};
 use crate::geometry::PixelPoint;
@@ -21,7 +21,7 @@ const GRID: (usize, usize) = (9, 6);
 
 /// What is marked in the picture of the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Marks {
+pub struct PlaneMarks {
     /// Roughly "up" in the picture, to tell the board's upright edge; (0, −1) for a camera held upright.
     pub up_px: [f64; 2],
     /// A point at the height of the floor, as the picture shows it.
@@ -30,7 +30,7 @@ pub struct Marks {
     pub edge: Option<PixelPoint>,
 }
 
-impl Default for Marks {
+impl Default for PlaneMarks {
     fn default() -> Self {
         Self {
             up_px: [0.0, -1.0],
@@ -42,7 +42,7 @@ impl Default for Marks {
 
 /// The plane of motion.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plane {
+pub struct MotionPlane {
     /// World from undistorted pixels. Without a mark for the floor its origin is the board's lower left inner corner.
     pub homography: Homography,
     /// Angle between the board and the picture, rad: 0 for a camera that looks at the plane squarely.
@@ -57,9 +57,9 @@ pub struct Plane {
 
 /// A board as a camera of known lens sees it.
 #[derive(Clone, Copy)]
-pub(super) struct SeenBoard<'a> {
+pub(super) struct PosedBoard<'a> {
     /// The lens's nine numbers.
-    pub camera: Camera,
+    pub camera: CameraParameters,
     /// The same as a lens.
     pub lens: &'a Lens,
     /// Width and height of the picture.
@@ -72,20 +72,20 @@ pub(super) struct SeenBoard<'a> {
 
 /// The board's axes as the world's: unit vectors on the board, and the world's origin there.
 #[derive(Debug, Clone, Copy)]
-struct Axes {
+struct BoardAxes {
     right: Vector2<f64>,
     up: Vector2<f64>,
 }
 
-impl Plane {
+impl MotionPlane {
     /// From the board's pose in the picture `name` and its covariance together with the camera's.
     pub(super) fn new(
         name: &str,
-        seen: &SeenBoard<'_>,
+        seen: &PosedBoard<'_>,
         pattern: &Pattern,
-        marks: &Marks,
+        marks: &PlaneMarks,
     ) -> Result<Self, BoardError> {
-        let SeenBoard {
+        let PosedBoard {
             camera,
             lens,
             size_px,
@@ -100,7 +100,7 @@ impl Plane {
                 lean_deg: lean_rad.abs().to_degrees(),
             });
         }
-        let setting = Setting {
+        let setting = PlaneGeometry {
             axes,
             corner_m: lower_left(pattern, &axes),
             marks: *marks,
@@ -126,7 +126,12 @@ impl Plane {
 }
 
 /// The edge of the board nearest to `up_px` as the picture shows it, and how far it leans from there.
-fn upright(camera: &Camera, pose: &Pose, middle: &Vector2<f64>, up_px: [f64; 2]) -> (Axes, f64) {
+fn upright(
+    camera: &CameraParameters,
+    pose: &Pose,
+    middle: &Vector2<f64>,
+    up_px: [f64; 2],
+) -> (BoardAxes, f64) {
     let h = pose.pixel_from_board(camera);
     let pixel = |p: Vector2<f64>| {
         let q = h * Vector3::new(p.x, p.y, 1.0);
@@ -149,10 +154,10 @@ fn upright(camera: &Camera, pose: &Pose, middle: &Vector2<f64>, up_px: [f64; 2])
         -across
     };
     let lean = clockwise(hint, seen(up)).atan2(hint.dot(&seen(up)));
-    (Axes { right, up }, lean)
+    (BoardAxes { right, up }, lean)
 }
 
-fn lower_left(pattern: &Pattern, axes: &Axes) -> Vector2<f64> {
+fn lower_left(pattern: &Pattern, axes: &BoardAxes) -> Vector2<f64> {
     let (columns, rows) = pattern.corners;
     let low = |p: &Vector2<f64>| p.dot(&axes.right) + p.dot(&axes.up);
     [0, columns - 1, columns * (rows - 1), columns * rows - 1]
@@ -163,17 +168,17 @@ fn lower_left(pattern: &Pattern, axes: &Axes) -> Vector2<f64> {
 }
 
 /// What turns a pose into a homography, beside the numbers that are fitted.
-struct Setting {
-    axes: Axes,
+struct PlaneGeometry {
+    axes: BoardAxes,
     corner_m: Vector2<f64>,
-    marks: Marks,
+    marks: PlaneMarks,
     size: (usize, usize),
 }
 
-impl Setting {
+impl PlaneGeometry {
     fn world_from_pixel(
         &self,
-        camera: &Camera,
+        camera: &CameraParameters,
         lens: &Lens,
         pose: &Pose,
     ) -> Result<Matrix3<f64>, BoardError> {
@@ -202,8 +207,8 @@ impl Setting {
             }
             Ok(Vector2::new(q.x / q.z, q.y / q.z))
         };
-        let Axes { right, up } = self.axes;
-        let Marks { floor, edge, .. } = self.marks;
+        let BoardAxes { right, up } = self.axes;
+        let PlaneMarks { floor, edge, .. } = self.marks;
         // Both in one is how --origin says it.
         let (of_floor, of_edge) = if floor == edge {
             ("--origin", "--origin")
@@ -231,10 +236,15 @@ impl Setting {
     }
 
     /// θ: the camera's nine numbers, the pose's six.
-    fn deviations(&self, camera: &Camera, pose: &Pose, joint: &JointCovariance) -> Option<Vec<Deviation>> {
+    fn deviations(
+        &self,
+        camera: &CameraParameters,
+        pose: &Pose,
+        joint: &JointCovariance,
+    ) -> Option<Vec<Deviation>> {
         let covariance = DMatrix::from_fn(15, 15, |i, j| joint[(i, j)]);
         let numbers = |theta: &DVector<f64>| {
-            let camera = camera + Camera::from_iterator(theta.rows(0, 9).iter().copied());
+            let camera = camera + CameraParameters::from_iterator(theta.rows(0, 9).iter().copied());
             let pose = pose.stepped(&SVector::from_iterator(theta.rows(9, POSE).iter().copied()));
             let h = self.world_from_pixel(&camera, &lens(&camera)?, &pose).ok()?;
             Some((camera, Some(h)))
@@ -247,13 +257,13 @@ impl Setting {
                 - x.iter().copied().fold(f64::INFINITY, f64::min)
         };
         let px_per_m = self.size.0 as f64 / spread(&width);
-        deviate::principal(&covariance, numbers, |n| {
+        principal_deviations::principal(&covariance, numbers, |n| {
             Some(self.places(n)?.iter().map(|x| x * px_per_m).collect())
         })
     }
 
     /// World places of a grid of pixels, as far as the plane reaches, m.
-    fn places(&self, (camera, h): &deviate::Numbers) -> Option<Vec<f64>> {
+    fn places(&self, (camera, h): &principal_deviations::LensAndHomography) -> Option<Vec<f64>> {
         let mut calibration = Calibration::new(Scale::Homography((*h.as_ref()?).into()));
         calibration.lens = Some(lens(camera)?);
         calibration.image_size_px = Some(self.size);
@@ -276,11 +286,11 @@ impl Setting {
 pub(super) fn lens_deviations(fit: &super::LensFit, size: (usize, usize)) -> Vec<Deviation> {
     let covariance = DMatrix::from_fn(9, 9, |i, j| fit.covariance[(i, j)]);
     let numbers = |theta: &DVector<f64>| {
-        let camera = fit.camera + Camera::from_iterator(theta.iter().copied());
+        let camera = fit.camera + CameraParameters::from_iterator(theta.iter().copied());
         Some((camera, None))
     };
     let focal = fit.camera[0];
-    let effect = |(camera, _): &deviate::Numbers| {
+    let effect = |(camera, _): &principal_deviations::LensAndHomography| {
         let lens = lens(camera)?;
         let mut directions = Vec::new();
         for k in 0..GRID.0 * GRID.1 {
@@ -293,5 +303,5 @@ pub(super) fn lens_deviations(fit: &super::LensFit, size: (usize, usize)) -> Vec
         }
         Some(directions)
     };
-    deviate::principal(&covariance, numbers, effect).unwrap_or_default()
+    principal_deviations::principal(&covariance, numbers, effect).unwrap_or_default()
 }

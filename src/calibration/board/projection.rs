@@ -7,7 +7,7 @@ use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 /// Parameters of a camera, in this order: fx, fy, cx, cy (px), k1, k2, p1, p2, k3.
-pub type Camera = SVector<f64, 9>;
+pub type CameraParameters = SVector<f64, 9>;
 /// Number of parameters of a pose: turn (rad), then shift (m).
 pub const POSE: usize = 6;
 
@@ -47,7 +47,7 @@ impl Pose {
     }
 
     /// The homography from the board's plane (X, Y, 1), m, to undistorted pixels.
-    pub fn pixel_from_board(&self, camera: &Camera) -> Matrix3<f64> {
+    pub fn pixel_from_board(&self, camera: &CameraParameters) -> Matrix3<f64> {
         let r = self.rotation.matrix();
         let plane = Matrix3::from_columns(&[r.column(0).into(), r.column(1).into(), self.shift_m]);
         camera_matrix(camera) * plane
@@ -61,7 +61,7 @@ impl Pose {
 }
 
 /// The matrix of the camera's first four parameters.
-pub fn camera_matrix(c: &Camera) -> Matrix3<f64> {
+pub fn camera_matrix(c: &CameraParameters) -> Matrix3<f64> {
     Matrix3::new(c[0], 0.0, c[2], 0.0, c[1], c[3], 0.0, 0.0, 1.0)
 }
 
@@ -77,7 +77,7 @@ pub struct Projected {
 }
 
 /// The point of the board in the picture; `None` behind the camera.
-pub fn project(camera: &Camera, pose: &Pose, board_m: &Vector2<f64>) -> Option<Projected> {
+pub fn project(camera: &CameraParameters, pose: &Pose, board_m: &Vector2<f64>) -> Option<Projected> {
     let turned = pose.point_m(board_m) - pose.shift_m;
     let p = turned + pose.shift_m;
     if !(p.z > 1e-9) {
@@ -142,7 +142,7 @@ pub fn project(camera: &Camera, pose: &Pose, board_m: &Vector2<f64>) -> Option<P
 
 /// A corner as seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct CornerObservation {
     /// Where on the board, m.
     pub board_m: Vector2<f64>,
     /// Where in the picture.
@@ -151,7 +151,7 @@ pub struct Seen {
     pub std_px: f64,
 }
 
-impl Seen {
+impl CornerObservation {
     /// Its place in the picture, px.
     pub(super) fn pixel(&self) -> Vector2<f64> {
         Vector2::new(self.at.u_px, self.at.v_px)
@@ -162,8 +162,8 @@ impl Seen {
 mod tests {
     use super::*;
 
-    fn camera() -> Camera {
-        Camera::from([900.0, 905.0, 642.0, 357.0, -0.3, 0.1, 0.001, -0.002, -0.01])
+    fn camera() -> CameraParameters {
+        CameraParameters::from([900.0, 905.0, 642.0, 357.0, -0.3, 0.1, 0.001, -0.002, -0.01])
     }
 
     fn pose() -> Pose {

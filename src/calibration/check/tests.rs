@@ -29,7 +29,7 @@ fn findings(text: &str, recording: Option<&SourceInfo>) -> Vec<Finding> {
 
 fn problems(text: &str, recording: Option<&SourceInfo>) -> Vec<String> {
     let found = findings(text, recording);
-    let grave = found.iter().filter(|f| f.weight == Weight::Problem);
+    let grave = found.iter().filter(|f| f.severity == Severity::Problem);
     grave.map(|f| format!("{}: {}", f.key, f.message)).collect()
 }
 
@@ -48,7 +48,7 @@ fn sound() -> serde_json::Value {
 fn a_sound_file_has_no_problem() {
     assert_eq!(problems(&sound().to_string(), None), [""; 0]);
     let found = findings(&sound().to_string(), Some(&recording()));
-    assert!(found.iter().all(|f| f.weight == Weight::Remark), "{found:?}");
+    assert!(found.iter().all(|f| f.severity == Severity::Remark), "{found:?}");
     assert!(found[0].message.contains("8.00 times"), "{found:?}");
 }
 

@@ -34,7 +34,7 @@ pub(super) fn lens(reader: &mut Reader, top: &Section<'_>) -> Option<Lens> {
 /// Uncertainties of the lens's nine numbers; null where one was not fitted.
 pub(super) fn lens_std(reader: &mut Reader, top: &Section<'_>) -> [Option<f64>; 9] {
     let mut all = [None; 9];
-    // Whatever is wrong with the section itself has been told already.
+    // Whatever is wrong with the section itself has been reported already.
     let Some(Value::Object(keys)) = top.get("lens") else {
         return all;
     };

@@ -8,7 +8,7 @@ mod write;
 pub(super) use write::to_json;
 
 use super::error::{CalibrationError, Problem};
-use super::plane::{HINT_UP, Rectification};
+use super::rectification::{HINT_UP, Rectification};
 use super::{Ball, Calibration, Floor, FloorLine, Launch, SCHEMA, Scale, View};
 use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};

@@ -32,7 +32,7 @@ pub enum Length {
 
 /// How the ruler stood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Held {
+pub enum RulerOrientation {
     /// Along a plumb line.
     Upright,
     /// Along the floor.
@@ -41,11 +41,11 @@ pub enum Held {
 
 /// What is marked in the frame, and what else is known.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Request {
+pub struct RulerRequest {
     /// The scale.
     pub length: Length,
     /// How the ruler stood, where that tells "up".
-    pub held: Option<Held>,
+    pub held: Option<RulerOrientation>,
     /// Direction of "up" in the picture.
     pub up_px: [f64; 2],
     /// Whether the user said so; else the fall tells.
@@ -70,7 +70,7 @@ pub struct Request {
 
 /// What a mark stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
+pub enum MarkRole {
     /// An end of the ruler.
     From,
     /// The other end.
@@ -87,7 +87,7 @@ pub enum Role {
     LineTo,
 }
 
-impl Role {
+impl MarkRole {
     /// The option that gives it.
     #[must_use]
     pub const fn option(self) -> &'static str {
@@ -104,9 +104,9 @@ impl Role {
 
 /// A mark as it was used.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mark {
+pub struct PictureMark {
     /// What it stands for.
-    pub role: Role,
+    pub role: MarkRole,
     /// As given.
     pub given: PixelPoint,
     /// As used.
@@ -117,11 +117,11 @@ pub struct Mark {
 
 /// A calibration from marks.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ruled {
+pub struct RulerCalibration {
     /// The calibration.
     pub calibration: Calibration,
     /// The marks, as given and as used.
-    pub marks: Vec<Mark>,
+    pub marks: Vec<PictureMark>,
 }
 
 /// Why marks make no calibration.
@@ -143,7 +143,7 @@ pub enum RulerError {
     )]
     Outside {
         /// The mark.
-        role: Role,
+        role: MarkRole,
         /// Where.
         at: PixelPoint,
         /// The picture's.
@@ -156,7 +156,7 @@ pub enum RulerError {
     )]
     NoEdge {
         /// The mark.
-        role: Role,
+        role: MarkRole,
         /// Where.
         at: PixelPoint,
         /// How far was searched, px.
@@ -181,7 +181,7 @@ pub enum RulerError {
     )]
     BeyondLens {
         /// The mark.
-        role: Role,
+        role: MarkRole,
         /// Where.
         at: PixelPoint,
     },
@@ -197,8 +197,8 @@ const LEAST_LENGTH_PX: f64 = 2.0;
 ///
 /// # Errors
 /// See [`RulerError`].
-pub fn calibrate(request: &Request, picture: &Luma) -> Result<Ruled, RulerError> {
-    let marker = Marker { request, picture };
+pub fn calibrate(request: &RulerRequest, picture: &Luma) -> Result<RulerCalibration, RulerError> {
+    let marker = MarkPlacer { request, picture };
     let mut calibration = request.known.clone();
     calibration.image_size_px = Some((picture.width, picture.height));
     calibration.up_px = request.up_px;
@@ -219,31 +219,31 @@ pub fn calibrate(request: &Request, picture: &Luma) -> Result<Ruled, RulerError>
     }
     marker.origin(&mut calibration, &mut marks)?;
     marker.floor_line(&mut calibration, &mut marks)?;
-    // Whatever is still wrong with it is told as for a file.
+    // The checks of a file find whatever is still wrong with it.
     let checked = Calibration::parse(&calibration.to_json().to_string(), "the marks")?;
-    Ok(Ruled {
+    Ok(RulerCalibration {
         calibration: checked,
         marks,
     })
 }
 
-struct Marker<'a> {
-    request: &'a Request,
+struct MarkPlacer<'a> {
+    request: &'a RulerRequest,
     picture: &'a Luma,
 }
 
-impl Marker<'_> {
-    fn ends(&self, from: PixelPoint, to: PixelPoint) -> Result<[Mark; 2], RulerError> {
+impl MarkPlacer<'_> {
+    fn ends(&self, from: PixelPoint, to: PixelPoint) -> Result<[PictureMark; 2], RulerError> {
         let apart = |a: PixelPoint, b: PixelPoint| a.distance_px(b) >= LEAST_LENGTH_PX;
-        self.inside(Role::From, from)?;
-        self.inside(Role::To, to)?;
+        self.inside(MarkRole::From, from)?;
+        self.inside(MarkRole::To, to)?;
         if !apart(from, to) {
             return Err(RulerError::SamePoint(to, false));
         }
         let along = [to.u_px - from.u_px, to.v_px - from.v_px];
         let ends = [
-            self.mark(Role::From, from, along)?,
-            self.mark(Role::To, to, along)?,
+            self.mark(MarkRole::From, from, along)?,
+            self.mark(MarkRole::To, to, along)?,
         ];
         if !apart(ends[0].at, ends[1].at) {
             return Err(RulerError::SamePoint(ends[1].at, true));
@@ -251,7 +251,7 @@ impl Marker<'_> {
         Ok(ends)
     }
 
-    fn ruler(&self, [from, to]: [Mark; 2]) -> Scale {
+    fn ruler(&self, [from, to]: [PictureMark; 2]) -> Scale {
         let Length::Ruler {
             length_m,
             length_std_m,
@@ -270,15 +270,15 @@ impl Marker<'_> {
     }
 
     /// One number for both ends: their mean square.
-    fn std_of_both_px(&self, from: &Mark, to: &Mark) -> f64 {
+    fn std_of_both_px(&self, from: &PictureMark, to: &PictureMark) -> f64 {
         (0.5 * (self.std_px(from).powi(2) + self.std_px(to).powi(2))).sqrt()
     }
 
-    fn std_px(&self, mark: &Mark) -> f64 {
+    fn std_px(&self, mark: &PictureMark) -> f64 {
         mark.snapped.map_or(self.request.point_std_px, |s| s.std_px)
     }
 
-    fn inside(&self, role: Role, at: PixelPoint) -> Result<(), RulerError> {
+    fn inside(&self, role: MarkRole, at: PixelPoint) -> Result<(), RulerError> {
         let (width, height) = (self.picture.width, self.picture.height);
         let within = |x: f64, size: usize| x >= -0.5 && x <= size as f64 - 0.5;
         if within(at.u_px, width) && within(at.v_px, height) {
@@ -291,7 +291,12 @@ impl Marker<'_> {
         })
     }
 
-    fn mark(&self, role: Role, given: PixelPoint, direction: [f64; 2]) -> Result<Mark, RulerError> {
+    fn mark(
+        &self,
+        role: MarkRole,
+        given: PixelPoint,
+        direction: [f64; 2],
+    ) -> Result<PictureMark, RulerError> {
         self.inside(role, given)?;
         let snapped = match self.request.snap_px {
             Some(reach_px) => Some(snap(self.picture, given, direction, reach_px).ok_or(
@@ -303,7 +308,7 @@ impl Marker<'_> {
             )?),
             None => None,
         };
-        Ok(Mark {
+        Ok(PictureMark {
             role,
             given,
             at: snapped.map_or(given, |s| s.at),
@@ -312,7 +317,7 @@ impl Marker<'_> {
     }
 
     /// "Up" from the ruler's direction in the undistorted picture, the one nearer to the given "up".
-    fn up_from_ruler(&self, calibration: &mut Calibration, held: Held) -> Result<(), RulerError> {
+    fn up_from_ruler(&self, calibration: &mut Calibration, held: RulerOrientation) -> Result<(), RulerError> {
         let Scale::Ruler {
             from,
             to,
@@ -322,7 +327,7 @@ impl Marker<'_> {
         else {
             return Ok(());
         };
-        let ideal = |role: Role, at: PixelPoint| {
+        let ideal = |role: MarkRole, at: PixelPoint| {
             let beyond = RulerError::BeyondLens { role, at };
             calibration
                 .lens
@@ -330,12 +335,12 @@ impl Marker<'_> {
                 .map_or(Some(at), |l| l.undistort(at))
                 .ok_or(beyond)
         };
-        let (a, b) = (ideal(Role::From, from)?, ideal(Role::To, to)?);
+        let (a, b) = (ideal(MarkRole::From, from)?, ideal(MarkRole::To, to)?);
         let (du, dv) = (b.u_px - a.u_px, b.v_px - a.v_px);
         let length = du.hypot(dv);
         let axis = match held {
-            Held::Upright => [du / length, dv / length],
-            Held::Level => [-dv / length, du / length],
+            RulerOrientation::Upright => [du / length, dv / length],
+            RulerOrientation::Level => [-dv / length, du / length],
         };
         let given = self.request.up_px;
         let sign = (axis[0] * given[0] + axis[1] * given[1]).signum();
@@ -348,12 +353,12 @@ impl Marker<'_> {
         Ok(())
     }
 
-    fn origin(&self, calibration: &mut Calibration, marks: &mut Vec<Mark>) -> Result<(), RulerError> {
+    fn origin(&self, calibration: &mut Calibration, marks: &mut Vec<PictureMark>) -> Result<(), RulerError> {
         let [a, b] = calibration.up_px;
         if let Some(origin) = self.request.origin {
-            self.inside(Role::Origin, origin)?;
-            marks.push(Mark {
-                role: Role::Origin,
+            self.inside(MarkRole::Origin, origin)?;
+            marks.push(PictureMark {
+                role: MarkRole::Origin,
                 given: origin,
                 at: origin,
                 snapped: None,
@@ -366,8 +371,8 @@ impl Marker<'_> {
             (None, Some(_)) => return Err(RulerError::EdgeWithoutFloor),
             (Some(floor), edge) => (floor, edge),
         };
-        let floor = self.mark(Role::Floor, floor, [a, b])?;
-        let edge = edge.map(|e| self.mark(Role::Edge, e, [-b, a])).transpose()?;
+        let floor = self.mark(MarkRole::Floor, floor, [a, b])?;
+        let edge = edge.map(|e| self.mark(MarkRole::Edge, e, [-b, a])).transpose()?;
         marks.push(floor);
         marks.extend(edge);
         let std = edge.map_or(self.std_px(&floor), |e| self.std_px(&floor).max(self.std_px(&e)));
@@ -380,12 +385,16 @@ impl Marker<'_> {
     }
 
     /// A line along the floor; its ends are moved square to it, as only that tells its direction.
-    fn floor_line(&self, calibration: &mut Calibration, marks: &mut Vec<Mark>) -> Result<(), RulerError> {
+    fn floor_line(
+        &self,
+        calibration: &mut Calibration,
+        marks: &mut Vec<PictureMark>,
+    ) -> Result<(), RulerError> {
         let Some([from, to]) = self.request.floor_line else {
             return Ok(());
         };
-        self.inside(Role::LineFrom, from)?;
-        self.inside(Role::LineTo, to)?;
+        self.inside(MarkRole::LineFrom, from)?;
+        self.inside(MarkRole::LineTo, to)?;
         let long_enough = |a: PixelPoint, b: PixelPoint, snapped: bool| {
             let length_px = a.distance_px(b);
             if length_px < FloorLine::LEAST_PX {
@@ -396,8 +405,8 @@ impl Marker<'_> {
         long_enough(from, to, false)?;
         let square = [from.v_px - to.v_px, to.u_px - from.u_px];
         let ends = [
-            self.mark(Role::LineFrom, from, square)?,
-            self.mark(Role::LineTo, to, square)?,
+            self.mark(MarkRole::LineFrom, from, square)?,
+            self.mark(MarkRole::LineTo, to, square)?,
         ];
         long_enough(ends[0].at, ends[1].at, true)?;
         if let Some(lens) = &calibration.lens {
@@ -420,8 +429,8 @@ impl Marker<'_> {
 }
 
 /// The pixel at the height of one mark and the x of the other.
-fn crossing(map: &Rectification, floor: &Mark, edge: &Mark) -> Result<PixelPoint, RulerError> {
-    let plane = |mark: &Mark| {
+fn crossing(map: &Rectification, floor: &PictureMark, edge: &PictureMark) -> Result<PixelPoint, RulerError> {
+    let plane = |mark: &PictureMark| {
         map.plane_from_pixel(mark.at).ok_or(RulerError::BeyondLens {
             role: mark.role,
             at: mark.at,

@@ -47,7 +47,7 @@ pub struct Snapped {
 #[must_use]
 pub fn snap(picture: &Luma, at: PixelPoint, direction: [f64; 2], reach_px: f64) -> Option<Snapped> {
     let along = Vector2::new(direction[0], direction[1]).try_normalize(0.0)?;
-    let frame = Frame {
+    let frame = EdgeSearch {
         picture,
         at: Vector2::new(at.u_px, at.v_px),
         along,
@@ -55,7 +55,7 @@ pub fn snap(picture: &Luma, at: PixelPoint, direction: [f64; 2], reach_px: f64) 
     };
     let steps = frame.steps(reach_px);
     let strongest = steps.iter().map(|s| s.slope.abs()).fold(0.0, f64::max);
-    let counts = |s: &&Step| s.slope.abs() > (WEAK_PART * strongest).max(LEAST_SLOPE);
+    let counts = |s: &&BrightnessStep| s.slope.abs() > (WEAK_PART * strongest).max(LEAST_SLOPE);
     let nearest = steps
         .iter()
         .filter(|s| s.at.abs() <= reach_px)
@@ -88,20 +88,20 @@ pub fn snap(picture: &Luma, at: PixelPoint, direction: [f64; 2], reach_px: f64) 
 
 /// A place along the direction where the brightness changes fastest.
 #[derive(Debug, Clone, Copy)]
-struct Step {
+struct BrightnessStep {
     at: f64,
     /// Grey a pixel.
     slope: f64,
 }
 
-struct Frame<'a> {
+struct EdgeSearch<'a> {
     picture: &'a Luma,
     at: Vector2<f64>,
     along: Vector2<f64>,
     across: Vector2<f64>,
 }
 
-impl Frame<'_> {
+impl EdgeSearch<'_> {
     /// Grey between pixels, bilinear; `None` outside.
     fn grey(&self, p: Vector2<f64>) -> Option<f64> {
         let (u, v) = (p.x.floor(), p.y.floor());
@@ -120,7 +120,7 @@ impl Frame<'_> {
     }
 
     /// Extremes of the slope of the mean profile, a little beyond the reach for the second edge of a line.
-    fn steps(&self, reach_px: f64) -> Vec<Step> {
+    fn steps(&self, reach_px: f64) -> Vec<BrightnessStep> {
         const SPACING: f64 = 0.25;
         let reach = reach_px + LINE_PX + 2.0;
         let count = (2.0 * reach / SPACING) as i64;
@@ -147,7 +147,7 @@ impl Frame<'_> {
                 && c.0.abs() >= r.0.abs()
                 && c.0 != 0.0
             {
-                steps.push(Step { at: c.1, slope: c.0 });
+                steps.push(BrightnessStep { at: c.1, slope: c.0 });
             }
         }
         steps
@@ -223,7 +223,7 @@ impl Frame<'_> {
         pixels
     }
 
-    fn start(&self, pixels: &[(f64, f64, f64)], place: f64, half_width: Option<f64>) -> Parameters {
+    fn start(&self, pixels: &[(f64, f64, f64)], place: f64, half_width: Option<f64>) -> EdgeParameters {
         let mean = |keep: &dyn Fn(f64) -> bool| {
             let (sum, count) = pixels
                 .iter()
@@ -231,7 +231,7 @@ impl Frame<'_> {
                 .fold((0.0, 0.0), |(s, n), p| (s + p.2, n + 1.0));
             if count > 0.0 { sum / count } else { 128.0 }
         };
-        let mut p = Parameters::zeros();
+        let mut p = EdgeParameters::zeros();
         p[PLACE] = place;
         p[BLUR] = 0.8;
         match half_width {
@@ -252,7 +252,7 @@ impl Frame<'_> {
 }
 
 /// Place, slant, blur, half width, mean grey, its slope along, contrast.
-type Parameters = SVector<f64, 7>;
+type EdgeParameters = SVector<f64, 7>;
 const PLACE: usize = 0;
 const SLANT: usize = 1;
 const BLUR: usize = 2;
@@ -262,13 +262,17 @@ const LIGHT: usize = 5;
 const CONTRAST: usize = 6;
 
 /// Normal equations: matrix, right side, sum of squares.
-fn system(pixels: &[(f64, f64, f64)], p: &Parameters, line: bool) -> (SMatrix<f64, 7, 7>, Parameters, f64) {
+fn system(
+    pixels: &[(f64, f64, f64)],
+    p: &EdgeParameters,
+    line: bool,
+) -> (SMatrix<f64, 7, 7>, EdgeParameters, f64) {
     let (mut matrix, mut right, mut chi2) = (SMatrix::zeros(), SVector::zeros(), 0.0);
     for &(s, l, grey) in pixels {
         let slant = (1.0 + p[SLANT] * p[SLANT]).sqrt();
         let off = s - p[PLACE];
         let distance = (off - p[SLANT] * l) / slant;
-        let mut slope = Parameters::zeros();
+        let mut slope = EdgeParameters::zeros();
         let (shape, by_distance, by_blur) = if line {
             let (near, far) = (
                 shade(distance + p[HALF], p[BLUR]),

@@ -13,8 +13,8 @@ fn frame() -> Luma {
     })
 }
 
-fn request(from: (f64, f64), to: (f64, f64)) -> Request {
-    Request {
+fn request(from: (f64, f64), to: (f64, f64)) -> RulerRequest {
+    RulerRequest {
         length: Length::Ruler {
             from: PixelPoint::new(from.0, from.1),
             to: PixelPoint::new(to.0, to.1),
@@ -84,7 +84,7 @@ fn snapped_ends_lie_on_the_bar() {
 
 #[test]
 fn a_line_along_the_floor_is_kept_with_the_doubt_of_its_ends() {
-    let line = |r: &Request| calibrate(r, &frame()).unwrap().calibration.floor.line.unwrap();
+    let line = |r: &RulerRequest| calibrate(r, &frame()).unwrap().calibration.floor.line.unwrap();
     let mut r = request((100.0, 320.0), (500.0, 320.0));
     r.length = Length::Gravity;
     let (left, right) = (PixelPoint::new(120.0, 344.0), PixelPoint::new(480.0, 336.0));
@@ -92,8 +92,8 @@ fn a_line_along_the_floor_is_kept_with_the_doubt_of_its_ends() {
     let read = line(&r);
     assert_eq!((read.from, read.to, read.std_px), (left, right, 1.0));
     let ruled = calibrate(&r, &frame()).unwrap();
-    let roles: Vec<Role> = ruled.marks.iter().map(|m| m.role).collect();
-    assert_eq!(roles, [Role::LineFrom, Role::LineTo]);
+    let roles: Vec<MarkRole> = ruled.marks.iter().map(|m| m.role).collect();
+    assert_eq!(roles, [MarkRole::LineFrom, MarkRole::LineTo]);
     assert!(!ruled.calibration.floor.given && ruled.calibration.origin_px.is_none());
     // The bar's lower edge, to which both ends are moved square to the line.
     r.snap_px = Some(10.0);
@@ -112,24 +112,24 @@ fn a_line_along_the_floor_is_kept_with_the_doubt_of_its_ends() {
 
 #[test]
 fn lines_along_the_floor_that_tell_nothing() {
-    let told = |from: (f64, f64), to: (f64, f64), snap_px: Option<f64>| {
+    let message = |from: (f64, f64), to: (f64, f64), snap_px: Option<f64>| {
         let mut r = request((100.0, 320.0), (500.0, 320.0));
         r.length = Length::Gravity;
         r.floor_line = Some([PixelPoint::new(from.0, from.1), PixelPoint::new(to.0, to.1)]);
         r.snap_px = snap_px;
         calibrate(&r, &frame()).unwrap_err().to_string()
     };
-    let outside = told((100.0, 400.0), (700.0, 400.0), None);
+    let outside = message((100.0, 400.0), (700.0, 400.0), None);
     assert!(
         outside.contains("--floor-line: [700, 400]") && outside.contains("640x480"),
         "{outside}"
     );
-    let short = told((100.0, 400.0), (105.0, 400.0), None);
+    let short = message((100.0, 400.0), (105.0, 400.0), None);
     assert!(
         short.contains("5.0 px apart: accepted are two points at least 10 px apart"),
         "{short}"
     );
-    let nothing = told((100.0, 400.0), (500.0, 400.0), Some(10.0));
+    let nothing = message((100.0, 400.0), (500.0, 400.0), Some(10.0));
     assert!(
         nothing.contains("--floor-line: there is no edge within 10 px"),
         "{nothing}"
@@ -158,7 +158,7 @@ fn a_floor_alone_leaves_the_edge_unknown() {
 #[test]
 fn floor_and_edge_meet_along_the_tilted_axes_of_the_undistorted_picture() {
     let mut r = request((100.0, 320.0), (500.0, 340.0));
-    r.held = Some(Held::Level);
+    r.held = Some(RulerOrientation::Level);
     let camera = Matrix3::new(500.0, 0.0, 319.5, 0.0, 500.0, 239.5, 0.0, 0.0, 1.0);
     r.known.lens = Some(Lens::new(camera, [-0.2, 0.05, 0.0, 0.0, 0.0]).unwrap());
     r.floor = Some(PixelPoint::new(400.0, 450.0));
@@ -180,7 +180,7 @@ fn floor_and_edge_meet_along_the_tilted_axes_of_the_undistorted_picture() {
 fn an_upright_ruler_tells_up_from_either_end() {
     for (from, to) in [((300.0, 400.0), (310.0, 100.0)), ((310.0, 100.0), (300.0, 400.0))] {
         let mut r = request(from, to);
-        r.held = Some(Held::Upright);
+        r.held = Some(RulerOrientation::Upright);
         let [a, b] = calibrate(&r, &frame()).unwrap().calibration.up_px;
         assert!((a - 10.0 / 10.0_f64.hypot(300.0)).abs() < 1e-12 && b < 0.0);
     }
@@ -188,20 +188,20 @@ fn an_upright_ruler_tells_up_from_either_end() {
 
 #[test]
 fn marks_that_make_no_sense_are_told() {
-    let told = |r: &Request| calibrate(r, &frame()).unwrap_err().to_string();
-    let same = told(&request((100.0, 320.0), (100.0, 321.0)));
+    let message = |r: &RulerRequest| calibrate(r, &frame()).unwrap_err().to_string();
+    let same = message(&request((100.0, 320.0), (100.0, 321.0)));
     assert!(
         same.contains("same point") && same.contains("far apart"),
         "{same}"
     );
-    let outside = told(&request((100.0, 320.0), (320.0, 500.0)));
+    let outside = message(&request((100.0, 320.0), (320.0, 500.0)));
     assert!(
         outside.contains("--to") && outside.contains("640x480"),
         "{outside}"
     );
     let mut r = request((20.0, 100.0), (500.0, 100.0));
     r.snap_px = Some(10.0);
-    let nothing = told(&r);
+    let nothing = message(&r);
     assert!(
         nothing.contains("no edge within 10 px") && nothing.contains("--snap=20"),
         "{nothing}"
@@ -209,12 +209,12 @@ fn marks_that_make_no_sense_are_told() {
     // Both ends snap to the bar's left end.
     let mut r = request((98.0, 320.0), (104.0, 320.0));
     r.snap_px = Some(10.0);
-    assert!(told(&r).contains("once moved"));
+    assert!(message(&r).contains("once moved"));
     let mut r = request((100.0, 320.0), (500.0, 320.0));
     r.edge = Some(PixelPoint::new(98.0, 330.0));
-    assert!(told(&r).contains("--floor"));
+    assert!(message(&r).contains("--floor"));
     let mut r = request((100.0, 320.0), (500.0, 320.0));
     r.length = Length::Ball;
     r.known.ball.radius_m = None;
-    assert!(told(&r).contains("ball.radius_m"));
+    assert!(message(&r).contains("ball.radius_m"));
 }

@@ -1,10 +1,11 @@
 //! `track calibrate board IMAGE... --pattern 9x6 --square-m 0.025 [--plane IMAGE] [--out CALIB]`.
 
 use super::{
-    Known, Status, Still, answer, answer_calibration, check_folder, direction, pixel, positive, say,
+    KnownArgs, Status, StillFrame, answer, answer_calibration, check_folder, direction, pixel, positive, say,
 };
 use crate::calibration::board::{
-    BoardLens, Corners, Looked, Marks, Pattern, Plane, Use, View, Views, plane_with_lens,
+    BoardLens, BoardSearch, BoardView, BoardViews, Corners, MotionPlane, Pattern, PlaneMarks, ViewUse,
+    plane_with_lens,
 };
 use crate::calibration::{Calibration, Rectification};
 use crate::frames;
@@ -58,7 +59,7 @@ pub(super) struct BoardArgs {
     #[arg(long, value_name = "CALIB", requires = "plane", conflicts_with = "images")]
     lens: Option<PathBuf>,
     #[command(flatten)]
-    known: Known,
+    known: KnownArgs,
     /// Write the calibration here, and beside it the marked picture of the plane.
     #[arg(long, value_name = "CALIB")]
     out: Option<PathBuf>,
@@ -114,34 +115,34 @@ pub(super) fn run(args: &BoardArgs) -> anyhow::Result<Status> {
 }
 
 /// What came of the pictures.
-struct Made {
-    views: Vec<View>,
+struct BoardOutcome {
+    views: Vec<BoardView>,
     lens: Option<BoardLens>,
-    plane: Option<Plane>,
+    plane: Option<MotionPlane>,
     calibration: Calibration,
     /// The picture of the plane.
-    picture: Option<Still>,
+    picture: Option<StillFrame>,
 }
 
-fn marks(args: &BoardArgs) -> Marks {
-    Marks {
-        up_px: args.up.unwrap_or(Marks::default().up_px),
+fn marks(args: &BoardArgs) -> PlaneMarks {
+    PlaneMarks {
+        up_px: args.up.unwrap_or(PlaneMarks::default().up_px),
         floor: args.floor.or(args.origin),
         edge: args.edge.or(args.origin),
     }
 }
 
-fn with_pictures(args: &BoardArgs, pattern: Pattern) -> anyhow::Result<Made> {
-    let mut views = Views::new(pattern);
+fn with_pictures(args: &BoardArgs, pattern: Pattern) -> anyhow::Result<BoardOutcome> {
+    let mut views = BoardViews::new(pattern);
     let picture = args.plane.as_deref().map(|p| super::still(p, 0)).transpose()?;
     look_at_all(args, &pattern, &mut views)?;
     if let (Some(path), Some(picture)) = (&args.plane, &picture) {
         views.add_plane(path.display().to_string(), &picture.raw)?;
     }
-    let lens = views.lens().inspect_err(|_| tell_views(views.views()))?;
+    let lens = views.lens().inspect_err(|_| report_views(views.views()))?;
     let plane = lens.plane(&views, &marks(args))?;
     let calibration = complete(args, lens.calibration(plane.as_ref()), plane.as_ref());
-    Ok(Made {
+    Ok(BoardOutcome {
         views: views.views().to_vec(),
         lens: Some(lens),
         plane,
@@ -154,10 +155,12 @@ fn with_pictures(args: &BoardArgs, pattern: Pattern) -> anyhow::Result<Made> {
 const NAMED: usize = 3;
 
 /// What became of the pictures, where the lens failed: it is what the user can mend.
-fn tell_views(views: &[View]) {
+fn report_views(views: &[BoardView]) {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for view in views {
-        let Use::Aside(reason) = &view.use_ else { continue };
+        let ViewUse::Aside(reason) = &view.use_ else {
+            continue;
+        };
         match reasons.iter_mut().find(|(r, _)| r == reason) {
             Some((_, names)) => names.push(&view.name),
             None => reasons.push((reason, vec![&view.name])),
@@ -173,7 +176,7 @@ fn tell_views(views: &[View]) {
     }
 }
 
-fn with_lens(args: &BoardArgs, pattern: &Pattern, lens: &Path) -> anyhow::Result<Made> {
+fn with_lens(args: &BoardArgs, pattern: &Pattern, lens: &Path) -> anyhow::Result<BoardOutcome> {
     let known = Calibration::read(lens)?;
     let Some(path) = &args.plane else {
         bail!(
@@ -186,7 +189,7 @@ fn with_lens(args: &BoardArgs, pattern: &Pattern, lens: &Path) -> anyhow::Result
     let (plane, calibration, view) =
         plane_with_lens((&name, &picture.raw), pattern, (&lens_name, &known), &marks(args))?;
     let calibration = complete(args, calibration, Some(&plane));
-    Ok(Made {
+    Ok(BoardOutcome {
         views: vec![view],
         lens: None,
         plane: Some(plane),
@@ -196,7 +199,7 @@ fn with_lens(args: &BoardArgs, pattern: &Pattern, lens: &Path) -> anyhow::Result
 }
 
 /// The calibration with what the options say.
-fn complete(args: &BoardArgs, mut calibration: Calibration, plane: Option<&Plane>) -> Calibration {
+fn complete(args: &BoardArgs, mut calibration: Calibration, plane: Option<&MotionPlane>) -> Calibration {
     args.known.put(&mut calibration);
     calibration.up_std_rad = args.up_std_deg.map(f64::to_radians);
     if plane.is_some_and(|p| p.homography.origin_known) {
@@ -213,7 +216,7 @@ fn complete(args: &BoardArgs, mut calibration: Calibration, plane: Option<&Plane
 const FRAMES: usize = 40;
 
 /// Looks for the board in every picture, several at a time; that of the plane has its own turn.
-fn look_at_all(args: &BoardArgs, pattern: &Pattern, views: &mut Views) -> anyhow::Result<()> {
+fn look_at_all(args: &BoardArgs, pattern: &Pattern, views: &mut BoardViews) -> anyhow::Result<()> {
     let sources = sources(&args.images, args.plane.as_deref())?;
     let bar = ProgressBar::new(sources.len() as u64).with_style(ProgressStyle::with_template(
         "looking for the board {wide_bar} {pos}/{len}",
@@ -272,14 +275,14 @@ fn sources(paths: &[PathBuf], plane: Option<&Path>) -> anyhow::Result<Vec<PathBu
 }
 
 /// A picture's name and what was found in it, or why it cannot be read.
-type Named = (String, Result<Looked, String>);
+type NamedSearch = (String, Result<BoardSearch, String>);
 
 /// The picture at `path`, or frames of the video there.
-fn look_at(path: &Path, pattern: &Pattern) -> anyhow::Result<Vec<Named>> {
+fn look_at(path: &Path, pattern: &Pattern) -> anyhow::Result<Vec<NamedSearch>> {
     let name = path.display().to_string();
     if frames::is_picture(path) || !path.exists() {
         return match frames::open_picture(path) {
-            Ok(picture) => Ok(vec![(name, Ok(pattern.look(&picture)?))]),
+            Ok(picture) => Ok(vec![(name, Ok(pattern.search(&picture)?))]),
             Err(error @ frames::FrameError::Missing { .. }) => Err(error.into()),
             Err(error) => Ok(vec![(name, Err(error.to_string()))]),
         };
@@ -290,14 +293,14 @@ fn look_at(path: &Path, pattern: &Pattern) -> anyhow::Result<Vec<Named>> {
         .map(|frame| {
             Ok((
                 format!("{name} at {:.2} s", frame.time_s),
-                Ok(pattern.look(&frame.luma)?),
+                Ok(pattern.search(&frame.luma)?),
             ))
         })
         .collect()
 }
 
 /// The picture of the plane with the world's axes and a grid drawn in.
-fn marked(args: &BoardArgs, made: &Made, still: &Still) -> anyhow::Result<Vec<u8>> {
+fn marked(args: &BoardArgs, made: &BoardOutcome, still: &StillFrame) -> anyhow::Result<Vec<u8>> {
     let map = made.calibration.rectification()?;
     let (width, height) = (still.luma.width as f64, still.luma.height as f64);
     let mut shapes = grid(&map, width, height);

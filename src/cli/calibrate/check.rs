@@ -1,7 +1,7 @@
 //! `track calibrate check CALIB [VIDEO]`: exit status 0 fine, 1 problems, 2 it could not be read.
 
 use super::{Status, answer};
-use crate::calibration::check::{Finding, Weight, check};
+use crate::calibration::check::{Finding, Severity, check};
 use clap::Args;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -19,12 +19,12 @@ pub(super) fn run(args: &CheckArgs) -> anyhow::Result<Status> {
     let recording = args.video.as_deref().map(super::facts).transpose()?;
     let findings = check(&args.calib, recording.as_ref())?;
     answer(&text(args, &findings))?;
-    let grave = findings.iter().any(|f| f.weight == Weight::Problem);
+    let grave = findings.iter().any(|f| f.severity == Severity::Problem);
     Ok(if grave { Status::Rejected } else { Status::Done })
 }
 
 fn text(args: &CheckArgs, findings: &[Finding]) -> String {
-    let count = |weight: Weight| findings.iter().filter(|f| f.weight == weight).count();
+    let count = |severity: Severity| findings.iter().filter(|f| f.severity == severity).count();
     let counted = |n: usize, what: &str| match n {
         0 => format!("no {what}s"),
         1 => format!("1 {what}"),
@@ -37,8 +37,8 @@ fn text(args: &CheckArgs, findings: &[Finding]) -> String {
     let mut text = format!(
         "{}{against}: {}, {}\n",
         args.calib.display(),
-        counted(count(Weight::Problem), "problem"),
-        counted(count(Weight::Remark), "remark")
+        counted(count(Severity::Problem), "problem"),
+        counted(count(Severity::Remark), "remark")
     );
     for finding in findings {
         // Writing into a String cannot fail.

@@ -6,7 +6,7 @@ mod ruler;
 mod show;
 
 use super::{Status, answer, say};
-use crate::calibration::check::{Weight, findings as check_findings};
+use crate::calibration::check::{Severity, findings as check_findings};
 use crate::calibration::{Calibration, Scale, View};
 use crate::frames::{self, Luma, SourceInfo};
 use crate::geometry::PixelPoint;
@@ -19,11 +19,11 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 pub struct CalibrateArgs {
     #[command(subcommand)]
-    what: What,
+    what: CalibrateCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
+enum CalibrateCommand {
     /// A lens, and the plane of motion, from pictures of a chessboard.
     Board(board::BoardArgs),
     /// A scale from two marks and a length, from the ball, or from the fall; floor and launch edge.
@@ -40,16 +40,16 @@ enum What {
 /// What keeps it from running: unreadable input, marks or pictures that make no calibration, output that cannot be written.
 pub fn run(args: &CalibrateArgs) -> anyhow::Result<Status> {
     match &args.what {
-        What::Board(args) => board::run(args),
-        What::Ruler(args) => ruler::run(args),
-        What::Show(args) => show::run(args),
-        What::Check(args) => check::run(args),
+        CalibrateCommand::Board(args) => board::run(args),
+        CalibrateCommand::Ruler(args) => ruler::run(args),
+        CalibrateCommand::Show(args) => show::run(args),
+        CalibrateCommand::Check(args) => check::run(args),
     }
 }
 
 /// Where the camera looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Looks {
+enum ViewArg {
     /// At the plane of motion.
     Side,
     /// Down at the floor.
@@ -58,7 +58,7 @@ enum Looks {
 
 /// What marks and boards do not tell, for the file.
 #[derive(Debug, Args)]
-struct Known {
+struct KnownArgs {
     /// Radius of the ball (half its diameter), m.
     #[arg(long, value_name = "R", value_parser = positive)]
     ball_radius_m: Option<f64>,
@@ -73,10 +73,10 @@ struct Known {
     gravity_m_s2: Option<f64>,
     /// Where the camera looks.
     #[arg(long, value_enum, default_value = "side")]
-    view: Looks,
+    view: ViewArg,
 }
 
-impl Known {
+impl KnownArgs {
     /// A calibration with these and every default; the scale is the fall until it is replaced.
     fn calibration(&self) -> Calibration {
         let mut c = Calibration::new(Scale::Gravity);
@@ -92,8 +92,8 @@ impl Known {
             (c.gravity_m_s2, c.gravity_given) = (gravity_m_s2, true);
         }
         c.view = match self.view {
-            Looks::Side => View::Side,
-            Looks::Top => View::Top,
+            ViewArg::Side => View::Side,
+            ViewArg::Top => View::Top,
         };
     }
 }
@@ -125,7 +125,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// A frame to put marks on.
-struct Still {
+struct StillFrame {
     /// Full range.
     luma: Luma,
     /// As decoded.
@@ -133,10 +133,10 @@ struct Still {
 }
 
 /// Frame `number` of a video or folder (from 0), or a picture.
-fn still(path: &Path, number: usize) -> anyhow::Result<Still> {
+fn still(path: &Path, number: usize) -> anyhow::Result<StillFrame> {
     if path.is_file() && frames::is_picture(path) {
         let raw = frames::open_picture(path)?;
-        return Ok(Still {
+        return Ok(StillFrame {
             luma: raw.clone(),
             raw,
         });
@@ -146,7 +146,7 @@ fn still(path: &Path, number: usize) -> anyhow::Result<Still> {
     let mut count = 0;
     while let Some(frame) = source.next_frame()? {
         if count == number {
-            return Ok(Still {
+            return Ok(StillFrame {
                 luma: range.stretched(&frame.luma),
                 raw: frame.luma,
             });
@@ -214,7 +214,7 @@ fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) ->
 /// Says what is wrong with a calibration that was just made, as `calibrate check` would.
 fn warn_of_problems(calibration: &Calibration, recording: Option<&SourceInfo>) {
     for finding in check_findings(calibration, recording) {
-        if finding.weight == Weight::Problem {
+        if finding.severity == Severity::Problem {
             say(&format!("warning: {}: {}", finding.key, finding.message));
         }
     }

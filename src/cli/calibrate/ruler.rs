@@ -1,7 +1,9 @@
 //! `track calibrate ruler VIDEO --from U,V --to U,V --length-m L [--floor U,V --edge U,V] [--floor-line U,V U,V] [--out CALIB]`.
 
-use super::{Known, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
-use crate::calibration::ruler::{Held, Length, Mark, Request, Role, Ruled, calibrate};
+use super::{KnownArgs, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
+use crate::calibration::ruler::{
+    Length, MarkRole, PictureMark, RulerCalibration, RulerOrientation, RulerRequest, calibrate,
+};
 use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence, View};
 use crate::frames::{self, Luma};
 use crate::geometry::{PixelPoint, PlanePoint};
@@ -67,7 +69,7 @@ pub(super) struct RulerArgs {
     #[arg(long, value_name = "N", default_value = "0")]
     frame: usize,
     #[command(flatten)]
-    known: Known,
+    known: KnownArgs,
     /// Write the calibration here, and beside it the frame with the marks drawn in.
     #[arg(long, value_name = "CALIB")]
     out: Option<PathBuf>,
@@ -111,7 +113,7 @@ pub(super) fn run(args: &RulerArgs) -> anyhow::Result<Status> {
     Ok(Status::Done)
 }
 
-fn request(args: &RulerArgs) -> anyhow::Result<Request> {
+fn request(args: &RulerArgs) -> anyhow::Result<RulerRequest> {
     let length = match (args.from, args.to, args.length_m) {
         (Some(from), Some(to), Some(length_m)) => Length::Ruler {
             from,
@@ -145,11 +147,11 @@ fn request(args: &RulerArgs) -> anyhow::Result<Request> {
             .for_each(|d| d.world_from_pixel = None);
         lens_fits(args, path, with_lens.image_size_px)?;
     }
-    Ok(Request {
+    Ok(RulerRequest {
         length,
         held: args.held.map(|h| match h {
-            HeldArg::Upright => Held::Upright,
-            HeldArg::Level => Held::Level,
+            HeldArg::Upright => RulerOrientation::Upright,
+            HeldArg::Level => RulerOrientation::Level,
         }),
         up_px: args
             .up
@@ -188,7 +190,7 @@ fn lens_fits(args: &RulerArgs, lens: &std::path::Path, size: Option<(usize, usiz
     Ok(())
 }
 
-fn table(ruled: &Ruled) -> String {
+fn table(ruled: &RulerCalibration) -> String {
     let c = &ruled.calibration;
     let mut text = String::new();
     let mut row = |name: &str, content: String| {
@@ -216,7 +218,7 @@ fn table(ruled: &Ruled) -> String {
             );
         }
     }
-    let of_line = |mark: &&Mark| matches!(mark.role, Role::LineFrom | Role::LineTo);
+    let of_line = |mark: &&PictureMark| matches!(mark.role, MarkRole::LineFrom | MarkRole::LineTo);
     for mark in ruled.marks.iter().filter(|m| !of_line(m)) {
         row(&mark.role.option()[2..], place(mark));
     }
@@ -239,7 +241,7 @@ fn table(ruled: &Ruled) -> String {
     let [a, b] = c.up_px;
     row(
         "up",
-        if told_up(c) {
+        if up_is_known(c) {
             format!(
                 "{:.2} ± {:.2}° clockwise from the picture's own",
                 a.atan2(-b).to_degrees() + 0.0,
@@ -256,7 +258,7 @@ fn table(ruled: &Ruled) -> String {
 }
 
 /// Whether anything was said of "up"; else the fall alone tells.
-const fn told_up(c: &Calibration) -> bool {
+const fn up_is_known(c: &Calibration) -> bool {
     c.up_given || c.up_std_rad.is_some()
 }
 
@@ -264,7 +266,7 @@ const fn told_up(c: &Calibration) -> bool {
 fn line_direction(c: &Calibration) -> Option<String> {
     let line = c.floor.line?;
     let rise_deg = line.rise_rad(&c.rectification().ok()?)?.to_degrees();
-    let (std_rad, against) = if told_up(c) {
+    let (std_rad, against) = if up_is_known(c) {
         (line.std_rad().hypot(c.upright_std_rad()), "\"up\"")
     } else {
         // How the camera leaned is in neither number.
@@ -280,7 +282,7 @@ fn line_direction(c: &Calibration) -> Option<String> {
     ))
 }
 
-fn place(mark: &Mark) -> String {
+fn place(mark: &PictureMark) -> String {
     let at = format!("[{:.2}, {:.2}] px", mark.at.u_px, mark.at.v_px);
     match mark.snapped {
         Some(s) => format!(
@@ -298,11 +300,11 @@ fn picture(frame: &Luma, shapes: &[Shape]) -> anyhow::Result<Vec<u8>> {
 }
 
 /// The marks as they were meant.
-fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shape>> {
+fn shapes(ruled: &RulerCalibration, width: usize, height: usize) -> anyhow::Result<Vec<Shape>> {
     let map = ruled.calibration.rectification()?;
-    let at = |role: Role| ruled.marks.iter().find(|m| m.role == role).map(|m| m.at);
+    let at = |role: MarkRole| ruled.marks.iter().find(|m| m.role == role).map(|m| m.at);
     let mut shapes = Vec::new();
-    if let (Some(from), Some(to)) = (at(Role::From), at(Role::To)) {
+    if let (Some(from), Some(to)) = (at(MarkRole::From), at(MarkRole::To)) {
         shapes.push(Shape::Line {
             points: vec![from, to],
             ink: Ink::Orange,
@@ -318,7 +320,7 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
             });
         }
     }
-    if let (Some(from), Some(to)) = (at(Role::LineFrom), at(Role::LineTo)) {
+    if let (Some(from), Some(to)) = (at(MarkRole::LineFrom), at(MarkRole::LineTo)) {
         shapes.push(Shape::Line {
             points: vec![from, to],
             ink: Ink::Green,
@@ -326,7 +328,10 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
         });
     }
     let reach = (width as f64).hypot(height as f64);
-    for (role, across, ink) in [(Role::Floor, true, Ink::Green), (Role::Edge, false, Ink::Blue)] {
+    for (role, across, ink) in [
+        (MarkRole::Floor, true, Ink::Green),
+        (MarkRole::Edge, false, Ink::Blue),
+    ] {
         if let Some(points) = at(role).and_then(|p| through(&map, p, across, reach)) {
             shapes.push(Shape::Line {
                 points,
@@ -337,9 +342,9 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
     }
     for mark in &ruled.marks {
         let ink = match mark.role {
-            Role::From | Role::To => Ink::Orange,
-            Role::Floor | Role::Origin | Role::LineFrom | Role::LineTo => Ink::Green,
-            Role::Edge => Ink::Blue,
+            MarkRole::From | MarkRole::To => Ink::Orange,
+            MarkRole::Floor | MarkRole::Origin | MarkRole::LineFrom | MarkRole::LineTo => Ink::Green,
+            MarkRole::Edge => Ink::Blue,
         };
         shapes.push(Shape::Ring { at: mark.at, ink });
         if mark.snapped.is_some() {
@@ -348,7 +353,7 @@ fn shapes(ruled: &Ruled, width: usize, height: usize) -> anyhow::Result<Vec<Shap
                 ink: Ink::White,
             });
         }
-        if mark.role == Role::LineTo {
+        if mark.role == MarkRole::LineTo {
             // Its other end is named.
             continue;
         }

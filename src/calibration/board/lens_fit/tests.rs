@@ -24,7 +24,13 @@ fn random(seed: u64) -> Random {
 }
 
 /// Views of a board of 9 by 6 corners all over the picture, their corners off by noise.
-fn views(camera: &Camera, count: usize, turn: f64, noise_px: f64, random: &mut Random) -> Vec<Vec<Seen>> {
+fn views(
+    camera: &CameraParameters,
+    count: usize,
+    turn: f64,
+    noise_px: f64,
+    random: &mut Random,
+) -> Vec<Vec<CornerObservation>> {
     let mut views = Vec::new();
     while views.len() < count {
         let z = random.between(0.3, 0.5);
@@ -41,19 +47,20 @@ fn views(camera: &Camera, count: usize, turn: f64, noise_px: f64, random: &mut R
             rotation,
             shift_m: Vector3::new(x, y, z) - rotation * Vector3::new(0.1, 0.0625, 0.0),
         };
-        let view: Vec<Seen> = (0..54)
+        let view: Vec<CornerObservation> = (0..54)
             .filter_map(|i| {
                 let board_m = Vector2::new(f64::from(i % 9), f64::from(i / 9)) * 0.025;
                 let at = project(camera, &pose, &board_m)?.at;
                 let mut off = || noise_px * random.normal();
-                Some(Seen {
+                Some(CornerObservation {
                     board_m,
                     at: PixelPoint::new(at.x + off(), at.y + off()),
                     std_px: 0.2 * NOISE_PX,
                 })
             })
             .collect();
-        let inside = |s: &Seen| (10.0..1270.0).contains(&s.at.u_px) && (10.0..710.0).contains(&s.at.v_px);
+        let inside =
+            |s: &CornerObservation| (10.0..1270.0).contains(&s.at.u_px) && (10.0..710.0).contains(&s.at.v_px);
         if view.len() == 54 && view.iter().all(inside) {
             views.push(view);
         }
@@ -61,15 +68,15 @@ fn views(camera: &Camera, count: usize, turn: f64, noise_px: f64, random: &mut R
     views
 }
 
-fn barrel() -> Camera {
-    Camera::from([900.0, 901.0, 645.0, 352.0, -0.28, 0.09, 0.0006, -0.0004, 0.0])
+fn barrel() -> CameraParameters {
+    CameraParameters::from([900.0, 901.0, 645.0, 352.0, -0.28, 0.09, 0.0006, -0.0004, 0.0])
 }
 
 #[test]
 fn exact_corners_give_the_lens_back() {
     for camera in [
         barrel(),
-        Camera::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0]),
+        CameraParameters::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0]),
     ] {
         let fit = fit(SIZE, &views(&camera, 8, 0.6, 0.0, &mut random(1))).unwrap();
         let off = fit.camera - camera;
@@ -88,7 +95,7 @@ fn uncertainties_of_lens_and_pose_cover() {
     let runs = 60;
     for seed in 0..runs {
         let mut r = random(100 + seed);
-        let truth = Camera::from([
+        let truth = CameraParameters::from([
             r.between(1000.0, 1500.0),
             r.between(1000.0, 1500.0),
             r.between(600.0, 680.0),
@@ -151,9 +158,13 @@ fn bad_corners_count_less() {
         seen.std_px = 0.5;
     }
     let weighted = fit(SIZE, &views).unwrap();
-    let blind: Vec<Vec<Seen>> = views
+    let blind: Vec<Vec<CornerObservation>> = views
         .iter()
-        .map(|v| v.iter().map(|s| Seen { std_px: 0.01, ..*s }).collect())
+        .map(|v| {
+            v.iter()
+                .map(|s| CornerObservation { std_px: 0.01, ..*s })
+                .collect()
+        })
         .collect();
     let unweighted = fit(SIZE, &blind).unwrap();
     assert!(weighted.covariance[(0, 0)] < 0.4 * unweighted.covariance[(0, 0)]);

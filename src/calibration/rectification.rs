@@ -38,11 +38,11 @@ pub enum PlaneUnit {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rectification {
     lens: Option<Lens>,
-    map: Map,
+    map: PlaneTransform,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum Map {
+enum PlaneTransform {
     Rotation {
         origin: PixelPoint,
         up: [f64; 2],
@@ -75,8 +75,8 @@ impl Rectification {
     #[must_use]
     pub const fn unit(&self) -> PlaneUnit {
         match self.map {
-            Map::Rotation { .. } => PlaneUnit::UndistortedPixel,
-            Map::Homography { .. } => PlaneUnit::Metre,
+            PlaneTransform::Rotation { .. } => PlaneUnit::UndistortedPixel,
+            PlaneTransform::Homography { .. } => PlaneUnit::Metre,
         }
     }
 
@@ -89,11 +89,11 @@ impl Rectification {
     /// The same for a point of the undistorted picture.
     pub(super) fn plane_from_ideal(&self, p: PixelPoint) -> Option<PlanePoint> {
         let point = match &self.map {
-            Map::Rotation { origin, up: [a, b] } => {
+            PlaneTransform::Rotation { origin, up: [a, b] } => {
                 let (u, v) = (p.u_px - origin.u_px, p.v_px - origin.v_px);
                 PlanePoint::new(a * v - b * u, a * u + b * v)
             }
-            Map::Homography { plane_from_pixel, .. } => {
+            PlaneTransform::Homography { plane_from_pixel, .. } => {
                 let (right, up) = apply(plane_from_pixel, p.u_px, p.v_px)?;
                 PlanePoint::new(right, up)
             }
@@ -116,11 +116,11 @@ impl Rectification {
     /// The same in the undistorted picture.
     pub(super) fn ideal_from_plane(&self, p: PlanePoint) -> Option<PixelPoint> {
         Some(match &self.map {
-            Map::Rotation { origin, up: [a, b] } => PixelPoint::new(
+            PlaneTransform::Rotation { origin, up: [a, b] } => PixelPoint::new(
                 origin.u_px - b * p.right + a * p.up,
                 origin.v_px + a * p.right + b * p.up,
             ),
-            Map::Homography { pixel_from_plane, .. } => {
+            PlaneTransform::Homography { pixel_from_plane, .. } => {
                 let (u, v) = apply(pixel_from_plane, p.right, p.up)?;
                 PixelPoint::new(u, v)
             }
@@ -130,8 +130,8 @@ impl Rectification {
     /// The homography's matrix from the plane to undistorted pixels, w > 0 where it is seen; `None` for a rotation.
     pub(super) const fn ideal_from_plane_matrix(&self) -> Option<&Matrix3<f64>> {
         match &self.map {
-            Map::Rotation { .. } => None,
-            Map::Homography { pixel_from_plane, .. } => Some(pixel_from_plane),
+            PlaneTransform::Rotation { .. } => None,
+            PlaneTransform::Homography { pixel_from_plane, .. } => Some(pixel_from_plane),
         }
     }
 
@@ -146,8 +146,10 @@ impl Rectification {
     /// The same for a point of the undistorted picture, per pixel of that.
     pub(super) fn jacobian_from_ideal(&self, p: PixelPoint) -> Option<Matrix2<f64>> {
         match &self.map {
-            Map::Rotation { up: [a, b], .. } => Some(Matrix2::new(-b, *a, *a, *b)),
-            Map::Homography { plane_from_pixel, .. } => jacobian_of(plane_from_pixel, p.u_px, p.v_px),
+            PlaneTransform::Rotation { up: [a, b], .. } => Some(Matrix2::new(-b, *a, *a, *b)),
+            PlaneTransform::Homography { plane_from_pixel, .. } => {
+                jacobian_of(plane_from_pixel, p.u_px, p.v_px)
+            }
         }
     }
 
@@ -155,8 +157,8 @@ impl Rectification {
     /// some unit; `None` where that is not seen.
     pub(super) fn depth(&self, p: PixelPoint) -> Option<f64> {
         match &self.map {
-            Map::Rotation { .. } => Some(1.0),
-            Map::Homography { plane_from_pixel, .. } => {
+            PlaneTransform::Rotation { .. } => Some(1.0),
+            PlaneTransform::Homography { plane_from_pixel, .. } => {
                 // The third component of H⁻¹ (x, up, 1) is one over that of H (u, v, 1).
                 let w = (plane_from_pixel * Vector3::new(p.u_px, p.v_px, 1.0))[2];
                 (w > 0.0 && w.is_finite()).then(|| 1.0 / w)
@@ -204,7 +206,7 @@ impl Rectification {
 pub(super) const HINT_UP: &str =
     "leave it out: the fall tells; or give the direction of a plumb line, upwards";
 
-fn rotation_map(calibration: &Calibration) -> Result<Map, Problem> {
+fn rotation_map(calibration: &Calibration) -> Result<PlaneTransform, Problem> {
     let [a, b] = calibration.up_px;
     let norm = a.hypot(b);
     if !(norm.is_finite() && norm > 0.0) {
@@ -222,7 +224,7 @@ fn rotation_map(calibration: &Calibration) -> Result<Map, Problem> {
         (Some(seen), None) => seen,
         (None, _) => PixelPoint::new(0.0, 0.0),
     };
-    Ok(Map::Rotation {
+    Ok(PlaneTransform::Rotation {
         origin,
         up: [a / norm, b / norm],
     })
@@ -244,7 +246,7 @@ fn reference_pixel(calibration: &Calibration) -> Option<PixelPoint> {
     }
 }
 
-fn homography_map(homography: &Homography, reference: Option<PixelPoint>) -> Result<Map, Problem> {
+fn homography_map(homography: &Homography, reference: Option<PixelPoint>) -> Result<PlaneTransform, Problem> {
     let given = &homography.world_from_pixel;
     let refuse = |what: &str| {
         Problem::new(
@@ -292,7 +294,7 @@ fn homography_map(homography: &Homography, reference: Option<PixelPoint>) -> Res
         return Err(refuse("which sees the plane edge on"));
     }
     // (x w, up w, w) → (u, v, 1)/w: with w > 0 on the right side, the inverse's third component is positive too.
-    Ok(Map::Homography {
+    Ok(PlaneTransform::Homography {
         plane_from_pixel,
         pixel_from_plane: inverse * w.signum(),
     })

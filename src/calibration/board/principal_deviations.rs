@@ -1,6 +1,6 @@
 //! From a covariance to the few [`Deviation`]s that matter: principal axes, by what they do to the picture.
 
-use super::projection::Camera;
+use super::projection::CameraParameters;
 use crate::calibration::Deviation;
 use nalgebra::{DMatrix, DVector, Matrix3};
 
@@ -10,14 +10,14 @@ const LEFT_OUT: f64 = 1e-3;
 const STEP: f64 = 0.1;
 
 /// Lens and homography.
-pub(super) type Numbers = (Camera, Option<Matrix3<f64>>);
+pub(super) type LensAndHomography = (CameraParameters, Option<Matrix3<f64>>);
 
 /// The deviations of `numbers(θ)` at θ = 0, where θ has `covariance`, ordered by their `effect` (any list of numbers of
 /// one unit, such as displacements over the picture). `None` where an effect cannot be computed.
 pub(super) fn principal(
     covariance: &DMatrix<f64>,
-    numbers: impl Fn(&DVector<f64>) -> Option<Numbers>,
-    effect: impl Fn(&Numbers) -> Option<Vec<f64>>,
+    numbers: impl Fn(&DVector<f64>) -> Option<LensAndHomography>,
+    effect: impl Fn(&LensAndHomography) -> Option<Vec<f64>>,
 ) -> Option<Vec<Deviation>> {
     let n = covariance.nrows();
     let std = covariance.diagonal().map(|v| v.max(0.0).sqrt());
@@ -54,7 +54,7 @@ pub(super) fn principal(
     Some(deviations)
 }
 
-fn flat((camera, homography): &Numbers) -> DVector<f64> {
+fn flat((camera, homography): &LensAndHomography) -> DVector<f64> {
     let mut numbers: Vec<f64> = camera.iter().copied().collect();
     numbers.extend(
         homography

@@ -1,8 +1,8 @@
 //! Which views and corners serve: fit, set aside what does not belong, fit again.
 
 use super::lens_fit::{self, LensFit};
-use super::projection::Seen;
-use super::{BoardError, Use, Views};
+use super::projection::CornerObservation;
+use super::{BoardError, BoardViews, ViewUse};
 
 /// Fewer views than this do not fix a lens.
 const LEAST_VIEWS: usize = 3;
@@ -15,15 +15,15 @@ const STRAY: f64 = 3.5;
 const ROUNDS: usize = 4;
 
 /// Fits, sets aside what does not belong, and fits again.
-pub(super) fn settled(
-    views: &mut Views,
+pub(super) fn fit_without_outliers(
+    views: &mut BoardViews,
     used: &mut Vec<usize>,
     size: (usize, usize),
 ) -> Result<LensFit, BoardError> {
     for _ in 0..ROUNDS {
         let fit = fit_of(views, used, size)?;
-        let settled = !drop_strays(views, used, &fit) & !drop_views(views, used, &fit);
-        if settled {
+        let clean = !drop_strays(views, used, &fit) & !drop_views(views, used, &fit);
+        if clean {
             return Ok(fit);
         }
     }
@@ -31,11 +31,11 @@ pub(super) fn settled(
 }
 
 /// Drops corners that miss by far more than the others; whether there were any.
-fn drop_strays(views: &mut Views, used: &[usize], fit: &LensFit) -> bool {
+fn drop_strays(views: &mut BoardViews, used: &[usize], fit: &LensFit) -> bool {
     let mut any = false;
     for (k, &i) in used.iter().enumerate() {
         // Of a view that misses as a whole no corner is to blame.
-        let limit = STRAY * fit.view_excess[k].max(1.0);
+        let limit = STRAY * fit.view_reduced_chi[k].max(1.0);
         let residuals = fit.residuals(k, &views.views[i].seen);
         let mut at = residuals.iter();
         let before = views.views[i].seen.len();
@@ -48,24 +48,24 @@ fn drop_strays(views: &mut Views, used: &[usize], fit: &LensFit) -> bool {
 }
 
 /// Sets aside the worst view where it misses by far more than the middle one; whether there was one.
-fn drop_views(views: &mut Views, used: &mut Vec<usize>, fit: &LensFit) -> bool {
+fn drop_views(views: &mut BoardViews, used: &mut Vec<usize>, fit: &LensFit) -> bool {
     let middle_of = |values: &[f64]| {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
         sorted[sorted.len() / 2]
     };
-    let middle = middle_of(&fit.view_excess);
+    let middle = middle_of(&fit.view_reduced_chi);
     let worst = (0..used.len())
         .filter(|&k| views.plane != Some(used[k]))
-        .max_by(|&a, &b| fit.view_excess[a].total_cmp(&fit.view_excess[b]));
-    match worst.filter(|&k| fit.view_excess[k] > OUTLYING * middle && used.len() > LEAST_VIEWS) {
+        .max_by(|&a, &b| fit.view_reduced_chi[a].total_cmp(&fit.view_reduced_chi[b]));
+    match worst.filter(|&k| fit.view_reduced_chi[k] > OUTLYING * middle && used.len() > LEAST_VIEWS) {
         Some(k) => {
             let reason = format!(
                 "its corners miss by {:.2} px, those of the others by {:.2}: blurred by motion, or the board bent",
                 fit.view_rms_px[k],
                 middle_of(&fit.view_rms_px)
             );
-            views.views[used[k]].use_ = Use::Aside(reason);
+            views.views[used[k]].use_ = ViewUse::Aside(reason);
             used.remove(k);
             true
         }
@@ -74,7 +74,7 @@ fn drop_views(views: &mut Views, used: &mut Vec<usize>, fit: &LensFit) -> bool {
 }
 
 /// One fit of the views `used`.
-fn fit_of(views: &Views, used: &[usize], size: (usize, usize)) -> Result<LensFit, BoardError> {
+fn fit_of(views: &BoardViews, used: &[usize], size: (usize, usize)) -> Result<LensFit, BoardError> {
     if used.len() < LEAST_VIEWS {
         let aside = views.views.len() - used.len();
         return Err(BoardError::TooFewViews {
@@ -83,7 +83,7 @@ fn fit_of(views: &Views, used: &[usize], size: (usize, usize)) -> Result<LensFit
                 n => format!("{n} usable pictures"),
             },
             aside: match views.views.iter().find_map(|v| match &v.use_ {
-                Use::Aside(reason) => Some((&v.name, reason)),
+                ViewUse::Aside(reason) => Some((&v.name, reason)),
                 _ => None,
             }) {
                 Some((name, reason)) => format!("{aside} set aside, such as {name}, which {reason}"),
@@ -92,6 +92,6 @@ fn fit_of(views: &Views, used: &[usize], size: (usize, usize)) -> Result<LensFit
             least: LEAST_VIEWS,
         });
     }
-    let seen: Vec<Vec<Seen>> = used.iter().map(|&i| views.views[i].seen.clone()).collect();
+    let seen: Vec<Vec<CornerObservation>> = used.iter().map(|&i| views.views[i].seen.clone()).collect();
     lens_fit::fit(size, &seen)
 }

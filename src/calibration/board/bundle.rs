@@ -1,7 +1,7 @@
 //! The normal equations of a camera and the poses of its views: the step that makes the misfit least, and covariances. See
 //! [`super::lens_fit`] for their form.
 
-use super::projection::{Camera, POSE, Pose, Seen, project};
+use super::projection::{CameraParameters, CornerObservation, POSE, Pose, project};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 /// Covariance of camera and one pose, 15 by 15.
@@ -12,19 +12,19 @@ pub(super) const SMALLEST_PX2: f64 = 1e-10;
 
 /// A camera and the poses of its views.
 #[derive(Debug, Clone)]
-pub(super) struct State {
-    pub camera: Camera,
+pub(super) struct Bundle {
+    pub camera: CameraParameters,
     pub poses: Vec<Pose>,
 }
 
 /// A view's part of the normal equations.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Part {
+pub(super) struct ViewBlock {
     cross: SMatrix<f64, 9, POSE>,
     pub own: SMatrix<f64, POSE, POSE>,
 }
 
-impl Part {
+impl ViewBlock {
     /// Covariance of camera and pose, where the camera's is known; `scale` is the mean squared residual.
     pub fn joint(&self, camera: &SMatrix<f64, 9, 9>, scale: f64) -> Option<JointCovariance> {
         let inverse = self.own.cholesky()?.inverse();
@@ -44,20 +44,20 @@ impl Part {
 }
 
 /// The normal equations, weighted.
-pub(super) struct Normal {
+pub(super) struct BundleEquations {
     camera: SMatrix<f64, 9, 9>,
     camera_right: SVector<f64, 9>,
     /// Of each view, with its right-hand side.
-    pub parts: Vec<(Part, SVector<f64, POSE>)>,
+    pub parts: Vec<(ViewBlock, SVector<f64, POSE>)>,
     /// Weighted sum of squared residuals, px².
     pub chi2: f64,
     /// Coordinates of corners in it.
     pub coordinates: usize,
 }
 
-impl Normal {
+impl BundleEquations {
     /// `None` where a corner comes to lie behind the camera.
-    pub fn at(state: &State, views: &[Vec<Seen>], weights: &[Vec<f64>]) -> Option<Self> {
+    pub fn at(state: &Bundle, views: &[Vec<CornerObservation>], weights: &[Vec<f64>]) -> Option<Self> {
         let mut normal = Self {
             camera: SMatrix::zeros(),
             camera_right: SVector::zeros(),
@@ -66,7 +66,7 @@ impl Normal {
             coordinates: 0,
         };
         for ((view, weights), pose) in views.iter().zip(weights).zip(&state.poses) {
-            let mut part = Part {
+            let mut part = ViewBlock {
                 cross: SMatrix::zeros(),
                 own: SMatrix::zeros(),
             };
@@ -89,7 +89,11 @@ impl Normal {
     }
 
     /// The step of Levenberg and Marquardt in the parameters of `basis`: of the camera and of each pose.
-    pub fn step(&self, basis: &DMatrix<f64>, damping: f64) -> Option<(Camera, Vec<SVector<f64, POSE>>)> {
+    pub fn step(
+        &self,
+        basis: &DMatrix<f64>,
+        damping: f64,
+    ) -> Option<(CameraParameters, Vec<SVector<f64, POSE>>)> {
         let (mut matrix, mut right) = (self.camera, self.camera_right);
         for i in 0..9 {
             matrix[(i, i)] *= 1.0 + damping;
@@ -109,7 +113,7 @@ impl Normal {
         }
         let reduced = basis.transpose() * matrix * basis;
         let solution = solve_scaled(reduced, &(basis.transpose() * right))?;
-        let camera = Camera::from_iterator((basis * solution).iter().copied());
+        let camera = CameraParameters::from_iterator((basis * solution).iter().copied());
         let poses = levers
             .iter()
             .map(|(lever, alone)| alone - lever * camera)
