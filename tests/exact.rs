@@ -16,7 +16,7 @@ use track::calibration::{Calibration, Scale, ScaleEvidence};
 use track::flight::drag::DragLaw;
 use track::flight::planar::{ARCS, DRAG, GRAVITY, Planar};
 use track::geometry::PixelPoint;
-use track::impact::relations::Crossing;
+use track::impact::relations::ImpactVelocities;
 use track::rebound::{Motion, Regime, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
 
 /// Evaluations a relation; more with TRACK_EXACT.
@@ -429,7 +429,7 @@ fn readings_of_a_recording() {
             dice.near(a),
             dice.inertia(),
         );
-        let crossing = Crossing {
+        let crossing = ImpactVelocities {
             before_m_s: (a, c),
             after_m_s: (b, d),
             spin_in_m_s: w,

@@ -9,17 +9,17 @@
 //! Rω'   = Rω + (vt - v't)/k               e_x = -(v't - Rω') / (vt - Rω)          [eqs. 7, 17 of Domenech 2005]
 //! ```
 
-pub mod air;
-pub mod impacts;
-pub mod propagate;
+pub mod motion;
+pub mod propagation;
 pub mod reading;
 pub mod relations;
+pub mod spin_lift;
 
 use crate::quantity::Quantity;
 
 /// Velocity of the centre just before or after an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Leg {
+pub struct CentreVelocity {
     /// Along the launch, m/s.
     pub vx_m_s: Option<Quantity>,
     /// Up, m/s (negative going down); `None` in a top view, unless the camera is near enough to tell.
@@ -83,9 +83,9 @@ pub struct Bounce {
     /// Place along the launch, m.
     pub x_m: Option<Quantity>,
     /// Before.
-    pub incident: Leg,
+    pub incident: CentreVelocity,
     /// After.
-    pub rebound: Leg,
+    pub rebound: CentreVelocity,
     /// e = e_z.
     pub restitution: Option<Quantity>,
     /// vx after / vx before.

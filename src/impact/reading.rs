@@ -98,10 +98,10 @@ fn apart(first: Option<Quantity>, second: Option<Quantity>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::impact::Leg;
+    use crate::impact::CentreVelocity;
 
     fn bounce(friction: f64, e_x: f64, std: f64) -> Bounce {
-        let leg = Leg {
+        let leg = CentreVelocity {
             vx_m_s: None,
             vz_m_s: None,
             angle_rad: None,

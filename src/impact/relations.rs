@@ -5,7 +5,7 @@
 
 /// The motion across an impact in the x-z plane, z up.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crossing {
+pub struct ImpactVelocities {
     /// v_ox, v_oz, m/s (v_oz < 0).
     pub before_m_s: (f64, f64),
     /// v_x, v_z, m/s.
@@ -16,7 +16,7 @@ pub struct Crossing {
     pub inertia_factor: f64,
 }
 
-impl Crossing {
+impl ImpactVelocities {
     /// θ from the vertical, rad, positive along `along` (+1 or −1 times x).
     #[must_use]
     pub fn incident_angle_rad(&self, along: f64) -> f64 {

@@ -2,21 +2,21 @@
 //! recording that shows none.
 
 use super::camera::in_plane;
-use super::world::WorldFrame;
+use super::world_frame::WorldFrame;
 use super::{
-    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts, Warning,
-    Work, doubt, drawing, is_used, refine, warn,
+    Measurement, Outcome, PointUse, Recording, TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts,
+    Warning, calibration_uncertainty, drawing, is_used, refine, warnings,
 };
 use crate::calibration::{CalibrationError, Scale};
 use crate::detect::centre::{Accuracy, Centre};
 use crate::flight::fit::Forces;
 use crate::flight::{Flight, shake};
-use crate::impact::air::Lift;
-use crate::impact::impacts::{ImpactKind, Picture, Scene};
+use crate::impact::motion::{ImagingErrors, ImpactKind, MeasuredMotion};
+use crate::impact::spin_lift::SpinLift;
 use crate::impact::{Distances, reading};
 use crate::quantity::{Quantity, median};
 
-impl Work<'_> {
+impl Recording<'_> {
     pub(super) fn measured(mut self, mut flight: Flight) -> Result<Measurement, CalibrationError> {
         flight = self.with_all_unknowns(flight);
         let shake = shake::find(&flight);
@@ -25,33 +25,33 @@ impl Work<'_> {
         }
         let metres_per_unit = self.metres_per_unit(&flight, self.radius_px())?;
         let (free, lift) = self
-            .scene(&flight, metres_per_unit, Lift::default())
+            .motion(&flight, metres_per_unit, SpinLift::default())
             .without_lift();
         flight.extra = free.extra;
         let flight = &flight;
-        let free = doubt::widened(&free, self.calibration, &self.map);
-        let scene = self.scene(&free, metres_per_unit, lift);
-        let bounces = scene.bounces();
-        let distances = scene.distances(&bounces);
-        let gravity = scene.gravity_m_s2();
-        let (floor, launch) = (scene.floor(), scene.bench_launch());
-        let up = self.up(&scene);
+        let free = calibration_uncertainty::widened(&free, self.calibration, &self.map);
+        let motion = self.motion(&free, metres_per_unit, lift);
+        let bounces = motion.bounces();
+        let distances = motion.distances(&bounces);
+        let gravity = motion.gravity_m_s2();
+        let (floor, launch) = (motion.floor(), motion.bench_launch());
+        let up = self.up(&motion);
         let radius_m = self.radius_m(metres_per_unit);
-        let frame = WorldFrame::new(&scene, &bounces, metres_per_unit, radius_m, self.calibration);
+        let frame = WorldFrame::new(&motion, &bounces, metres_per_unit, radius_m, self.calibration);
         let walls = (0..flight.impacts.len())
-            .filter(|&k| scene.kind(k) == Some(ImpactKind::Wall))
+            .filter(|&k| motion.kind(k) == Some(ImpactKind::Wall))
             .count();
-        let judged = warn::Judged {
+        let judged = warnings::WarningContext {
             calibration: self.calibration,
             flight,
-            scene: &scene,
+            motion: &motion,
             bounces: &bounces,
             gravity,
             radius_m,
             radius_units: self.radius_px().map(|r| r.value * self.ball_units_per_px()),
             walls,
             shake,
-            impossible: scene.impossible(&bounces),
+            impossible: motion.impossible(&bounces),
             x0_missing: distances.x0_m.is_none(),
             up,
             floor,
@@ -59,17 +59,17 @@ impl Work<'_> {
             units_per_px: self.units_per_px(),
             interval_s: self.base.interval_s.unwrap_or(flight.interval_s),
         };
-        let mut found = warn::measured(&judged);
+        let mut found = warnings::measured(&judged);
         found.retain(|new| self.warnings.iter().all(|w| w.code != new.code));
         self.warnings.extend(found);
         self.warnings
-            .extend(warn::unlearned(self.accuracy, self.method()));
+            .extend(warnings::unlearned(self.accuracy, self.method()));
         self.warnings.extend(self.light(flight));
         self.warnings
-            .extend(warn::lingering(flight, self.seen.stamps_s.len()));
+            .extend(warnings::lingering(flight, self.seen.stamps_s.len()));
         let outcome = if bounces.is_empty() {
             Outcome::Rejected {
-                reason: warn::no_bounce(flight, walls, self.calibration),
+                reason: warnings::no_bounce(flight, walls, self.calibration),
             }
         } else {
             Outcome::Measured
@@ -94,7 +94,12 @@ impl Work<'_> {
     }
 
     /// The flight in metres; `lift` is what its points were taken from.
-    fn scene<'f>(&'f self, flight: &'f Flight, metres_per_unit: Quantity, lift: Lift) -> Scene<'f> {
+    fn motion<'f>(
+        &'f self,
+        flight: &'f Flight,
+        metres_per_unit: Quantity,
+        lift: SpinLift,
+    ) -> MeasuredMotion<'f> {
         let first = match flight.fit.forces {
             Forces::Overhead(_) => flight.points.iter().find(|p| is_used(p.use_)),
             _ => flight.points.first(),
@@ -102,14 +107,14 @@ impl Work<'_> {
         let first = first.and_then(|p| in_plane(flight, p)).unwrap_or_default();
         let units_per_px = self.units_per_px();
         let displaced_px = flight.displaced_std() / units_per_px;
-        let picture = Picture {
+        let picture = ImagingErrors {
             units_per_px,
             common_std_px: refine::common_std_px(self.shared.as_ref(), displaced_px)
                 .hypot(self.misfit_of_size_px(metres_per_unit)),
             places_std_px: refine::places_std_px(displaced_px),
             steady: self.seen.detector.background.registrar.fixed,
         };
-        Scene::new(flight, self.calibration, metres_per_unit, picture, first, lift)
+        MeasuredMotion::new(flight, self.calibration, metres_per_unit, picture, first, lift)
     }
 
     /// What a ball that is seen too large or too small says of its centres, px: where a side of it fades into what is behind, what
@@ -130,8 +135,8 @@ impl Work<'_> {
     }
 
     /// How far the fall and the calibration together have "up" from where the calibration alone has it.
-    fn up(&self, scene: &Scene<'_>) -> Option<UpTilt> {
-        let tilt_rad = scene.tilt_rad()?;
+    fn up(&self, motion: &MeasuredMotion<'_>) -> Option<UpTilt> {
+        let tilt_rad = motion.tilt_rad()?;
         let prior = self.calibration.upright_std_rad();
         let by_fall = tilt_rad
             .std_uncertainty
@@ -148,7 +153,7 @@ impl Work<'_> {
     fn light(&self, flight: &Flight) -> Option<Warning> {
         let used = flight.points.iter().filter(|p| is_used(p.use_));
         let flown: Vec<usize> = used.map(|p| p.spot.frame).collect();
-        warn::light(&self.seen, &flown)
+        warnings::light(&self.seen, &flown)
     }
 
     pub(super) fn rejected(&self, reason: String) -> Measurement {

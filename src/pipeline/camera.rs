@@ -1,7 +1,7 @@
 //! What the camera's distance changes: a ball's centre is not that of its outline, and from above it is not over the point
 //! against which it is seen. Also drag, which the same facts of the ball tell.
 
-use super::{Work, refine};
+use super::{Recording, refine};
 use crate::calibration::{Optics, ScaleEvidence, Silhouettes, View, Viewpoint};
 use crate::detect::centre::Centre;
 use crate::flight::drag::Drag;
@@ -17,22 +17,22 @@ const USUAL_SPEED_M_S: f64 = 2.0;
 
 /// Relative standard uncertainty of a smooth sphere's drag: formulas agree within 4 %, the air's density changes by more with
 /// weather and height. Where felt or seams make more of it, the flight shows that.
-const SPHERE_DRAG_DOUBT: f64 = 0.1;
+const SPHERE_DRAG_RELATIVE_STD: f64 = 0.1;
 
 /// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
 /// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
 const AXIS_PART: f64 = 0.01;
 
-/// Doubt of a distance given without one: where in its lens a camera has its pinhole is not known to better.
+/// Relative standard uncertainty of a distance given without one: where in its lens a camera has its pinhole is not known to better.
 const DISTANCE_PART: f64 = 0.01;
 
 /// Less than this part of an outline on one circle is no outline.
 const WHOLE_OUTLINE: f64 = 0.6;
 
 /// How well the middle of a region that is no disc tells the ball's centre, in its radii.
-const OVAL_DOUBT: f64 = 0.15;
+const OVAL_CENTRE_STD_RADII: f64 = 0.15;
 
-impl Work<'_> {
+impl Recording<'_> {
     /// Where the camera stands over the plane, as far as `metres_per_unit` is known.
     pub(super) fn viewpoint(&self, metres_per_unit: f64) -> Option<Viewpoint> {
         let info = &self.seen.info;
@@ -76,7 +76,7 @@ impl Work<'_> {
         let spot = self.spot(id, centre)?;
         let near = self.calibration.view == View::Top && self.calibration.distance_m.is_some();
         let std = if near && centre.outline_used < WHOLE_OUTLINE {
-            OVAL_DOUBT * spot.radius
+            OVAL_CENTRE_STD_RADII * spot.radius
         } else {
             spot.std
         };
@@ -90,7 +90,7 @@ impl Work<'_> {
             (ball.radius_m?, ball.mass_kg?),
             scale,
             speed,
-            SPHERE_DRAG_DOUBT,
+            SPHERE_DRAG_RELATIVE_STD,
         ))
     }
 
@@ -98,8 +98,8 @@ impl Work<'_> {
     /// `flight` is what was found of it so far.
     pub(super) fn overhead(&self, metres_per_unit: Option<f64>, flight: Option<&Flight>) -> Option<Overhead> {
         let c = self.calibration;
-        let told = || Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
-        let scale = metres_per_unit.or_else(told);
+        let by_calibration = || Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
+        let scale = metres_per_unit.or_else(by_calibration);
         // Foot and height in metres are the same whatever a pixel measures.
         let unit = scale.unwrap_or(1.0);
         let camera = self.viewpoint(unit)?;

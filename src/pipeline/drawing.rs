@@ -1,11 +1,11 @@
 //! What pictures and plots are made of: arcs as polylines, the ball cut out of its frames, the words for unused
 //! points.
 
+use super::decode::Decoded;
 use super::is_used;
-use super::observe::Observation;
-use super::refine::{Found, arc_at, of_sighting};
+use super::refine::{BallCentre, arc_at, of_sighting};
 use super::result::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
-use super::world::WorldFrame;
+use super::world_frame::WorldFrame;
 use crate::calibration::Rectification;
 use crate::detect::blobs::Crop;
 use crate::flight::{Flight, FlightPoint, SpotUse};
@@ -78,7 +78,7 @@ pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
 }
 
 /// The empty scene and the ball of every used point.
-pub fn strobe(seen: &Observation, found: &[Found], flight: &Flight) -> Strobe {
+pub fn strobe(seen: &Decoded, found: &[BallCentre], flight: &Flight) -> Strobe {
     let mut strobe = empty_strobe(seen);
     for p in flight.points.iter().filter(|p| is_used(p.use_)) {
         let Some(f) = of_sighting(found, p.spot.id) else {
@@ -121,7 +121,7 @@ fn span(centre: f64, reach: f64, corner: usize, size: usize) -> std::ops::Range<
 }
 
 /// The empty scene alone.
-pub fn empty_strobe(seen: &Observation) -> Strobe {
+pub fn empty_strobe(seen: &Decoded) -> Strobe {
     let background = stretch(&seen.detector.background.luma, seen.info.luma_range);
     Strobe {
         background,

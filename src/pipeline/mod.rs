@@ -1,18 +1,18 @@
 //! One recording, from file to result: the order of the steps, nothing else.
 //!
-//! observe → repeats, skips → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
+//! decode → repeats, skips → time base → flight → shared radius, blur, exposure → centres again → flight again → scale →
 //! bounces → readings → warnings → drawing.
 
 mod assemble;
+mod calibration_uncertainty;
 mod camera;
-mod doubt;
+mod decode;
 mod drawing;
-mod observe;
 mod refine;
 mod result;
 mod search;
-mod warn;
-mod world;
+mod warnings;
+mod world_frame;
 
 pub use result::*;
 
@@ -25,8 +25,8 @@ use crate::frames::timebase::TimeBase;
 use crate::frames::{FrameError, FrameSource};
 use crate::geometry::PixelPoint;
 use crate::quantity::{Quantity, median};
-use observe::Observation;
-use refine::{Found, Shared};
+use decode::Decoded;
+use refine::{BallCentre, BallModel};
 use std::path::{Path, PathBuf};
 
 /// How far the work has come.
@@ -110,7 +110,7 @@ pub fn measure(
     };
     calibration.rectification().map_err(misfit)?;
     let source = opened(video, calibration, calibration_name, &misfit)?;
-    let seen = observe::observe(video, source, progress)?;
+    let seen = decode::decode(video, source, progress)?;
     if seen.stamps_s.len() < LEAST_FRAMES {
         return Err(MeasureError::NothingToSee {
             path: video.to_owned(),
@@ -125,10 +125,10 @@ pub fn measure(
     let moved = first.map(|r| calibration.shifted(-r.shift_u_px, -r.shift_v_px));
     let calibration = moved.as_ref().unwrap_or(calibration);
     let map = calibration.rectification().map_err(misfit)?;
-    let mut work = Work::new(video, calibration, map, seen, accuracy);
+    let mut work = Recording::new(video, calibration, map, seen, accuracy);
     match work.find_flight() {
         Ok(flight) => work.measured(flight).map_err(misfit),
-        Err(reason) => Ok(work.rejected(warn::no_flight(&reason, &work.seen, &work.base, calibration))),
+        Err(reason) => Ok(work.rejected(warnings::no_flight(&reason, &work.seen, &work.base, calibration))),
     }
 }
 
@@ -161,27 +161,27 @@ fn opened(
 const EDGE_STD_PX: f64 = 0.05;
 
 /// A recording under measurement.
-struct Work<'a> {
+struct Recording<'a> {
     video: &'a Path,
     calibration: &'a Calibration,
     accuracy: Accuracy,
     map: Rectification,
-    seen: Observation,
+    seen: Decoded,
     repeats: Vec<bool>,
     base: TimeBase,
-    found: Vec<Found>,
-    shared: Option<Shared>,
+    found: Vec<BallCentre>,
+    shared: Option<BallModel>,
     /// The camera's angles, where its lens, or its distance and the scale are known.
     optics: Option<Optics>,
     warnings: Vec<Warning>,
 }
 
-impl<'a> Work<'a> {
+impl<'a> Recording<'a> {
     fn new(
         video: &'a Path,
         calibration: &'a Calibration,
         map: Rectification,
-        seen: Observation,
+        seen: Decoded,
         accuracy: Accuracy,
     ) -> Self {
         let mut work = Self {
@@ -232,8 +232,8 @@ impl<'a> Work<'a> {
 
     /// What is odd about the file and its clock.
     fn note_file(&mut self) {
-        self.warnings = warn::file(&self.seen, &self.base, &self.repeats, self.calibration);
-        self.warnings.extend(warn::perspective(self.calibration));
+        self.warnings = warnings::file(&self.seen, &self.base, &self.repeats, self.calibration);
+        self.warnings.extend(warnings::perspective(self.calibration));
     }
 
     fn falls(&self) -> bool {
@@ -269,7 +269,7 @@ impl<'a> Work<'a> {
     fn radius_px(&self) -> Option<Quantity> {
         let outlines = || {
             let silhouettes = self.silhouettes();
-            let usual = |f: &Found| {
+            let usual = |f: &BallCentre| {
                 let disc = &f.centre.disc;
                 let registration = &self.seen.sightings[f.sighting].registration;
                 let drawn = silhouettes.at(registration.reference_from_frame(disc.centre));

@@ -2,7 +2,7 @@
 //! say the ball is. Frames in which the ball's outline was not found at first (it touched its shadow, a
 //! hand, another thing) are looked at again there.
 
-use super::observe::Observation;
+use super::decode::Decoded;
 use crate::calibration::{Rectification, Silhouette, Silhouettes};
 use crate::detect::centre::appearance::{self, Example, Lesson, Radius};
 use crate::detect::centre::drawn_out::DrawnOut;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 /// What all frames share.
 #[derive(Debug, Clone)]
-pub struct Shared {
+pub struct BallModel {
     /// The usual ball's radius, px: where the optical axis meets the calibrated plane ([`Silhouettes`]).
     pub radius_px: Quantity,
     /// The radius that first outlines have, px: of a ball of few pixels it is larger.
@@ -29,7 +29,7 @@ pub struct Shared {
     pub faded: f64,
 }
 
-impl Shared {
+impl BallModel {
     /// How long the shutter is open, s; 0 where its smear cannot be seen.
     fn exposure_s(&self) -> f64 {
         self.appearance.as_ref().map_or(0.0, |a| a.exposure_s)
@@ -39,7 +39,7 @@ impl Shared {
 /// Standard deviation of the error that all centres share, px, where a codec or a shaking camera displaces each by
 /// `displaced_px`.
 #[must_use]
-pub fn common_std_px(shared: Option<&Shared>, displaced_px: f64) -> f64 {
+pub fn common_std_px(shared: Option<&BallModel>, displaced_px: f64) -> f64 {
     shared
         .and_then(|s| s.appearance.as_ref())
         .map_or(OUTLINE_COMMON_STD_PX, |a| {
@@ -99,7 +99,7 @@ fn method(accuracy: Accuracy) -> Option<(&'static Lesson, &'static Effort)> {
 
 /// A ball found: the sighting and its centre.
 #[derive(Debug, Clone, Copy)]
-pub struct Found {
+pub struct BallCentre {
     /// Index into the observation's sightings.
     pub sighting: usize,
     /// The centre.
@@ -108,7 +108,7 @@ pub struct Found {
 
 /// When the frames were taken, and which not to look at.
 #[derive(Debug, Clone, Copy)]
-pub struct Frames<'a> {
+pub struct FrameTimes<'a> {
     /// Time of each, s.
     pub times_s: &'a [f64],
     /// Those that repeat the one before.
@@ -117,16 +117,16 @@ pub struct Frames<'a> {
 
 /// A recording as its camera sees it.
 #[derive(Debug, Clone, Copy)]
-pub struct Scenery<'a> {
+pub struct BallPictures<'a> {
     /// What moves.
-    pub seen: &'a Observation,
+    pub seen: &'a Decoded,
     /// From the reference picture to the calibrated plane.
     pub map: &'a Rectification,
     /// How the picture draws a ball.
     pub silhouettes: Silhouettes<'a>,
 }
 
-impl Scenery<'_> {
+impl BallPictures<'_> {
     /// The outline of a ball at a place of a sighting's frame.
     fn silhouette(&self, s: &Sighting, p: PixelPoint) -> Option<Silhouette> {
         self.silhouettes.at(s.registration.reference_from_frame(p))
@@ -159,7 +159,7 @@ fn magnification(flight: &Flight, t: f64) -> f64 {
 
 /// The one of `found` (in the order of sightings, as all lists of them are) that is of this sighting.
 #[must_use]
-pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
+pub fn of_sighting(found: &[BallCentre], sighting: usize) -> Option<&BallCentre> {
     found
         .binary_search_by_key(&sighting, |f| f.sighting)
         .ok()
@@ -169,13 +169,13 @@ pub fn of_sighting(found: &[Found], sighting: usize) -> Option<&Found> {
 /// The ball's radius and appearance from some of the flight's used points, spread over it.
 #[must_use]
 pub fn shared(
-    scenery: &Scenery<'_>,
-    found: &[Found],
+    pictures: &BallPictures<'_>,
+    found: &[BallCentre],
     flight: &Flight,
     accuracy: Accuracy,
     radius: Radius,
-) -> Option<Shared> {
-    let Scenery { seen, map, .. } = *scenery;
+) -> Option<BallModel> {
+    let BallPictures { seen, map, .. } = *pictures;
     let used: Vec<(&Sighting, Centre, f64)> = flight
         .points
         .iter()
@@ -196,7 +196,7 @@ pub fn shared(
             .step_by(step)
             .filter_map(|(s, centre, t)| {
                 let velocity_px_s = velocity_px_s(flight, map, *t)?;
-                let patch = scenery.patch(s, &centre.disc);
+                let patch = pictures.patch(s, &centre.disc);
                 let moving = Disc {
                     swept_px: velocity_px_s,
                     ..centre.disc
@@ -207,7 +207,7 @@ pub fn shared(
                     disc: centre.disc,
                     velocity_px_s: round.swept_px,
                     gain: s.registration.gain,
-                    magnification: magnification(flight, *t) * scenery.size(s, centre.disc.centre),
+                    magnification: magnification(flight, *t) * pictures.size(s, centre.disc.centre),
                 })
             })
             .collect();
@@ -222,12 +222,12 @@ pub fn shared(
         .as_ref()
         .zip(behind_grey)
         .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind));
-    let outlines = common_radius(scenery, flight)?;
+    let outlines = common_radius(pictures, flight)?;
     let radius_px = match &appearance {
         Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
         None => outlines,
     };
-    Some(Shared {
+    Some(BallModel {
         radius_px,
         outline_px: outlines.value,
         appearance,
@@ -236,15 +236,15 @@ pub fn shared(
 }
 
 /// Median radius of the outlines with the standard error that their own scatter shows.
-fn common_radius(scenery: &Scenery<'_>, flight: &Flight) -> Option<Quantity> {
+fn common_radius(pictures: &BallPictures<'_>, flight: &Flight) -> Option<Quantity> {
     let mut radii: Vec<f64> = flight
         .points
         .iter()
         .filter(|p| matches!(p.use_, SpotUse::Used(_)))
         .filter_map(|p| {
-            let sighting = &scenery.seen.sightings[p.spot.id];
+            let sighting = &pictures.seen.sightings[p.spot.id];
             let disc = sighting.centre?.disc;
-            let size = scenery.size(sighting, disc.centre);
+            let size = pictures.size(sighting, disc.centre);
             Some(disc.radius_px / (size * magnification(flight, p.spot.time_s)))
         })
         .collect();
@@ -297,15 +297,15 @@ fn velocity_px_s(flight: &Flight, map: &Rectification, t: f64) -> Option<[f64; 2
 /// held; what is in `known` stands.
 #[must_use]
 pub fn centres(
-    scenery: &Scenery<'_>,
+    pictures: &BallPictures<'_>,
     flight: &Flight,
-    shared: &Shared,
-    frames: &Frames<'_>,
-    known: &[Found],
+    shared: &BallModel,
+    frames: &FrameTimes<'_>,
+    known: &[BallCentre],
     accuracy: Accuracy,
-) -> Vec<Found> {
-    let Frames { times_s, skip } = *frames;
-    let seen = scenery.seen;
+) -> Vec<BallCentre> {
+    let FrameTimes { times_s, skip } = *frames;
+    let seen = pictures.seen;
     let (from, to) = reach(flight);
     let wanted: Vec<usize> = (0..seen.sightings.len())
         .filter(|&i| {
@@ -314,19 +314,19 @@ pub fn centres(
             t >= from && t <= to && !skip[frame]
         })
         .collect();
-    let each: Vec<Option<Found>> = wanted
+    let each: Vec<Option<BallCentre>> = wanted
         .par_iter()
         .map(|&i| {
             let s = &seen.sightings[i];
             of_sighting(known, i)
                 .copied()
-                .or_else(|| guided(scenery, flight, shared, i, times_s[s.frame], accuracy))
+                .or_else(|| guided(pictures, flight, shared, i, times_s[s.frame], accuracy))
         })
         .collect();
-    let mut found: Vec<Found> = Vec::new();
+    let mut found: Vec<BallCentre> = Vec::new();
     for f in each.into_iter().flatten() {
         // Two regions of one frame may both hold the place: the better outline is the ball.
-        let frame = |f: &Found| seen.sightings[f.sighting].frame;
+        let frame = |f: &BallCentre| seen.sightings[f.sighting].frame;
         match found.last_mut().filter(|last| frame(last) == frame(&f)) {
             Some(last) => {
                 if f.centre.outline_used > last.centre.outline_used {
@@ -343,16 +343,16 @@ pub fn centres(
 /// faint or spoilt ball better than the first look did.
 #[must_use]
 pub fn of_that_size(
-    scenery: &Scenery<'_>,
+    pictures: &BallPictures<'_>,
     flight: &Flight,
-    shared: &Shared,
-    frames: &Frames<'_>,
+    shared: &BallModel,
+    frames: &FrameTimes<'_>,
     accuracy: Accuracy,
     without: impl Fn(f64) -> bool,
-) -> Vec<Found> {
-    let Frames { times_s, skip } = *frames;
+) -> Vec<BallCentre> {
+    let FrameTimes { times_s, skip } = *frames;
     let (from, to) = reach(flight);
-    scenery
+    pictures
         .seen
         .sightings
         .iter()
@@ -363,17 +363,17 @@ pub fn of_that_size(
         })
         .filter_map(|(sighting, s)| {
             let alike = |c: &Centre| {
-                let size = scenery.size(s, c.disc.centre);
+                let size = pictures.size(s, c.disc.centre);
                 (c.disc.radius_px / (size * shared.outline_px) - 1.0).abs() < 0.3
             };
             let first = s.centre.filter(alike);
             let centre = first.map_or(s.blob.centroid, |c| c.disc.centre);
             let start = Disc {
                 centre,
-                radius_px: shared.radius_px.value * scenery.size(s, centre),
+                radius_px: shared.radius_px.value * pictures.size(s, centre),
                 swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
             };
-            outlined(scenery, sighting, &start, shared, accuracy)
+            outlined(pictures, sighting, &start, shared, accuracy)
         })
         .collect()
 }
@@ -390,17 +390,17 @@ fn reach(flight: &Flight) -> (f64, f64) {
 }
 
 fn guided(
-    scenery: &Scenery<'_>,
+    pictures: &BallPictures<'_>,
     flight: &Flight,
-    shared: &Shared,
+    shared: &BallModel,
     sighting: usize,
     t: f64,
     accuracy: Accuracy,
-) -> Option<Found> {
-    let map = scenery.map;
-    let s = &scenery.seen.sightings[sighting];
+) -> Option<BallCentre> {
+    let map = pictures.map;
+    let s = &pictures.seen.sightings[sighting];
     let there = s.registration.frame_from_reference(predicted(flight, map, t)?);
-    let radius_px = shared.radius_px.value * magnification(flight, t) * scenery.size(s, there);
+    let radius_px = shared.radius_px.value * magnification(flight, t) * pictures.size(s, there);
     if !s.blob.crop.contains(there, -0.3 * radius_px) {
         return None;
     }
@@ -417,24 +417,24 @@ fn guided(
         radius_px,
         swept_px,
     };
-    let close = |f: &Found, to: PixelPoint, gate: f64| f.centre.disc.centre.distance_px(to) < gate;
-    fitted(scenery, sighting, &disc, shared, accuracy)
+    let close = |f: &BallCentre, to: PixelPoint, gate: f64| f.centre.disc.centre.distance_px(to) < gate;
+    fitted(pictures, sighting, &disc, shared, accuracy)
         .or_else(|| {
-            outlined(scenery, sighting, &disc, shared, accuracy).filter(|f| close(f, start, 0.5 * radius_px))
+            outlined(pictures, sighting, &disc, shared, accuracy).filter(|f| close(f, start, 0.5 * radius_px))
         })
         .filter(|f| close(f, there, gate))
 }
 
 /// The centre near `start` by the method of `accuracy`.
 fn fitted(
-    scenery: &Scenery<'_>,
+    pictures: &BallPictures<'_>,
     sighting: usize,
     start: &Disc,
-    shared: &Shared,
+    shared: &BallModel,
     accuracy: Accuracy,
-) -> Option<Found> {
-    let s = &scenery.seen.sightings[sighting];
-    let patch = scenery.patch(s, start);
+) -> Option<BallCentre> {
+    let s = &pictures.seen.sightings[sighting];
+    let patch = pictures.patch(s, start);
     let round = patch.drawn_out.map_or(*start, |d| d.round_disc(start));
     let centre = match (&shared.appearance, method(accuracy)) {
         (Some(ball), Some((_, effort))) => {
@@ -444,18 +444,18 @@ fn fitted(
         _ => fast::centre(&patch, &round, s.blob.contrast_grey)?,
     };
     let centre = patch.drawn_out.map_or(centre, |d| d.frame_centre(&centre));
-    Some(Found { sighting, centre })
+    Some(BallCentre { sighting, centre })
 }
 
 /// The centre wherever around `start` the patch holds an outline of the ball's size.
 fn outlined(
-    scenery: &Scenery<'_>,
+    pictures: &BallPictures<'_>,
     sighting: usize,
     start: &Disc,
-    shared: &Shared,
+    shared: &BallModel,
     accuracy: Accuracy,
-) -> Option<Found> {
-    let patch = scenery.patch(&scenery.seen.sightings[sighting], start);
+) -> Option<BallCentre> {
+    let patch = pictures.patch(&pictures.seen.sightings[sighting], start);
     let outline_px = shared.outline_px * start.radius_px / shared.radius_px.value;
     let found = outline::find(&patch, start.centre, Some(outline_px))?;
     let disc = Disc {
@@ -463,7 +463,7 @@ fn outlined(
         ..*start
     };
     (found.agreement >= LEAST_AGREEMENT)
-        .then(|| fitted(scenery, sighting, &disc, shared, accuracy))
+        .then(|| fitted(pictures, sighting, &disc, shared, accuracy))
         .flatten()
 }
 

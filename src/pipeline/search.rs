@@ -1,7 +1,7 @@
 //! The search for the flight: first with the centres as they were first seen, then with what the recording has in common.
 
-use super::refine::{self, Found, Shared};
-use super::{Work, is_used, pairs};
+use super::refine::{self, BallCentre, BallModel};
+use super::{Recording, is_used, pairs};
 use crate::detect::centre::Accuracy;
 use crate::detect::centre::appearance::Radius;
 use crate::flight::fit::{Forces, Upright};
@@ -17,7 +17,7 @@ const BALL_PART: f64 = 0.5;
 /// Balls smaller than this may be measured by their outline alone, px.
 const SMALL_BALL_PX: f64 = 6.0;
 
-impl Work<'_> {
+impl Recording<'_> {
     /// The flight, with the time of frames that its impacts show to be missing.
     pub(super) fn find_flight(&mut self) -> Result<Flight, NoFlight> {
         let flight = self.find_flight_as_timed()?;
@@ -58,7 +58,7 @@ impl Work<'_> {
         let flight = flight::find(&spots, forces)?;
         for p in &flight.points {
             if let Some(centre) = self.seen.sightings[p.spot.id].centre {
-                self.found.push(Found {
+                self.found.push(BallCentre {
                     sighting: p.spot.id,
                     centre,
                 });
@@ -96,16 +96,16 @@ impl Work<'_> {
         as_first_seen
     }
 
-    fn scenery(&self) -> refine::Scenery<'_> {
-        refine::Scenery {
+    fn pictures(&self) -> refine::BallPictures<'_> {
+        refine::BallPictures {
             seen: &self.seen,
             map: &self.map,
             silhouettes: self.silhouettes(),
         }
     }
 
-    fn frames(&self) -> refine::Frames<'_> {
-        refine::Frames {
+    fn frames(&self) -> refine::FrameTimes<'_> {
+        refine::FrameTimes {
             times_s: &self.base.times_s,
             skip: &self.repeats,
         }
@@ -121,14 +121,14 @@ impl Work<'_> {
             // Seen from above, a better flight is a better size of the ball in every frame.
             let again = accuracy == Accuracy::Fine || above;
             let learned = self.shared.clone().filter(|_| !again);
-            let scenery = self.scenery();
-            let learn = || refine::shared(&scenery, &self.found, &flight, accuracy, radius);
+            let pictures = self.pictures();
+            let learn = || refine::shared(&pictures, &self.found, &flight, accuracy, radius);
             let Some(shared) = learned.or_else(learn) else {
                 break;
             };
             // What was found with the same appearance stays; a new one is a new measurement.
-            let known: &[Found] = if round > 0 && !again { &self.found } else { &[] };
-            let found = refine::centres(&scenery, &flight, &shared, &self.frames(), known, accuracy);
+            let known: &[BallCentre] = if round > 0 && !again { &self.found } else { &[] };
+            let found = refine::centres(&pictures, &flight, &shared, &self.frames(), known, accuracy);
             let scale = self.metres_per_unit(&flight, Some(shared.radius_px)).ok();
             self.optics = self.optics_at(scale);
             let forces = self.forces(&flight, &shared);
@@ -159,7 +159,7 @@ impl Work<'_> {
     }
 
     /// The part of the points used in `first` in whose frames the ball was found again.
-    fn kept_part(&self, found: &[Found], first: &Flight) -> f64 {
+    fn kept_part(&self, found: &[BallCentre], first: &Flight) -> f64 {
         let frames: Vec<usize> = found
             .iter()
             .map(|f| self.seen.sightings[f.sighting].frame)
@@ -176,17 +176,17 @@ impl Work<'_> {
     fn extended(
         &self,
         flight: Flight,
-        mut found: Vec<Found>,
-        shared: &Shared,
+        mut found: Vec<BallCentre>,
+        shared: &BallModel,
         forces: Forces,
         accuracy: Accuracy,
-    ) -> (Flight, Vec<Found>) {
+    ) -> (Flight, Vec<BallCentre>) {
         let (from, to) = flight.time_span();
         let within = |t: f64| t >= from && t <= to;
         let times_s = &self.base.times_s;
         found.retain(|f| within(times_s[self.seen.sightings[f.sighting].frame]));
         found.extend(refine::of_that_size(
-            &self.scenery(),
+            &self.pictures(),
             &flight,
             shared,
             &self.frames(),
@@ -204,7 +204,7 @@ impl Work<'_> {
     }
 
     /// Gravity, and drag where the ball's size and mass tell it.
-    fn forces(&self, flight: &Flight, shared: &Shared) -> Forces {
+    fn forces(&self, flight: &Flight, shared: &BallModel) -> Forces {
         let scale = self.metres_per_unit(flight, Some(shared.radius_px)).ok();
         let scale = scale.map(|s| s.value);
         if !self.falls() {
@@ -230,7 +230,7 @@ impl Work<'_> {
         flight.under(forces).unwrap_or(flight)
     }
 
-    fn spots_of(&self, found: &[Found]) -> Vec<Spot> {
+    fn spots_of(&self, found: &[BallCentre]) -> Vec<Spot> {
         found
             .iter()
             .filter_map(|f| self.spot(f.sighting, &f.centre))

@@ -4,8 +4,8 @@
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{
-    AlongFloor, BenchLaunch, Bounce, Correlation, Distances, EERegime, FloorSlope, FloorSource, Leg,
-    MuERegime, Preferred, Readings, Speed, XSource,
+    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, Distances, EERegime, FloorSlope,
+    FloorSource, MuERegime, Preferred, Readings, Speed, XSource,
 };
 use crate::pipeline::{
     ArcSample, ArcTrace, Measurement, Outcome, PointUse, Strobe, StrobeBall, TimeSource, Track, TrackPoint,
@@ -191,12 +191,12 @@ fn bounces() -> Vec<Bounce> {
             Bounce {
                 time_s: q(after.time_s, 0.000_04),
                 x_m: q(after.x_m, 0.000_31),
-                incident: Leg {
+                incident: CentreVelocity {
                     vx_m_s: q(before.vx, 0.0012),
                     vz_m_s: q(down, 0.0029),
                     angle_rad: q(before.vx.atan2(-down), 0.000_61),
                 },
-                rebound: Leg {
+                rebound: CentreVelocity {
                     vx_m_s: q(after.vx, 0.0011),
                     vz_m_s: q(after.vz, 0.0024),
                     angle_rad: q(after.vx.atan2(after.vz), 0.000_72),

@@ -5,8 +5,8 @@
 
 use super::words;
 use crate::impact::{
-    AlongFloor, BenchLaunch, Bounce, Correlation, EERegime, FloorSource, Leg, MuERegime, Preferred, Readings,
-    XSource,
+    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, EERegime, FloorSource, MuERegime,
+    Preferred, Readings, XSource,
 };
 use crate::pipeline::{
     Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,
@@ -183,7 +183,7 @@ fn correlations(all: &[Correlation]) -> Value {
     Value::Object(all.iter().map(entry).collect())
 }
 
-fn leg(leg: &Leg) -> Value {
+fn leg(leg: &CentreVelocity) -> Value {
     json!({
         "vx_m_s": quantity(leg.vx_m_s),
         "vz_m_s": quantity(leg.vz_m_s),

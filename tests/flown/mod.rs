@@ -14,9 +14,9 @@ use track::flight::segment::Sample;
 use track::flight::{self, Flight, FlightPoint, NoFlight, SpotUse};
 use track::frames::Coded;
 use track::geometry::PixelPoint;
-use track::impact::air::Lift;
-use track::impact::impacts::{Picture, Scene};
+use track::impact::motion::{ImagingErrors, MeasuredMotion};
 use track::impact::reading;
+use track::impact::spin_lift::SpinLift;
 use track::impact::{Bounce, Distances, Readings};
 use track::quantity::Quantity;
 use track::rebound::{Motion, SOLID_SPHERE};
@@ -233,7 +233,7 @@ impl Film {
 }
 
 /// Plane units are pixels; the common error is what a camera's centres would have.
-const PICTURE: Picture = Picture {
+const PICTURE: ImagingErrors = ImagingErrors {
     units_per_px: 1.0,
     common_std_px: 0.03,
     places_std_px: 0.01,
@@ -265,9 +265,9 @@ fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) ->
         .first()
         .map_or_else(Default::default, |p| p.spot.place);
     let scale = Quantity::new(metres_per_unit, 1e-9 * metres_per_unit).unwrap();
-    let lifted = Scene::new(&flight, calibration, scale, PICTURE, first, Lift::default());
+    let lifted = MeasuredMotion::new(&flight, calibration, scale, PICTURE, first, SpinLift::default());
     let (free, lift) = lifted.without_lift();
-    let scene = Scene::new(&free, calibration, scale, PICTURE, first, lift);
+    let scene = MeasuredMotion::new(&free, calibration, scale, PICTURE, first, lift);
     let indexed = scene.bounces();
     let distances = scene.distances(&indexed);
     let gravity_m_s2 = scene.gravity_m_s2();

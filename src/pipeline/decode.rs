@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// Everything seen in a recording.
 #[derive(Debug)]
-pub struct Observation {
+pub struct Decoded {
     /// The file.
     pub info: SourceInfo,
     /// What was wrong with it.
@@ -49,11 +49,11 @@ const OPENING_BYTES: usize = 64 << 20;
 /// # Errors
 ///
 /// What stops the decoder, or a recording without frames.
-pub fn observe(
+pub fn decode(
     video: &Path,
     source: Box<dyn FrameSource + Send>,
     progress: &mut dyn FnMut(Progress),
-) -> Result<Observation, MeasureError> {
+) -> Result<Decoded, MeasureError> {
     progress(Progress::Survey);
     // It decodes its first frames while the survey does its own.
     let mut source = frames::ReadAhead::start(source)?;
@@ -151,7 +151,7 @@ impl Pass {
         self,
         source: frames::ReadAhead,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Observation, MeasureError> {
+    ) -> Result<Decoded, MeasureError> {
         Ok(self
             .over(Vec::new(), source, progress)?
             .expect("only a provisional scene is given up"))
@@ -164,7 +164,7 @@ impl Pass {
         opening: Vec<Frame>,
         mut source: frames::ReadAhead,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Option<Observation>, MeasureError> {
+    ) -> Result<Option<Decoded>, MeasureError> {
         let mut opening = opening.into_iter();
         while let Some(frame) = opening
             .next()
@@ -189,8 +189,8 @@ impl Pass {
         Ok(Some(self.seen(&source)))
     }
 
-    fn seen(self, source: &frames::ReadAhead) -> Observation {
-        Observation {
+    fn seen(self, source: &frames::ReadAhead) -> Decoded {
+        Decoded {
             info: source.info().clone(),
             health: source.health(),
             stamps_s: self.stamps_s,
@@ -333,18 +333,18 @@ mod tests {
     }
 
     /// What was seen, and how often a frame was looked at.
-    fn observed(place: impl Fn(usize) -> [f64; 2]) -> (Observation, usize) {
+    fn observed(place: impl Fn(usize) -> [f64; 2]) -> (Decoded, usize) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("ball.mp4");
         written(&path, place);
         let mut looks = 0;
         let mut count = |p: Progress| looks += usize::from(matches!(p, Progress::Frame { .. }));
-        let seen = observe(&path, frames::open(&path).unwrap(), &mut count).unwrap();
+        let seen = decode(&path, frames::open(&path).unwrap(), &mut count).unwrap();
         (seen, looks)
     }
 
     /// Whether every frame shows the ball where it is, to two pixels.
-    fn follows(seen: &Observation, place: impl Fn(usize) -> [f64; 2]) -> bool {
+    fn follows(seen: &Decoded, place: impl Fn(usize) -> [f64; 2]) -> bool {
         (0..FRAMES).all(|frame| {
             let [u, v] = place(frame);
             let mut here = seen.sightings.iter().filter(|s| s.frame == frame);

@@ -10,7 +10,7 @@ use crate::flight::Flight;
 use crate::flight::fit::FitPoint;
 use crate::geometry::{PixelPoint, PlanePoint};
 
-/// `flight` with the doubt of `calibration`'s lens and plane in its covariance; `map` is the calibration's own.
+/// `flight` with the uncertainty of `calibration`'s lens and plane in its covariance; `map` is the calibration's own.
 pub fn widened(flight: &Flight, calibration: &Calibration, map: &Rectification) -> Flight {
     let mut wide = flight.clone();
     let points = flight.fit_points();
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn the_doubt_of_a_lens_is_what_a_lens_so_far_off_does() {
+    fn the_uncertainty_of_a_lens_is_what_a_lens_so_far_off_does() {
         let step = 0.001;
         let c = calibration(-0.2, step);
         let map = c.rectification().unwrap();

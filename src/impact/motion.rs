@@ -1,9 +1,11 @@
 //! From fitted arcs and the calibration to bounces and distances, with uncertainties.
 
-use super::air::{KNOWN_SPIN_DOUBT, Lift};
-use super::propagate::{Evidence, Outputs};
-use super::relations::Crossing;
-use super::{AlongFloor, Bounce, Correlation, Distances, EERegime, Impossible, Leg, Speed, XSource, reading};
+use super::propagation::{InputQuantities, OutputQuantities};
+use super::relations::ImpactVelocities;
+use super::spin_lift::{KNOWN_SPIN_LIFT_STD, SpinLift};
+use super::{
+    AlongFloor, Bounce, CentreVelocity, Correlation, Distances, EERegime, Impossible, Speed, XSource, reading,
+};
 use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
@@ -13,21 +15,21 @@ use crate::geometry::PlanePoint;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
-mod edge;
+mod bench_edge;
 mod floor;
-mod top;
+mod top_view;
 
-use floor::Slope;
+use floor::SlopeSources;
 
 /// The measured motion with everything that turns it into metres.
 #[derive(Debug)]
-pub struct Scene<'a> {
+pub struct MeasuredMotion<'a> {
     flight: &'a Flight,
     calibration: &'a Calibration,
-    evidence: Evidence,
+    inputs: InputQuantities,
     /// +1 when the launch goes to the right in the picture, −1 to the left.
     pub x_sign: f64,
-    lift: Lift,
+    lift: SpinLift,
     /// How the arcs' parameters follow where lift is twice as much.
     by_lift: Option<DVector<f64>>,
     /// Speed of the first impact, for which the time of contact stands, m/s.
@@ -41,10 +43,10 @@ pub struct Scene<'a> {
     /// Whether the camera stands still.
     steady: bool,
     /// How the floor's slope follows from impacts and calibration.
-    slope: Slope,
+    slope: SlopeSources,
 }
 
-/// Extra entries of the evidence after the arcs' parameters: ln scale, "up" beyond the fall's direction, origin and centre
+/// Extra entries of the inputs after the arcs' parameters: ln scale, "up" beyond the fall's direction, origin and centre
 /// along right and up, half the time of contact, lift before and after, drag beyond its law before and after, centre errors
 /// that differ between two impacts (along right and up), by what part all lift of known spins is more, the bench's slope, the
 /// floor's line in the picture, the floor's slope by calibration or custom.
@@ -79,7 +81,7 @@ const SPHERE_LAW_STD: f64 = 0.03;
 
 /// How well the picture tells places.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Picture {
+pub struct ImagingErrors {
     /// The length of a pixel near the ball, plane units.
     pub units_per_px: f64,
     /// Standard deviation of a centre's error that all frames share (the light's side, the edge's shape), px: it does not
@@ -100,7 +102,7 @@ const HALF_CONTACT_STD_S: f64 = 3e-5;
 const HARD_MODULUS_PA: f64 = 7e10;
 /// Relative standard uncertainty of the contact time, which goes as E^(-2/5), if the modulus may as well be half or twice as
 /// large (a rectangular distribution of its logarithm). What a soft ball takes more is not contained.
-const CONTACT_DOUBT: f64 = 0.16;
+const CONTACT_TIME_RELATIVE_STD: f64 = 0.16;
 
 /// Half of the time of a contact without loss, s, with its standard deviation: by Hertz
 /// T = 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
@@ -109,7 +111,7 @@ fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
         (Some(radius_m), Some(mass_kg)) if speed_m_s > 0.0 => {
             let stiffness = radius_m * HARD_MODULUS_PA.powi(2) * speed_m_s;
             let half_s = 0.5 * 2.87 * (mass_kg * mass_kg / stiffness).powf(0.2);
-            (half_s, CONTACT_DOUBT * half_s)
+            (half_s, CONTACT_TIME_RELATIVE_STD * half_s)
         }
         _ => (HALF_CONTACT_S, HALF_CONTACT_STD_S),
     }
@@ -147,7 +149,7 @@ const DIRECTION_SIGMAS: f64 = 3.0;
 /// A restitution above 1 by this many standard uncertainties is no restitution.
 const GAIN_SIGMAS: f64 = 3.0;
 
-/// Whether the ball left the floor faster than it came, beyond doubt.
+/// Whether the ball left the floor faster than it came, by more than its uncertainty.
 fn gains(bounce: &Bounce) -> bool {
     bounce.restitution.is_some_and(|e| {
         let std = e.std_uncertainty.unwrap_or(f64::INFINITY);
@@ -165,18 +167,18 @@ const NO_E_X_STD: f64 = 1.0;
 /// Nor does one that the change of speed tells to no better than this part of what stops it: e_x + 1 is that change over it.
 const LEAST_RESOLVED: f64 = 0.5;
 
-impl<'a> Scene<'a> {
-    /// The scene of `flight`, whose points `lift` was [taken from](Lift::taken_from); `first` is where the ball was first seen.
+impl<'a> MeasuredMotion<'a> {
+    /// The motion of `flight`, whose points `lift` was [taken from](SpinLift::taken_from); `first` is where the ball was first seen.
     #[must_use]
     pub fn new(
         flight: &'a Flight,
         calibration: &'a Calibration,
         metres_per_unit: Quantity,
-        picture: Picture,
+        picture: ImagingErrors,
         first: PlanePoint,
-        lift: Lift,
+        lift: SpinLift,
     ) -> Self {
-        let Picture {
+        let ImagingErrors {
             units_per_px,
             common_std_px,
             places_std_px,
@@ -212,14 +214,14 @@ impl<'a> Scene<'a> {
             ),
             (ZERO_RIGHT, common.hypot(origin)),
             (ZERO_UP, common.hypot(origin)),
-            // In units of the doubt of each arc's lift.
+            // In units of the standard uncertainty of each arc's lift.
             (LIFT_IN, 1.0),
             (LIFT_OUT, 1.0),
             (DRAG_IN, drag_law),
             (DRAG_OUT, drag_law),
             (PLACES, places_std_px * units_per_px),
             (PLACES_UP, places_std_px * units_per_px),
-            (LIFT_PART, KNOWN_SPIN_DOUBT),
+            (LIFT_PART, KNOWN_SPIN_LIFT_STD),
             (BENCH_RATE, flight.launch.map_or(0.0, |l| l.rate.1)),
         ] {
             covariance[(n + i, n + i)] = std * std;
@@ -230,12 +232,12 @@ impl<'a> Scene<'a> {
         let zero = if calibration.has_origin() {
             PlanePoint::new(0.0, 0.0)
         } else {
-            edge::place(flight).unwrap_or(first)
+            bench_edge::place(flight).unwrap_or(first)
         };
         let scene = Self {
             flight,
             calibration,
-            evidence: Evidence { values, covariance },
+            inputs: InputQuantities { values, covariance },
             x_sign,
             by_lift: lift.response(flight),
             lift,
@@ -244,7 +246,7 @@ impl<'a> Scene<'a> {
             metres_per_unit,
             zero,
             steady,
-            slope: Slope::default(),
+            slope: SlopeSources::default(),
         };
         scene.in_contact().since_launch().on_floor()
     }
@@ -260,7 +262,7 @@ impl<'a> Scene<'a> {
 
     /// The same with the time that the first impact on the floor takes.
     fn in_contact(mut self) -> Self {
-        let p = self.evidence.values.as_slice();
+        let p = self.inputs.values.as_slice();
         let impacts = (0..self.arcs().saturating_sub(1)).filter(|&k| self.flight.impacts[k].is_some());
         self.contact_speed_m_s = impacts
             .map(|k| self.impact(p, k).1.vh.abs())
@@ -271,9 +273,9 @@ impl<'a> Scene<'a> {
     }
 
     fn set_extra(&mut self, which: usize, value: f64, std: f64) {
-        let i = self.evidence.values.len() - EXTRAS + which;
-        self.evidence.values[i] = value;
-        self.evidence.covariance[(i, i)] = std * std;
+        let i = self.inputs.values.len() - EXTRAS + which;
+        self.inputs.values[i] = value;
+        self.inputs.covariance[(i, i)] = std * std;
     }
 
     /// What changes if the ball is soft; `None` where it is too dense for that, is not known, or seen from above.
@@ -298,11 +300,11 @@ impl<'a> Scene<'a> {
     /// The flight with its points moved back by what the lift of the bounces' spins did to them, and that lift. Where those have
     /// no arcs it stays in the flight.
     #[must_use]
-    pub fn without_lift(&self) -> (Flight, Lift) {
-        let lift = Lift::new(self.spins());
+    pub fn without_lift(&self) -> (Flight, SpinLift) {
+        let lift = SpinLift::new(self.spins());
         match lift.taken_from(self.flight) {
             Some(free) => (free, lift),
-            None => (self.flight.clone(), Lift::default()),
+            None => (self.flight.clone(), SpinLift::default()),
         }
     }
 
@@ -312,7 +314,7 @@ impl<'a> Scene<'a> {
         if self.calibration.view == View::Top {
             return Vec::new();
         }
-        let p = self.evidence.values.as_slice();
+        let p = self.inputs.values.as_slice();
         let unit = self.x_sign / self.scale(p);
         let inertia = self.calibration.ball.inertia_factor;
         let mut spin = Some(self.spin_in(p, &[]) * unit).filter(|s| s.is_finite());
@@ -379,14 +381,14 @@ impl<'a> Scene<'a> {
     #[must_use]
     pub fn tilt_rad(&self) -> Option<Quantity> {
         let falls = self.calibration.view == View::Side && self.flight.fit.forces.falls();
-        let out = falls.then(|| self.evidence.outputs(|p| vec![-self.lean(p)]))?;
+        let out = falls.then(|| self.inputs.outputs(|p| vec![-self.lean(p)]))?;
         out.quantity(0)
     }
 
     /// By how much "up" of the world is turned from that of the plane, towards −r, rad.
     #[must_use]
     pub fn lean_rad(&self) -> f64 {
-        self.lean(self.evidence.values.as_slice())
+        self.lean(self.inputs.values.as_slice())
     }
 
     /// Motion on arc `k` at `t` in metres: x along the launch, "up" against the fall.
@@ -423,8 +425,8 @@ impl<'a> Scene<'a> {
         let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
         let half_s = extra(p, CONTACT) * self.slower_contact(down.abs());
         let kept = (-up / down).clamp(0.0, 1.0);
-        let told = kept.is_finite() && self.calibration.view == View::Side;
-        let kept = if told { kept } else { 1.0 };
+        let is_known = kept.is_finite() && self.calibration.view == View::Side;
+        let kept = if is_known { kept } else { 1.0 };
         // What comes back more slowly takes longer to let go, up to twice as long; and a ball that touches at 0 and leaves at
         // T with e of its speed has arcs that meet at e T/(1 + e): from e = 1/2 up just half of a contact without loss.
         let contact_s = half_s * (1.0 + (1.0 / kept).min(2.0));
@@ -460,7 +462,7 @@ impl<'a> Scene<'a> {
         let (from, to) = self.flight.spans[arc];
         let speed = m.vr.hypot(m.vh);
         let push = drag_per_m * speed * (to - from) / 4.0;
-        let lift = extra(p, lift) * self.lift.doubt(arc);
+        let lift = extra(p, lift) * self.lift.std_over_drag(arc);
         let drag = extra(p, drag);
         Motion {
             vr: m.vr + push * (lift * speed - drag * m.vr),
@@ -476,7 +478,7 @@ impl<'a> Scene<'a> {
         if self.calibration.view == View::Top {
             return Some(ImpactKind::Floor);
         }
-        let (_, before, after) = self.impact(self.evidence.values.as_slice(), k);
+        let (_, before, after) = self.impact(self.inputs.values.as_slice(), k);
         let (dx, dz) = (after.vr - before.vr, after.vh - before.vh);
         // A floor pushes up; friction adds at most about its own size sideways.
         let floor = before.vh < 0.0 && after.vh > -0.05 * before.vh.abs() && dz > 0.8 * dx.abs();
@@ -492,23 +494,23 @@ impl<'a> Scene<'a> {
     /// taken out: the ball falls with g (1 − b)/(1 + b/2), b the air's mass over the ball's.
     #[must_use]
     pub fn gravity_m_s2(&self) -> Option<Quantity> {
-        let told = self.calibration.view == View::Side && self.calibration.scale != Scale::Gravity;
+        let is_checkable = self.calibration.view == View::Side && self.calibration.scale != Scale::Gravity;
         let ball = &self.calibration.ball;
         let air_share = match (ball.radius_m, ball.mass_kg) {
             (Some(r), Some(m)) => AIR_DENSITY_KG_M3 * 4.0 / 3.0 * std::f64::consts::PI * r.powi(3) / m,
             _ => 0.0,
         };
         let lift = (1.0 - air_share) / (1.0 + 0.5 * air_share);
-        if !(told && lift > 0.0) {
+        if !(is_checkable && lift > 0.0) {
             return None;
         }
         // Drag beyond its law passes for gravity by a part of its own mean over the arcs.
         let top = self.flight.spans.iter().enumerate().map(|(k, s)| {
-            let m = self.world(self.evidence.values.as_slice(), k, s.1);
+            let m = self.world(self.inputs.values.as_slice(), k, s.1);
             m.vr * m.vr + m.vh * m.vh
         });
         let speed2 = top.fold(0.0, f64::max);
-        let out = self.evidence.outputs(|p| {
+        let out = self.inputs.outputs(|p| {
             let beyond = extra(p, DRAG_IN) * p[DRAG] / self.scale(p) * speed2;
             vec![fall_of(p) * self.scale(p) / lift + beyond]
         });
@@ -529,7 +531,7 @@ impl<'a> Scene<'a> {
             let history = unbroken.then(|| &floors[..i]);
             let bounce = match self.calibration.view {
                 View::Side => self.side_bounce(k, history),
-                View::Top if self.bend().is_some() => top::all_without_doubt(&self.top_bounce(k)),
+                View::Top if self.bend().is_some() => top_view::without_uncertainties(&self.top_bounce(k)),
                 View::Top => self.top_bounce(k),
             };
             if gains(&bounce) {
@@ -582,12 +584,12 @@ impl<'a> Scene<'a> {
 
     fn side_bounce(&self, k: usize, history: Option<&[usize]>) -> Bounce {
         let inertia = self.calibration.ball.inertia_factor;
-        let p = self.evidence.values.as_slice();
+        let p = self.inputs.values.as_slice();
         let (best, slope) = (self.impact(p, k), self.slope(p));
         let (before, after) = (floor::turned(&best.1, slope), floor::turned(&best.2, slope));
         let spin0 = history.map_or(f64::NAN, |h| self.spin_in(p, h));
         let speed = self
-            .evidence
+            .inputs
             .outputs(|p| vec![floor::turned(&self.impact(p, k).1, self.slope(p)).vr]);
         // Angles count along the incident motion; straight down, along the launch.
         let along = if speed.stands_out(0, DIRECTION_SIGMAS) {
@@ -596,11 +598,11 @@ impl<'a> Scene<'a> {
             1.0
         };
         let pull = if before.vr >= after.vr { 1.0 } else { -1.0 };
-        let out = self.evidence.outputs(|p| {
+        let out = self.inputs.outputs(|p| {
             let (t, a, b) = self.impact(p, k);
             let slope = self.slope(p);
             let (before, after) = (floor::turned(&a, slope), floor::turned(&b, slope));
-            let crossing = Crossing {
+            let crossing = ImpactVelocities {
                 before_m_s: (before.vr, before.vh),
                 after_m_s: (after.vr, after.vh),
                 spin_in_m_s: history.map_or(f64::NAN, |h| self.spin_in(p, h)),
@@ -692,8 +694,8 @@ impl<'a> Scene<'a> {
         let found = self.distances_of(bounces);
         if self.bend().is_some() {
             return Distances {
-                x0_m: found.x0_m.and_then(top::without_doubt),
-                x_m: found.x_m.and_then(top::without_doubt),
+                x0_m: found.x0_m.and_then(top_view::undetermined),
+                x_m: found.x_m.and_then(top_view::undetermined),
                 ..found
             };
         }
@@ -712,7 +714,7 @@ impl<'a> Scene<'a> {
         let (x_m, x_source) = match bounces.get(1) {
             Some(&(second, _)) if second == first + 1 => {
                 let out = self
-                    .evidence
+                    .inputs
                     .outputs(|p| vec![place(p, second) - place(p, first) + apart(p)]);
                 (out.quantity(0), XSource::Observed)
             }
@@ -724,7 +726,7 @@ impl<'a> Scene<'a> {
                 };
             }
             _ => {
-                let out = self.evidence.outputs(|p| {
+                let out = self.inputs.outputs(|p| {
                     let (t, touch, _) = self.impact(p, first);
                     let down = self.back_at(p, first + 1, t, (touch.r, touch.h));
                     vec![self.world(p, first + 1, down).r - touch.r + apart(p)]
@@ -757,7 +759,7 @@ impl<'a> Scene<'a> {
         if self.calibration.view == View::Top {
             return true;
         }
-        let p = self.evidence.values.as_slice();
+        let p = self.inputs.values.as_slice();
         let (t, before, _) = self.impact(p, first);
         if first != 0 || !(before.vr.abs() > 1e-9) {
             return first == 0;
@@ -775,7 +777,7 @@ impl<'a> Scene<'a> {
                 return None;
             }
             return self
-                .evidence
+                .inputs
                 .outputs(|p| vec![place(p, first) - edge_m])
                 .quantity(0);
         }
@@ -784,7 +786,7 @@ impl<'a> Scene<'a> {
         }
         if self.flight.launch.is_some() {
             // Both places are the ball's: what all centres share is in neither.
-            let seen = self.evidence.outputs(|p| {
+            let seen = self.inputs.outputs(|p| {
                 let apart = extra(p, PLACES) * self.scale(p);
                 vec![place(p, first) - self.edge_place(p).map_or(f64::NAN, |e| e.r) + apart]
             });
@@ -796,10 +798,10 @@ impl<'a> Scene<'a> {
         // A horizontal launch is level where it begins: the apex is the edge.
         let apex = |p: &[f64]| self.vertex_s(p);
         let start = self.flight.spans[0].0;
-        let best = apex(self.evidence.values.as_slice());
+        let best = apex(self.inputs.values.as_slice());
         let level = (best - start).abs() < 2.0 * self.flight.interval_s;
         let out = self
-            .evidence
+            .inputs
             .outputs(|p| vec![place(p, first) - self.world(p, 0, apex(p)).r]);
         level.then(|| out.quantity(0)).flatten()
     }
@@ -807,7 +809,7 @@ impl<'a> Scene<'a> {
     /// Place of arc `k` at time `t` in the world: (x, up), m.
     #[must_use]
     pub fn place_m(&self, k: usize, t: f64) -> (f64, f64) {
-        let m = self.world(self.evidence.values.as_slice(), k, t);
+        let m = self.world(self.inputs.values.as_slice(), k, t);
         (m.r, m.h)
     }
 }
@@ -846,7 +848,7 @@ const IMPOSSIBLE_SIGMAS: f64 = 3.0;
 
 /// Friction works against the slip, and no contact gives back more than the slip it stopped: what of that the outputs
 /// contradict.
-fn impossible(out: &Outputs) -> Option<Impossible> {
+fn impossible(out: &OutputQuantities) -> Option<Impossible> {
     let forward = out.value(out::SLIP).signum();
     let (lost, e_x) = (out.quantity(out::LOST)?, out.quantity(out::E_X)?);
     let lost_std = lost.std_uncertainty.unwrap_or(f64::INFINITY);
@@ -861,7 +863,7 @@ fn impossible(out: &Outputs) -> Option<Impossible> {
 }
 
 /// Of the outputs at `places`, in the order of [`Speed::ALL`].
-fn correlations(out: &Outputs, places: [usize; Speed::ALL.len()]) -> Vec<Correlation> {
+fn correlations(out: &OutputQuantities, places: [usize; Speed::ALL.len()]) -> Vec<Correlation> {
     let all = || Speed::ALL.into_iter().zip(places).enumerate();
     all()
         .flat_map(|(i, (a, at))| {
@@ -873,8 +875,8 @@ fn correlations(out: &Outputs, places: [usize; Speed::ALL.len()]) -> Vec<Correla
         .collect()
 }
 
-fn leg(out: &Outputs, i: usize) -> Leg {
-    Leg {
+fn leg(out: &OutputQuantities, i: usize) -> CentreVelocity {
+    CentreVelocity {
         vx_m_s: out.quantity(i),
         vz_m_s: out.quantity(i + 1),
         angle_rad: out.quantity(i + 2),

@@ -3,10 +3,10 @@
 use crate::calibration::{Calibration, View};
 use crate::geometry::{PlanePoint, WorldPoint};
 use crate::impact::Bounce;
-use crate::impact::impacts::Scene;
+use crate::impact::motion::MeasuredMotion;
 use crate::quantity::Quantity;
 
-/// From the plane to the world, for points and drawing (values only; uncertainties are [`Scene`]'s).
+/// From the plane to the world, for points and drawing (values only; uncertainties are [`MeasuredMotion`]'s).
 #[derive(Debug, Clone, Copy)]
 pub struct WorldFrame {
     x_sign: f64,
@@ -20,7 +20,7 @@ pub struct WorldFrame {
 impl WorldFrame {
     /// Without an origin the floor is where the impacts are: the centre touches at z = R.
     pub fn new(
-        scene: &Scene<'_>,
+        motion: &MeasuredMotion<'_>,
         bounces: &[(usize, Bounce)],
         metres_per_unit: Quantity,
         radius_m: Option<f64>,
@@ -31,7 +31,7 @@ impl WorldFrame {
         } else {
             let lowest = bounces
                 .iter()
-                .filter_map(|(k, b)| Some(scene.place_m(*k, b.time_s?.value).1))
+                .filter_map(|(k, b)| Some(motion.place_m(*k, b.time_s?.value).1))
                 .fold(f64::INFINITY, f64::min);
             if lowest.is_finite() {
                 lowest - radius_m.unwrap_or(0.0)
@@ -40,10 +40,10 @@ impl WorldFrame {
             }
         };
         Self {
-            x_sign: scene.x_sign,
+            x_sign: motion.x_sign,
             metres_per_unit: metres_per_unit.value,
-            zero: scene.zero,
-            lean: scene.lean_rad().sin_cos(),
+            zero: motion.zero,
+            lean: motion.lean_rad().sin_cos(),
             floor_m,
         }
     }

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// The vector that everything measured depends on, with its covariance.
 #[derive(Debug, Clone)]
-pub struct Evidence {
+pub struct InputQuantities {
     /// Best estimates.
     pub values: DVector<f64>,
     /// Their covariance.
@@ -18,16 +18,16 @@ pub struct Evidence {
 
 /// Values of some outputs with their joint covariance.
 #[derive(Debug, Clone)]
-pub struct Outputs {
+pub struct OutputQuantities {
     values: Vec<f64>,
     covariance: DMatrix<f64>,
 }
 
-impl Evidence {
+impl InputQuantities {
     /// The outputs of `function` at the best estimate, with their covariance from central differences a tenth of a
     /// standard deviation to each side: far above rounding, far below where a quotient bends.
     #[must_use]
-    pub fn outputs(&self, function: impl Fn(&[f64]) -> Vec<f64>) -> Outputs {
+    pub fn outputs(&self, function: impl Fn(&[f64]) -> Vec<f64>) -> OutputQuantities {
         let values = function(self.values.as_slice());
         let mut jacobian = DMatrix::zeros(values.len(), self.values.len());
         let mut at = self.values.clone();
@@ -44,14 +44,14 @@ impl Evidence {
                 }
             }
         }
-        Outputs {
+        OutputQuantities {
             covariance: &jacobian * &self.covariance * jacobian.transpose(),
             values,
         }
     }
 }
 
-impl Outputs {
+impl OutputQuantities {
     /// Output `i`; `None` unless finite.
     #[must_use]
     pub fn quantity(&self, i: usize) -> Option<Quantity> {
@@ -93,19 +93,16 @@ mod tests {
     #[test]
     fn a_quotient_of_correlated_numbers_loses_what_they_share() {
         // a and b share their scale: 10 % together, nothing apart.
-        let evidence = Evidence {
+        let inputs = InputQuantities {
             values: DVector::from_vec(vec![2.0, 4.0]),
             covariance: DMatrix::from_row_slice(2, 2, &[0.04, 0.08, 0.08, 0.16]),
         };
-        let out = evidence.outputs(|p| vec![p[0] / p[1], p[0] + p[1]]);
+        let out = inputs.outputs(|p| vec![p[0] / p[1], p[0] + p[1]]);
         assert!(out.std(0) < 1e-4, "{}", out.std(0));
         assert!((out.std(1) - 0.6).abs() < 1e-9);
         assert!(out.quantity(1).is_some());
-        assert_eq!(
-            evidence.outputs(|p| vec![p[0], p[1], 7.0]).correlation(0, 2),
-            None
-        );
-        let same = evidence.outputs(|p| vec![p[0], -p[1]]);
+        assert_eq!(inputs.outputs(|p| vec![p[0], p[1], 7.0]).correlation(0, 2), None);
+        let same = inputs.outputs(|p| vec![p[0], -p[1]]);
         assert!((same.correlation(0, 1).unwrap() + 1.0).abs() < 1e-9);
     }
 }

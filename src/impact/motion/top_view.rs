@@ -4,7 +4,7 @@
 //! fall of the ball, which is taken out. Near and at a distance that is not known, it sees them bent, and what that does to
 //! directions is not known either. Whatever needs the vertical speed is not reported of a top view.
 
-use super::{Bounce, DIRECTION_SIGMAS, EERegime, Leg, Scene};
+use super::{Bounce, CentreVelocity, DIRECTION_SIGMAS, EERegime, MeasuredMotion};
 use crate::calibration::View;
 use crate::flight::SpotUse;
 use crate::flight::fit::Forces;
@@ -20,11 +20,11 @@ const LEAST_BEND: f64 = 0.02;
 /// Fewer points of an arc tell no bend.
 const LEAST_BEND_POINTS: usize = 8;
 
-impl Scene<'_> {
+impl MeasuredMotion<'_> {
     /// In a top view x is the direction of incidence: speeds along it, and the rebound's turn from it, to the left
     /// (towards +y, seen from above) positive.
     pub(super) fn top_bounce(&self, k: usize) -> Bounce {
-        let out = self.evidence.outputs(|p| {
+        let out = self.inputs.outputs(|p| {
             let (t, a, b) = self.impact(p, k);
             // Mirrored back, so that a turn to the left stays one for a launch to the left.
             let (ax, bx) = (self.x_sign * a.vr, self.x_sign * b.vr);
@@ -41,7 +41,7 @@ impl Scene<'_> {
             ]
         });
         let moving = out.stands_out(2, DIRECTION_SIGMAS);
-        let flat = |along| Leg {
+        let flat = |along| CentreVelocity {
             vx_m_s: out.quantity(along),
             vz_m_s: None,
             angle_rad: None,
@@ -105,8 +105,8 @@ impl Scene<'_> {
         let seconds = up.last()?.t - up.first()?.t;
         let part = change * seconds / m.vr.hypot(m.vh);
         // A point off its place by a tenth of its neighbours' uncertainty is no bend: persistence asks for more.
-        let doubt = std * self.flight.fit.persistence.min(MOST_PERSISTENCE).sqrt();
-        (change > BEND_SIGMAS * doubt && part > LEAST_BEND).then_some(part)
+        let lasting_std = std * self.flight.fit.persistence.min(MOST_PERSISTENCE).sqrt();
+        (change > BEND_SIGMAS * lasting_std && part > LEAST_BEND).then_some(part)
     }
 }
 
@@ -114,14 +114,14 @@ impl Scene<'_> {
 const MOST_PERSISTENCE: f64 = 4.0;
 
 /// The same with its uncertainty not determined.
-pub(super) fn without_doubt(q: Quantity) -> Option<Quantity> {
+pub(super) fn undetermined(q: Quantity) -> Option<Quantity> {
     Quantity::undetermined(q.value)
 }
 
 /// A bounce of whose numbers no uncertainty is known.
-pub(super) fn all_without_doubt(bounce: &Bounce) -> Bounce {
-    let of = |q: Option<Quantity>| q.and_then(without_doubt);
-    let leg = |l: Leg| Leg {
+pub(super) fn without_uncertainties(bounce: &Bounce) -> Bounce {
+    let of = |q: Option<Quantity>| q.and_then(undetermined);
+    let leg = |l: CentreVelocity| CentreVelocity {
         vx_m_s: of(l.vx_m_s),
         vz_m_s: of(l.vz_m_s),
         angle_rad: of(l.angle_rad),

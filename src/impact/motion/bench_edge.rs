@@ -1,6 +1,6 @@
 //! The launch from a bench in metres: where and when the ball left it, how fast, and from what height.
 
-use super::{BENCH_RATE, Scene, extra, fall_of};
+use super::{BENCH_RATE, MeasuredMotion, extra, fall_of};
 use crate::flight::Flight;
 use crate::flight::fit::{Motion, lean_rad};
 use crate::flight::launch::Launch;
@@ -19,7 +19,7 @@ pub(super) fn place(flight: &Flight) -> Option<PlanePoint> {
     Some(PlanePoint::new(m.r, m.h))
 }
 
-impl Scene<'_> {
+impl MeasuredMotion<'_> {
     /// Motion at the edge, m, by any parameters; `None` where no bench is seen.
     pub(super) fn edge_place(&self, p: &[f64]) -> Option<Motion> {
         Some(self.world(p, 0, self.edge_s(p)?))
@@ -36,7 +36,7 @@ impl Scene<'_> {
             return 0.0;
         }
         let place = |p: &[f64]| self.edge_place(p).map_or(0.0, |m| m.r);
-        place(p) - place(self.evidence.values.as_slice())
+        place(p) - place(self.inputs.values.as_slice())
     }
 
     /// When the first arc is at its highest, against gravity, s.
@@ -61,7 +61,7 @@ impl Scene<'_> {
     pub fn bench_launch(&self) -> Option<BenchLaunch> {
         let launch = self.flight.launch.filter(Launch::is_rolled)?;
         let lands = self.flight.impacts.first().is_some_and(Option::is_some);
-        let out = self.evidence.outputs(|p| {
+        let out = self.inputs.outputs(|p| {
             let t = self.edge_s(p).unwrap_or(f64::NAN);
             let m = self.world(p, 0, t);
             let touch = if lands { self.impact(p, 0).1.h } else { f64::NAN };
@@ -70,7 +70,7 @@ impl Scene<'_> {
             let above = (seen.h * cos - seen.r * sin - launch.height.0) * self.scale(p);
             vec![m.r, t, m.vr.hypot(m.vh), m.h - touch, above]
         });
-        let scale = self.scale(self.evidence.values.as_slice());
+        let scale = self.scale(self.inputs.values.as_slice());
         let gap_std = out.std(4).hypot(launch.gap.1 * scale);
         let gap = crate::quantity::Quantity::new(out.value(4), gap_std);
         let radius = self.flight.points.first().map_or(0.0, |p| p.spot.radius) * scale;

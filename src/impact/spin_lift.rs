@@ -8,7 +8,7 @@
 //! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
 //! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth
 //! ball's lift can differ from a tennis ball's by a third (and turn round near the drag crisis, far above these speeds):
-//! that doubt is [`KNOWN_SPIN_DOUBT`].
+//! that uncertainty is [`KNOWN_SPIN_LIFT_STD`].
 
 use crate::flight::Flight;
 use crate::flight::planar::{DRAG, Motion, Planar, speed};
@@ -19,21 +19,21 @@ const USUAL_DRAG: f64 = 0.42;
 
 /// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
 /// and 1.4 times a tennis ball's, and a range of that width has this standard deviation.
-pub const KNOWN_SPIN_DOUBT: f64 = 0.22;
+pub const KNOWN_SPIN_LIFT_STD: f64 = 0.22;
 
 /// Lift over drag that a ball may have which is said not to spin.
-const LEAST_DOUBT: f64 = 0.03;
+const NO_SPIN_LIFT_STD: f64 = 0.03;
 
 /// Lift over drag where the spin is not known: about the spin ratio, up to 1/2.
-const UNKNOWN_SPIN_DOUBT: f64 = 0.3;
+const UNKNOWN_SPIN_LIFT_STD: f64 = 0.3;
 
 /// Lift on each arc, by its spin R ω in plane units/s, positive where it turns +r towards −h (rolling along +r).
 #[derive(Debug, Clone, Default)]
-pub struct Lift {
+pub struct SpinLift {
     spins: Vec<Option<f64>>,
 }
 
-impl Lift {
+impl SpinLift {
     /// Arc by arc; `None` where the spin is not known.
     #[must_use]
     pub fn new(spins: Vec<Option<f64>>) -> Self {
@@ -97,10 +97,10 @@ impl Lift {
     }
 
     /// Standard uncertainty of lift over drag on `arc`, beyond that of the lift that a known spin makes
-    /// ([`KNOWN_SPIN_DOUBT`]).
+    /// ([`KNOWN_SPIN_LIFT_STD`]).
     #[must_use]
-    pub fn doubt(&self, arc: usize) -> f64 {
-        self.spin(arc).map_or(UNKNOWN_SPIN_DOUBT, |_| LEAST_DOUBT)
+    pub fn std_over_drag(&self, arc: usize) -> f64 {
+        self.spin(arc).map_or(UNKNOWN_SPIN_LIFT_STD, |_| NO_SPIN_LIFT_STD)
     }
 }
 
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn lift_of_a_known_ball_does_not_follow_the_fitted_drag() {
         let drag = Drag::of_sphere((0.012, 0.0082), 1.0, 1.5, 0.1);
-        let lift = Lift::new(vec![Some(0.3)]);
+        let lift = SpinLift::new(vec![Some(0.3)]);
         let moved = |part: f64| {
             let level = Planar {
                 parameters: &[9.81, part * drag.beta, 0.0, 0.0, 1.5, 0.0, 0.0],
@@ -136,13 +136,13 @@ mod tests {
             times: &[0.0],
             law: DragLaw::default(),
         };
-        let lift = Lift::new(vec![Some(1.0)]);
+        let lift = SpinLift::new(vec![Some(1.0)]);
         let m = lift.motion(&rising, 0, 0.05);
         assert!(m.vr > 0.0 && m.vh < 0.0 && m.r > 0.0 && m.h < 0.0, "{m:?}");
-        let back = Lift::new(vec![Some(-1.0)]).motion(&rising, 0, 0.05);
+        let back = SpinLift::new(vec![Some(-1.0)]).motion(&rising, 0, 0.05);
         assert!((m.vr + back.vr).abs() < 1e-15 && (m.h + back.h).abs() < 1e-15);
-        let none = Lift::new(vec![None]).motion(&rising, 0, 0.05);
+        let none = SpinLift::new(vec![None]).motion(&rising, 0, 0.05);
         assert_eq!((none.r, none.vr, none.h, none.vh), (0.0, 0.0, 0.0, 0.0));
-        assert!(Lift::new(vec![None]).doubt(0) > lift.doubt(0));
+        assert!(SpinLift::new(vec![None]).std_over_drag(0) > lift.std_over_drag(0));
     }
 }

@@ -1,7 +1,7 @@
 //! What the user has to know: what is odd about the file, the time base, the scale, the flight. Each warning names
 //! what was found, with numbers, and the key or step that mends it.
 
-use super::observe::Observation;
+use super::decode::Decoded;
 use super::result::UpTilt;
 use super::result::Warning;
 use crate::calibration::{Calibration, Scale, View};
@@ -11,7 +11,7 @@ use crate::flight::overhead::find;
 use crate::flight::shake::Shake;
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
-use crate::impact::impacts::{Scene, SoftBall};
+use crate::impact::motion::{MeasuredMotion, SoftBall};
 use crate::impact::{BenchLaunch, Bounce, FloorSlope, Impossible};
 use crate::quantity::Quantity;
 
@@ -30,12 +30,7 @@ fn warning(code: &'static str, message: String) -> Warning {
 }
 
 /// Oddities of the file and its clock.
-pub fn file(
-    seen: &Observation,
-    base: &TimeBase,
-    repeats: &[bool],
-    calibration: &Calibration,
-) -> Vec<Warning> {
+pub fn file(seen: &Decoded, base: &TimeBase, repeats: &[bool], calibration: &Calibration) -> Vec<Warning> {
     let mut out: Vec<Warning> = seen
         .health
         .notes
@@ -113,12 +108,7 @@ pub fn perspective(calibration: &Calibration) -> Option<Warning> {
     })
 }
 
-fn repeated(
-    seen: &Observation,
-    base: &TimeBase,
-    repeats: &[bool],
-    calibration: &Calibration,
-) -> Option<Warning> {
+fn repeated(seen: &Decoded, base: &TimeBase, repeats: &[bool], calibration: &Calibration) -> Option<Warning> {
     let count = repeats.iter().filter(|&&r| r).count();
     if count == 0 {
         return None;
@@ -128,14 +118,14 @@ fn repeated(
         .nominal_rate_hz
         .map_or(String::new(), |r| format!(" of a {r:.4} Hz file"));
     let rate = base.interval_s.map_or(String::new(), |i| {
-        let told = if calibration.frame_rate_hz.is_some() {
+        let clock = if calibration.frame_rate_hz.is_some() {
             "by the calibration"
         } else if base.evened {
             "evenly, as the ball's motion shows, not by the stamps"
         } else {
             "by the stamps"
         };
-        format!(" Distinct pictures come at {:.4} Hz {told}.", 1.0 / i)
+        format!(" Distinct pictures come at {:.4} Hz {clock}.", 1.0 / i)
     });
     Some(warning(
         "repeated_frames",
@@ -150,7 +140,7 @@ fn repeated(
 const WORTH_SAYING_PX: f64 = 0.5;
 
 /// Swings of a camera that otherwise stands still.
-fn shaken_camera(seen: &Observation, base: &TimeBase) -> Option<Warning> {
+fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
     let swings = |r: &&Registration| !r.is_still();
     let shaken: Vec<(f64, f64)> = seen
         .registrations
@@ -190,7 +180,7 @@ fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> 
 const LIGHT_CHANGES: f64 = 1.3;
 
 /// Light that changes while the ball flies, in the frames `flown`, for longer than a tenth of them.
-pub fn light(seen: &Observation, flown: &[usize]) -> Option<Warning> {
+pub fn light(seen: &Decoded, flown: &[usize]) -> Option<Warning> {
     let scene = &seen.detector.background.luma.data;
     let grey = scene.iter().map(|&p| f64::from(p)).sum::<f64>() / scene.len().max(1) as f64;
     let mut brightness: Vec<f64> = flown
@@ -237,10 +227,10 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
 }
 
 /// Everything to judge a measured flight by.
-pub struct Judged<'a> {
+pub struct WarningContext<'a> {
     pub calibration: &'a Calibration,
     pub flight: &'a Flight,
-    pub scene: &'a Scene<'a>,
+    pub motion: &'a MeasuredMotion<'a>,
     pub bounces: &'a [(usize, Bounce)],
     pub gravity: Option<Quantity>,
     pub radius_m: Option<f64>,
@@ -257,7 +247,7 @@ pub struct Judged<'a> {
 }
 
 /// Oddities of the measured flight.
-pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
+pub fn measured(j: &WarningContext<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(j.gravity.map(|g| gravity(g, j)).unwrap_or_default());
     out.extend(up_tilted(j));
@@ -266,7 +256,7 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
     out.extend(bench(j));
     out.extend(impossible_tangential(j.bounces));
     out.extend(distance_against_fall(j));
-    out.extend(j.scene.bend().map(bent));
+    out.extend(j.motion.bend().map(bent));
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
     out.extend(different_heights(j));
@@ -294,8 +284,8 @@ pub fn measured(j: &Judged<'_>) -> Vec<Warning> {
             format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.excess()),
         ));
     }
-    out.extend(j.scene.may_be_soft().map(soft));
-    if j.scene.metres_per_unit.std_uncertainty.is_none() {
+    out.extend(j.motion.may_be_soft().map(soft));
+    if j.motion.metres_per_unit.std_uncertainty.is_none() {
         let key = match j.calibration.scale {
             Scale::Homography(_) => "scale.relative_std",
             _ => "scale.std_uncertainty",
@@ -332,7 +322,7 @@ pub fn unlearned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
 }
 
 /// The self-check: gravity as the flight shows it, and what would explain another.
-fn gravity(g: Quantity, j: &Judged<'_>) -> Vec<Warning> {
+fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
     let expected = j.calibration.gravity_m_s2;
     let off = (g.value - expected).abs();
     let std = g.std_uncertainty.unwrap_or(0.0);
@@ -360,8 +350,8 @@ fn gravity(g: Quantity, j: &Judged<'_>) -> Vec<Warning> {
     }
     causes.push(format!(
         "scale: it would be right with lengths times {ratio:.4} ({:.6} m/px in place of {:.6}): check the two ends and the length of the ruler, and that it stood in the plane of motion (\"scale\")",
-        j.scene.metres_per_unit.value * ratio,
-        j.scene.metres_per_unit.value,
+        j.motion.metres_per_unit.value * ratio,
+        j.motion.metres_per_unit.value,
     ));
     if ratio > 1.0 && ratio < 1.35 {
         causes.push(format!(
@@ -381,7 +371,7 @@ fn gravity(g: Quantity, j: &Judged<'_>) -> Vec<Warning> {
             causes.join("; ")
         ),
     )];
-    if j.scene.metres_per_unit.std_uncertainty.is_none() {
+    if j.motion.metres_per_unit.std_uncertainty.is_none() {
         out.push(warning(
             "refuted_calibration",
             format!(
@@ -397,7 +387,7 @@ fn gravity(g: Quantity, j: &Judged<'_>) -> Vec<Warning> {
 const UPRIGHT_RAD: f64 = 0.0175;
 
 /// That the fall has another "up" than the calibration.
-fn up_tilted(j: &Judged<'_>) -> Option<Warning> {
+fn up_tilted(j: &WarningContext<'_>) -> Option<Warning> {
     let up = j.up?;
     let given = j.calibration.up_given || matches!(j.calibration.scale, Scale::Homography(_));
     let degrees = |rad: f64| rad.to_degrees();
@@ -441,11 +431,11 @@ fn up_tilted(j: &Judged<'_>) -> Option<Warning> {
 const STEEP_RAD: f64 = 0.0087;
 
 /// That the floor slopes, or is said to do otherwise than it does.
-fn floor_slope(j: &Judged<'_>) -> Option<Warning> {
+fn floor_slope(j: &WarningContext<'_>) -> Option<Warning> {
     let slope = j.floor?.slope_rad;
     let (value, std) = (slope.value, slope.std_uncertainty.unwrap_or(0.0));
     let found = format!("{:.2} ± {:.2} degrees", value.to_degrees(), std.to_degrees());
-    if let Some((said, std)) = j.scene.floor_contradicts().filter(|_| j.calibration.floor.given) {
+    if let Some((said, std)) = j.motion.floor_contradicts().filter(|_| j.calibration.floor.given) {
         return Some(warning(
             "floor_contradicts",
             format!(
@@ -467,7 +457,7 @@ fn floor_slope(j: &Judged<'_>) -> Option<Warning> {
 const READ_PX: f64 = 1.0;
 
 /// What a bench that is seen says against the calibration.
-fn bench(j: &Judged<'_>) -> Vec<Warning> {
+fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
     let Some(launch) = &j.launch else {
         return Vec::new();
     };
@@ -486,7 +476,7 @@ fn bench(j: &Judged<'_>) -> Vec<Warning> {
         .edge_x_m
         .filter(|_| j.calibration.has_origin())
     {
-        let metre = j.scene.metres_per_unit.value * j.units_per_px;
+        let metre = j.motion.metres_per_unit.value * j.units_per_px;
         let read = j.calibration.origin_std_px.unwrap_or(READ_PX) * metre;
         let std = edge.std_uncertainty.unwrap_or(0.0);
         if (edge.value - said).abs() > CONTRADICTS_SIGMAS * std.hypot(read) {
@@ -512,7 +502,7 @@ fn bench(j: &Judged<'_>) -> Vec<Warning> {
 }
 
 /// A swing that the ball alone shows.
-fn shaken_ball(shake: &Shake, j: &Judged<'_>) -> Warning {
+fn shaken_ball(shake: &Shake, j: &WarningContext<'_>) -> Warning {
     warning(
         "camera_shaken",
         format!(
@@ -553,7 +543,7 @@ fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
 }
 
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.
-fn distance_against_fall(j: &Judged<'_>) -> Option<Warning> {
+fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
     let distance_m = j.calibration.distance_m?;
     let seen = find::fall_seen(j.flight)?;
     let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
@@ -621,13 +611,13 @@ fn rounded(x: f64) -> String {
 }
 
 /// A ball of known size is a second ruler.
-fn scale_against_ball(j: &Judged<'_>) -> Option<Warning> {
+fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
     if matches!(j.calibration.scale, Scale::Ball) {
         return None;
     }
     let (known, seen) = (
         j.calibration.ball.radius_m?,
-        j.radius_units? * j.scene.metres_per_unit.value,
+        j.radius_units? * j.motion.metres_per_unit.value,
     );
     let ratio = seen / known;
     if (ratio - 1.0).abs() < 0.1 {
@@ -653,15 +643,15 @@ fn scale_against_ball(j: &Judged<'_>) -> Option<Warning> {
 }
 
 /// With an origin on the floor, the ball's centre must touch at its radius.
-fn floor_height(j: &Judged<'_>) -> Option<Warning> {
+fn floor_height(j: &WarningContext<'_>) -> Option<Warning> {
     let radius_m = j.radius_m?;
     if !j.calibration.has_origin() || j.calibration.view == View::Top {
         return None;
     }
     let (k, first) = j.bounces.first()?;
-    let (_, height_m) = j.scene.place_m(*k, first.time_s?.value);
+    let (_, height_m) = j.motion.place_m(*k, first.time_s?.value);
     let off = height_m - radius_m;
-    (off.abs() > 0.5 * radius_m + 3.0 * j.scene.metres_per_unit.value).then(|| {
+    (off.abs() > 0.5 * radius_m + 3.0 * j.motion.metres_per_unit.value).then(|| {
         warning(
             "floor_mismatch",
             format!("the ball touches with its centre {:.1} mm above the calibration's floor; its radius is {:.1} mm. Check \"origin_px\": its row is the floor where the ball bounces.", 1e3 * height_m, 1e3 * radius_m),
@@ -670,14 +660,14 @@ fn floor_height(j: &Judged<'_>) -> Option<Warning> {
 }
 
 /// x is a distance on one floor.
-fn different_heights(j: &Judged<'_>) -> Option<Warning> {
+fn different_heights(j: &WarningContext<'_>) -> Option<Warning> {
     if j.calibration.view == View::Top {
         return None;
     }
     let heights: Vec<f64> = j
         .bounces
         .iter()
-        .filter_map(|(k, b)| Some(j.scene.place_m(*k, b.time_s?.value).1))
+        .filter_map(|(k, b)| Some(j.motion.place_m(*k, b.time_s?.value).1))
         .collect();
     let (first, second) = (heights.first()?, heights.get(1)?);
     let radius_m = j.radius_m.unwrap_or(0.01);
@@ -690,12 +680,7 @@ fn different_heights(j: &Judged<'_>) -> Option<Warning> {
 }
 
 /// Why nothing was measured, and what to try.
-pub fn no_flight(
-    reason: &NoFlight,
-    seen: &Observation,
-    base: &TimeBase,
-    calibration: &Calibration,
-) -> String {
+pub fn no_flight(reason: &NoFlight, seen: &Decoded, base: &TimeBase, calibration: &Calibration) -> String {
     let frames = seen.stamps_s.len();
     let moving = seen.sightings.len();
     match reason {

@@ -13,7 +13,7 @@
 //! Assumed: one plane floor, and a camera that stands still: one in a hand turns from impact to impact, and its impacts are
 //! not asked. Touches whose places do not lie on one line (two floors, a step) tell no slope.
 
-use super::{EXTRAS, FLOOR_LEVEL, FLOOR_LINE, ImpactKind, Motion, PLACES_UP, Scene, extra};
+use super::{EXTRAS, FLOOR_LEVEL, FLOOR_LINE, ImpactKind, MeasuredMotion, Motion, PLACES_UP, extra};
 use crate::calibration::View;
 use crate::impact::{FloorSlope, FloorSource};
 
@@ -38,7 +38,7 @@ const AGREE_SIGMAS: f64 = 3.0;
 
 /// How the slope follows from its sources: weights that add up to 1.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Slope {
+pub(super) struct SlopeSources {
     /// Arc before each touch, and its weight in the line through them.
     touches: Vec<(usize, f64)>,
     by_touches: f64,
@@ -66,7 +66,7 @@ fn folded(angle: f64) -> f64 {
     angle - std::f64::consts::PI * (angle / std::f64::consts::PI).round()
 }
 
-impl Scene<'_> {
+impl MeasuredMotion<'_> {
     /// The floor's slope for any parameters, rad, along x.
     pub(super) fn slope(&self, p: &[f64]) -> f64 {
         let s = &self.slope;
@@ -112,19 +112,19 @@ impl Scene<'_> {
             return self;
         }
         let known = self.calibration.floor;
-        let n = self.evidence.values.len() - EXTRAS;
-        // How well the picture's horizontal is known: only what is told against gravity needs it.
-        let lean_std = self.evidence.outputs(|p| vec![self.lean(p)]).std(0);
+        let n = self.inputs.values.len() - EXTRAS;
+        // How well the picture's horizontal is known: only a slope given against gravity needs it.
+        let lean_std = self.inputs.outputs(|p| vec![self.lean(p)]).std(0);
         let level = (known.slope_rad, known.std_rad.hypot(lean_std));
-        self.evidence.covariance[(n + FLOOR_LEVEL, n + FLOOR_LEVEL)] = known.std_rad * known.std_rad;
-        let p = self.evidence.values.clone();
+        self.inputs.covariance[(n + FLOOR_LEVEL, n + FLOOR_LEVEL)] = known.std_rad * known.std_rad;
+        let p = self.inputs.values.clone();
         let line = self.line_in_plane().map(|(direction, std)| {
-            self.evidence.covariance[(n + FLOOR_LINE, n + FLOOR_LINE)] = std * std;
+            self.inputs.covariance[(n + FLOOR_LINE, n + FLOOR_LINE)] = std * std;
             (direction, self.slope_of_line(p.as_slice(), direction), std)
         });
         let touches = self.touches_of_one_floor();
         let seen = touches.as_ref().map(|touches| {
-            let shown = self.evidence.outputs(|p| {
+            let shown = self.inputs.outputs(|p| {
                 let slope = self.slope_of(p, touches);
                 vec![slope, slope + self.x_sign * self.lean(p)]
             });
@@ -169,7 +169,7 @@ impl Scene<'_> {
         let all = (0..self.arcs().saturating_sub(1)).take_while(|&k| self.kind(k) == Some(ImpactKind::Floor));
         let floors = crate::frames::evenly_of(all.collect::<Vec<_>>().into_iter(), MOST_TOUCHES);
         let heights = self
-            .evidence
+            .inputs
             .outputs(|p| floors.iter().map(|&k| self.impact(p, k).1.h).collect());
         let touches: Vec<(usize, f64)> = floors
             .iter()
@@ -180,7 +180,7 @@ impl Scene<'_> {
         if touches.len() < 2 {
             return None;
         }
-        let off_line = self.evidence.outputs(|p| {
+        let off_line = self.inputs.outputs(|p| {
             let slope = self.slope_of(p, &touches).tan();
             let places: Vec<Motion> = touches.iter().map(|t| self.impact(p, t.0).1).collect();
             let first = places[0];
@@ -203,8 +203,8 @@ impl Scene<'_> {
         let rise = heights.value(0) - heights.value(last - 1);
         let two_floors = last == 2 && rise.abs() > radius_m + STEP_SIGMAS * heights.std(0);
         let plane = off_line.value(last).abs() < STEEPEST_RAD.tan() + off_line.std(last);
-        let told = off_line.value(last).is_finite() && off_line.std(last).is_finite();
-        (told && plane && !steps && !two_floors).then_some(touches)
+        let is_known = off_line.value(last).is_finite() && off_line.std(last).is_finite();
+        (is_known && plane && !steps && !two_floors).then_some(touches)
     }
 
     /// What a ball that may be soft does to the slope: it touches earlier than said, and so higher, by more the faster it comes.
@@ -213,7 +213,7 @@ impl Scene<'_> {
         else {
             return 0.0;
         };
-        let p = self.evidence.values.as_slice();
+        let p = self.inputs.values.as_slice();
         let (a, b) = (self.impact(p, first.0).1, self.impact(p, last.0).1);
         0.5 * soft.earlier_s * (a.vh - b.vh).abs() / (a.r - b.r).abs()
     }
@@ -233,7 +233,7 @@ impl Scene<'_> {
         } else {
             FloorSource::Level
         };
-        let slope_rad = self.evidence.outputs(|p| vec![self.slope(p)]).quantity(0)?;
+        let slope_rad = self.inputs.outputs(|p| vec![self.slope(p)]).quantity(0)?;
         Some(FloorSlope { slope_rad, source })
     }
 
