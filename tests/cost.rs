@@ -1,4 +1,4 @@
-//! `track cost`: bad wants through the binary, the files of a small run, and that a recommended setting holds on recordings
+//! `track cost`: bad requirements through the binary, the files of a small run, and that a recommended setting holds on recordings
 //! that it was not chosen by. Nothing here asserts a time.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
@@ -9,8 +9,8 @@ use serde_json::Value;
 use std::fs;
 use std::time::Instant;
 use tempfile::tempdir;
-use track::cost::want::Want;
-use track::cost::{self, Plan, Step, Watch, centres, fits, simulator, whole};
+use track::cost::recommendation::Requirement;
+use track::cost::{self, CostPlan, CostProgress, Stopwatch, centres, fits, recordings, simulator};
 use track::detect::centre::Accuracy;
 use track::report::write::write_cost;
 
@@ -60,31 +60,31 @@ fn an_output_folder_that_cannot_be_stops_before_any_work() {
 }
 
 /// Every kind of run, as few as there can be.
-fn small() -> Plan {
-    Plan {
+fn small() -> CostPlan {
+    CostPlan {
         quick: true,
-        centres: centres::Plan {
-            looks: vec![centres::Look::Flat],
+        centres: centres::CentrePlan {
+            lights: vec![centres::LightAndCodec::Flat],
             noises_grey: vec![2.0],
             radii_px: vec![4.0],
             repeats: 1,
         },
-        whole: whole::Plan {
+        whole: recordings::RecordingPlan {
             accuracies: vec![Accuracy::Fast, Accuracy::Standard],
             frame_rates_hz: vec![8.0, 120.0],
             reductions: vec![4],
             exposures_s: vec![0.0005],
             recordings: 2,
         },
-        simulator: simulator::Plan {
+        simulator: simulator::SimulatorPlan {
             repeats: 1,
             balls: 1,
             frames: 1,
-            ..simulator::Plan::quick()
+            ..simulator::SimulatorPlan::quick()
         },
-        fits: fits::Plan {
+        fits: fits::FitPlan {
             series: 2,
-            ..fits::Plan::quick()
+            ..fits::FitPlan::quick()
         },
     }
 }
@@ -94,15 +94,15 @@ fn a_small_run_gives_its_four_files_and_progress_to_the_end() {
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
     let (mut last, mut steps) = (0.0, Vec::new());
-    let mut progress = |step: Step| {
+    let mut progress = |step: CostProgress| {
         assert!(step.done >= last, "progress goes forwards");
         last = step.done;
         if steps.last() != Some(&step.what) {
             steps.push(step.what);
         }
     };
-    let wants: Vec<Want> = vec!["restitution=0.01".parse().unwrap()];
-    let report = cost::run(&small(), &wants, &clock, &mut progress).unwrap();
+    let requirements: Vec<Requirement> = vec!["restitution=0.01".parse().unwrap()];
+    let report = cost::run(&small(), &requirements, &clock, &mut progress).unwrap();
     let planned = ["centres", "whole recordings", "simulator", "fits"];
     assert_eq!(steps, [&planned[..], &["trying the recommendation"]].concat());
     assert!(last > 0.85 && last <= 1.0, "{last}");
@@ -160,31 +160,31 @@ fn a_recommended_setting_reaches_what_was_wanted_on_new_recordings() {
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
     let mut progress = |_| {};
-    let mut watch = Watch::new(&clock, &mut progress);
-    let plan = whole::Plan {
+    let mut stopwatch = Stopwatch::new(1.0, &clock, &mut progress);
+    let plan = recordings::RecordingPlan {
         accuracies: vec![Accuracy::Fast, Accuracy::Standard],
         frame_rates_hz: vec![60.0, 120.0],
         reductions: vec![2, 4],
         exposures_s: vec![0.0005],
         recordings: 5,
     };
-    let wants: Vec<Want> = ["restitution=0.002", "rebound_angle_deg=0.2"]
+    let requirements: Vec<Requirement> = ["restitution=0.002", "rebound_angle_deg=0.2"]
         .map(|w| w.parse().unwrap())
         .to_vec();
-    let (section, settings) = whole::run(&plan, &mut watch).unwrap();
-    let found = cost::want::recommend(&section, &wants, |i| {
-        whole::refusal(&settings[i], &wants, &mut watch)
+    let (section, settings) = recordings::run(&plan, &mut stopwatch).unwrap();
+    let found = cost::recommendation::recommend(&section, &requirements, |i| {
+        recordings::refusal(&settings[i], &requirements, &mut stopwatch)
     })
     .unwrap();
     println!("{}", found.words);
     let setting = settings[found.chosen.expect("some setting is good enough")];
-    let check = whole::check(&setting, &wants, NEW, &mut watch).unwrap();
+    let check = recordings::check(&setting, &requirements, NEW, &mut stopwatch).unwrap();
     println!("{check:?}");
     assert_eq!(check.recordings as u64, NEW);
     assert!(check.inside as f64 >= 0.95 * NEW as f64, "{check:?}");
     // And a check can fail: one that nothing reaches.
-    let hopeless: Vec<Want> = vec!["restitution=1e-9".parse().unwrap()];
-    let check = whole::check(&setting, &hopeless, 2, &mut watch).unwrap();
+    let hopeless: Vec<Requirement> = vec!["restitution=1e-9".parse().unwrap()];
+    let check = recordings::check(&setting, &hopeless, 2, &mut stopwatch).unwrap();
     assert_eq!(check.inside, 0);
     assert!(check.first_miss.unwrap().contains("restitution off by"));
 }

@@ -7,7 +7,7 @@ use super::shelf::{RESULTS, Shelf};
 use super::{BatchError, Ending, Plan, Recording, Settings, schedule};
 use crate::calibration::Calibration;
 use crate::rebound::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
-use crate::report::batch_page::{self, Entry, State};
+use crate::report::batch_page::{self, RecordingEntry, RecordingState};
 use crate::report::{series_json, write};
 use rayon::prelude::*;
 use serde_json::Value;
@@ -367,7 +367,8 @@ impl Batch<'_> {
             let fitted = fit::fit(&series, &Options::default());
             (series, fitted)
         };
-        let entries: Vec<Entry<'_>> = self.plan.recordings.iter().zip(&self.places).map(entry).collect();
+        let entries: Vec<RecordingEntry<'_>> =
+            self.plan.recordings.iter().zip(&self.places).map(entry).collect();
         let page = batch_page::report_html(&entries, &series, &fitted)?;
         let [series_csv, fit_json, report_html] = self.files();
         let json =
@@ -398,23 +399,23 @@ fn nothing() -> (Series, SeriesFit) {
     (series, fitted)
 }
 
-fn entry<'a>((recording, place): (&'a Recording, &'a Place)) -> Entry<'a> {
+fn entry<'a>((recording, place): (&'a Recording, &'a Place)) -> RecordingEntry<'a> {
     let (state, bounces, warnings): (_, _, &[String]) = match place {
-        Place::ToDo(_) => (State::Waiting, 0, &[]),
+        Place::ToDo(_) => (RecordingState::Waiting, 0, &[]),
         Place::Ended {
             ending,
             rows,
             warnings,
         } => {
             let state = match ending {
-                Ending::Measured => State::Measured,
-                Ending::Rejected { reason } => State::Rejected(reason),
-                Ending::Failed { reason } => State::Failed(reason),
+                Ending::Measured => RecordingState::Measured,
+                Ending::Rejected { reason } => RecordingState::Rejected(reason),
+                Ending::Failed { reason } => RecordingState::Failed(reason),
             };
             (state, rows.len(), warnings)
         }
     };
-    Entry {
+    RecordingEntry {
         name: &recording.name,
         group: &recording.group,
         page: page_of(recording),

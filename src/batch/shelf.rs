@@ -49,8 +49,8 @@ impl Shelf {
             _folders: folders,
         };
         shelf.clear_work()?;
-        write::clear_passing_names(out)?;
-        write::clear_passing_names(&shelf.results)?;
+        write::clear_temporary_files(out)?;
+        write::clear_temporary_files(&shelf.results)?;
         Ok(shelf)
     }
 

@@ -1,9 +1,9 @@
 //! `track cost [--out DIR] [--quick] [--want NAME=VALUE] [--check N] [--json]`: what accuracy costs in time.
 
 use super::{Status, answer, say};
-use crate::cost::want::{Want, usual};
-use crate::cost::whole::{self, Check};
-use crate::cost::{self, Plan, Report, Step, Watch};
+use crate::cost::recommendation::{Requirement, default_requirements};
+use crate::cost::recordings::{self, Check};
+use crate::cost::{self, CostPlan, CostProgress, CostReport, Stopwatch};
 use crate::report::{cost_json, cost_table, write};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -22,7 +22,7 @@ pub struct CostArgs {
     /// Name the cheapest measured setting with which 95 % of the recordings are this exact, e.g. restitution=0.002. May be
     /// given several times: restitution, friction, incident_angle_deg, rebound_angle_deg, x0_m, x_m.
     #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
-    pub want: Vec<Want>,
+    pub want: Vec<Requirement>,
     /// Run that setting again on so many new recordings, and say how many of them are so exact.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub check: Option<u64>,
@@ -39,22 +39,26 @@ pub struct CostArgs {
 pub fn run(args: &CostArgs) -> anyhow::Result<Status> {
     // Kept to the end: a folder that nothing came into goes again.
     let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
-    let plan = if args.quick { Plan::quick() } else { Plan::full() };
-    let wants = if args.want.is_empty() {
-        usual()
+    let plan = if args.quick {
+        CostPlan::quick()
+    } else {
+        CostPlan::full()
+    };
+    let requirements = if args.want.is_empty() {
+        default_requirements()
     } else {
         args.want.clone()
     };
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
     let bar = progress_bar();
-    let mut show = |step: Step| {
+    let mut show = |step: CostProgress| {
         bar.set_message(step.what);
         // Of 1000: the bar's own unit.
         bar.set_position((1000.0 * step.done) as u64);
     };
-    let report = cost::run(&plan, &wants, &clock, &mut show)?;
-    let check = checked(args, &report, &mut Watch::new(&clock, &mut show))?;
+    let report = cost::run(&plan, &requirements, &clock, &mut show)?;
+    let check = checked(args, &report, &mut Stopwatch::new(1.0, &clock, &mut show))?;
     bar.finish_and_clear();
     if let Some(dir) = &args.out {
         for path in write::write_cost(&report, check.as_ref(), dir)? {
@@ -75,15 +79,19 @@ pub fn run(args: &CostArgs) -> anyhow::Result<Status> {
 }
 
 /// The recommended setting on new recordings, where that is asked for and there is one.
-fn checked(args: &CostArgs, report: &Report, watch: &mut Watch<'_>) -> anyhow::Result<Option<Check>> {
+fn checked(
+    args: &CostArgs,
+    report: &CostReport,
+    stopwatch: &mut Stopwatch<'_>,
+) -> anyhow::Result<Option<Check>> {
     let chosen = report.recommendation.chosen;
     let setting = chosen.and_then(|i| report.whole_settings.get(i));
     match (args.check, setting) {
-        (Some(count), Some(setting)) => Ok(Some(whole::check(
+        (Some(count), Some(setting)) => Ok(Some(recordings::check(
             setting,
-            &report.recommendation.wants,
+            &report.recommendation.requirements,
             count,
-            watch,
+            stopwatch,
         )?)),
         _ => Ok(None),
     }

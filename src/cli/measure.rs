@@ -96,8 +96,8 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
 
 fn write_all(measurement: &Measurement, video: &Path, dir: &Path) -> anyhow::Result<()> {
     let stem = stem(video);
-    // The largest file first, under a passing name: where it does not fit, no other is left without it.
-    let staged = write::passing_name(dir)?;
+    // The largest file first, under a temporary name: where it does not fit, no other is left without it.
+    let staged = write::temporary_name(dir)?;
     let overlay = Overlay::new(measurement);
     frames::recode(video, &staged, &mut |i, picture| overlay.draw(i, picture)).with_context(|| {
         format!(

@@ -10,9 +10,10 @@
 //! with noise σ_n (rounding to whole grey levels included), contrast A, edge blur σ_b (the pixel's own square included) and
 //! radius R.
 
-use super::render::{Rendered, decode, folder, render};
-use super::stats::{Errors, Spread};
-use super::{CostError, Curve, Diagram, Floor, Measure, Run, Section, Watch, moments};
+use super::rendering::{Rendered, decode, folder, render};
+use super::stats::{ErrorStatistics, Quartiles};
+use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
+use super::threshold_moments;
 use crate::detect::centre::Accuracy;
 use crate::pipeline::{Outcome, PointUse, measure};
 use crate::simulate::Scene;
@@ -25,21 +26,21 @@ const OPTICS_BLUR_PX: f64 = 0.7;
 const EVEN: f64 = 0.288_675_134_594_812_9;
 
 /// The distance to the truth.
-pub const CENTRE: Measure = Measure {
+pub const CENTRE: Metric = Metric {
     name: "centre_px",
     words: "rms error of a centre",
     unit: "px",
 };
 
 /// Time that a frame takes, decoding subtracted.
-pub const ANALYSIS: Measure = Measure {
+pub const ANALYSIS: Metric = Metric {
     name: "analysis_us_per_frame",
     words: "analysis of a frame, decoding subtracted",
     unit: "µs",
 };
 
 /// Time that decoding a frame takes.
-pub const DECODING: Measure = Measure {
+pub const DECODING: Metric = Metric {
     name: "decoding_us_per_frame",
     words: "decoding of a frame",
     unit: "µs",
@@ -47,14 +48,14 @@ pub const DECODING: Measure = Measure {
 
 /// How a centre is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
+pub enum ComparedMethod {
     /// Threshold and moments.
     Moments,
     /// A level of accuracy of `track`.
     Level(Accuracy),
 }
 
-impl Method {
+impl ComparedMethod {
     /// All of them.
     pub const ALL: [Self; 4] = [
         Self::Moments,
@@ -85,14 +86,14 @@ pub fn level_name(level: Accuracy) -> &'static str {
 
 /// The ball's light and how the recording is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look {
+pub enum LightAndCodec {
     /// An even disc, stored without loss: what the bound is for.
     Flat,
     /// Shaded with a highlight, H.264 at crf 14.
     Coded,
 }
 
-impl Look {
+impl LightAndCodec {
     /// For people and files.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -115,9 +116,9 @@ impl Look {
 
 /// What is run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct CentrePlan {
     /// Lights and codecs.
-    pub looks: Vec<Look>,
+    pub lights: Vec<LightAndCodec>,
     /// Standard deviations of the noise, grey.
     pub noises_grey: Vec<f64>,
     /// Radii of the ball, px.
@@ -126,12 +127,12 @@ pub struct Plan {
     pub repeats: usize,
 }
 
-impl Plan {
+impl CentrePlan {
     /// Minutes.
     #[must_use]
     pub fn full() -> Self {
         Self {
-            looks: vec![Look::Flat, Look::Coded],
+            lights: vec![LightAndCodec::Flat, LightAndCodec::Coded],
             noises_grey: vec![2.0, 8.0],
             radii_px: vec![4.0, 8.0, 16.0],
             repeats: 3,
@@ -142,7 +143,7 @@ impl Plan {
     #[must_use]
     pub fn quick() -> Self {
         Self {
-            looks: vec![Look::Flat, Look::Coded],
+            lights: vec![LightAndCodec::Flat, LightAndCodec::Coded],
             noises_grey: vec![2.0],
             radii_px: vec![4.0, 8.0],
             repeats: 2,
@@ -152,7 +153,7 @@ impl Plan {
     /// What a frame costs grows with the picture, which grows with the ball.
     pub(super) fn units(&self) -> f64 {
         let pictures: f64 = self.radii_px.iter().map(|r| cost(*r)).sum();
-        (self.looks.len() * self.noises_grey.len()) as f64 * pictures * (2 + 4 * self.repeats) as f64
+        (self.lights.len() * self.noises_grey.len()) as f64 * pictures * (2 + 4 * self.repeats) as f64
     }
 }
 
@@ -169,11 +170,11 @@ pub fn bound_px(radius_px: f64, noise_grey: f64) -> f64 {
 }
 
 /// A ball launched into free fall and one bounce, in a picture that just holds it.
-pub(super) fn scene(look: Look, radius_px: f64, noise_grey: f64) -> Result<Scene, CostError> {
+pub(super) fn scene(light: LightAndCodec, radius_px: f64, noise_grey: f64) -> Result<Scene, CostError> {
     let q = 0.0125 / radius_px;
     let even = |m: f64| (m / q / 2.0).round() * 2.0;
     let (width, height) = (even(0.46), even(0.30));
-    let (light, codec) = look.json();
+    let (light, codec) = light.json();
     Ok(Scene::from_json(&format!(
         r#"{{"schema": "track.scene/1", "seed": 11, "ball": {{"radius_m": 0.0125, "mass_kg": 0.0639}},
             "contact": {{"model": "mu_e", "restitution": 0.8, "friction": 0.07}},
@@ -188,13 +189,13 @@ pub(super) fn scene(look: Look, radius_px: f64, noise_grey: f64) -> Result<Scene
 }
 
 /// Centres by frame, or why there are none.
-type Found = Result<Vec<(usize, [f64; 2])>, String>;
+type FoundCentres = Result<Vec<(usize, [f64; 2])>, String>;
 
 /// Finds the centres of a recording.
-fn find(method: Method, recording: &Rendered) -> Found {
+fn find(method: ComparedMethod, recording: &Rendered) -> FoundCentres {
     match method {
-        Method::Moments => moments::centres(&recording.video).map_err(|e| e.to_string()),
-        Method::Level(level) => {
+        ComparedMethod::Moments => threshold_moments::centres(&recording.video).map_err(|e| e.to_string()),
+        ComparedMethod::Level(level) => {
             let m = measure(
                 &recording.video,
                 &recording.calibration,
@@ -220,7 +221,7 @@ fn find(method: Method, recording: &Rendered) -> Found {
 }
 
 /// Errors of the centres against the truth.
-fn errors(recording: &Rendered, centres: &[(usize, [f64; 2])]) -> Option<Errors> {
+fn errors(recording: &Rendered, centres: &[(usize, [f64; 2])]) -> Option<ErrorStatistics> {
     let (mut along, mut down) = (Vec::new(), Vec::new());
     for (frame, [u, v]) in centres {
         // One truth a frame, in order.
@@ -229,16 +230,16 @@ fn errors(recording: &Rendered, centres: &[(usize, [f64; 2])]) -> Option<Errors>
             down.push(v - truth.v_px);
         }
     }
-    Errors::of_groups(&[&along, &down])
+    ErrorStatistics::of_groups(&[&along, &down])
 }
 
 /// Runs `plan`.
 ///
 /// # Errors
 /// See [`CostError`].
-pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
-    watch.start("centres");
-    let mut section = Section {
+pub fn run(plan: &CentrePlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, CostError> {
+    stopwatch.start("centres");
+    let mut section = Subject {
         name: "centres",
         title: "Centres",
         words: vec![
@@ -257,42 +258,42 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
         runs: Vec::new(),
         diagrams: Vec::new(),
     };
-    for &look in &plan.looks {
+    for &light in &plan.lights {
         for &noise_grey in &plan.noises_grey {
-            diagram(plan, look, noise_grey, &mut section, watch)?;
+            diagram(plan, light, noise_grey, &mut section, stopwatch)?;
         }
     }
     Ok(section)
 }
 
 fn diagram(
-    plan: &Plan,
-    look: Look,
+    plan: &CentrePlan,
+    light: LightAndCodec,
     noise_grey: f64,
-    section: &mut Section,
-    watch: &mut Watch<'_>,
+    section: &mut Subject,
+    stopwatch: &mut Stopwatch<'_>,
 ) -> Result<(), CostError> {
-    let mut curves: Vec<Curve> = Method::ALL
+    let mut curves: Vec<SettingCurve> = ComparedMethod::ALL
         .iter()
-        .map(|m| Curve {
+        .map(|m| SettingCurve {
             name: m.name().to_owned(),
             runs: Vec::new(),
         })
         .collect();
     for &radius_px in &plan.radii_px {
         let dir = folder()?;
-        let scenes = [scene(look, radius_px, noise_grey)?];
+        let scenes = [scene(light, radius_px, noise_grey)?];
         let Some(recording) = render(&scenes, dir.path())?.pop() else {
             continue;
         };
-        watch.advance(2.0 * cost(radius_px));
+        stopwatch.advance(2.0 * cost(radius_px));
         for (curve, run) in curves
             .iter_mut()
-            .zip(timed_methods(plan, radius_px, &recording, watch)?)
+            .zip(timed_methods(plan, radius_px, &recording, stopwatch)?)
         {
             curve.runs.push(section.runs.len());
             let mut settings = vec![
-                ("light_and_codec", look.name().to_owned()),
+                ("light_and_codec", light.name().to_owned()),
                 ("noise_grey", noise_grey.to_string()),
                 ("radius_px", radius_px.to_string()),
             ];
@@ -303,7 +304,7 @@ fn diagram(
     section.diagrams.push(Diagram {
         title: format!(
             "Centres: {}, noise {noise_grey} grey; along a curve R = {} px",
-            look.name(),
+            light.name(),
             plan.radii_px
                 .iter()
                 .map(f64::to_string)
@@ -315,7 +316,7 @@ fn diagram(
         floors: plan
             .radii_px
             .iter()
-            .map(|&r| Floor {
+            .map(|&r| ErrorFloor {
                 name: format!("bound, R {r}"),
                 error: bound_px(r, noise_grey),
             })
@@ -329,31 +330,31 @@ fn diagram(
 
 /// A run of every method on `recording`, timed turn by turn so that what else the machine does falls on all alike.
 fn timed_methods(
-    plan: &Plan,
+    plan: &CentrePlan,
     radius_px: f64,
     recording: &Rendered,
-    watch: &mut Watch<'_>,
+    stopwatch: &mut Stopwatch<'_>,
 ) -> Result<Vec<Run>, CostError> {
     let mut decoding_s = Vec::new();
-    let mut totals_s = vec![Vec::new(); Method::ALL.len()];
-    let mut found: Vec<Found> = Vec::new();
+    let mut totals_s = vec![Vec::new(); ComparedMethod::ALL.len()];
+    let mut found: Vec<FoundCentres> = Vec::new();
     for repeat in 0..plan.repeats {
-        let (decoded, took_s) = watch.timed(|| decode(&recording.video));
+        let (decoded, took_s) = stopwatch.timed(|| decode(&recording.video));
         decoded?;
         decoding_s.push(took_s);
-        for (method, totals_s) in Method::ALL.into_iter().zip(&mut totals_s) {
-            let (centres, took_s) = watch.timed(|| find(method, recording));
+        for (method, totals_s) in ComparedMethod::ALL.into_iter().zip(&mut totals_s) {
+            let (centres, took_s) = stopwatch.timed(|| find(method, recording));
             totals_s.push(took_s);
             if repeat == 0 {
                 found.push(centres);
             }
-            watch.advance(cost(radius_px));
+            stopwatch.advance(cost(radius_px));
         }
     }
     let frames = recording.frames as f64;
     let us = 1e6 / frames;
-    let decode_s = Spread::of(&decoding_s).map_or(0.0, |s| s.median);
-    Ok(Method::ALL
+    let decode_s = Quartiles::of(&decoding_s).map_or(0.0, |s| s.median);
+    Ok(ComparedMethod::ALL
         .into_iter()
         .zip(&totals_s)
         .zip(found)
@@ -372,7 +373,7 @@ fn timed_methods(
                 errors: errors.map(|e| (CENTRE.name, e)).into_iter().collect(),
                 work: work
                     .iter()
-                    .filter_map(|(name, values)| Some((*name, Spread::of(values)?)))
+                    .filter_map(|(name, values)| Some((*name, Quartiles::of(values)?)))
                     .collect(),
                 counts: vec![
                     ("frames", frames),
@@ -384,7 +385,7 @@ fn timed_methods(
                         .is_none()
                         .then(|| "no centre was found in any frame".to_owned())
                 }),
-                is_default: method == Method::Level(Accuracy::Standard),
+                is_default: method == ComparedMethod::Level(Accuracy::Standard),
             }
         })
         .collect())
@@ -411,12 +412,12 @@ mod tests {
             let scenes: Vec<Scene> = (1..=RECORDINGS)
                 .map(|seed| Scene {
                     seed,
-                    ..scene(Look::Flat, radius_px, noise_grey).unwrap()
+                    ..scene(LightAndCodec::Flat, radius_px, noise_grey).unwrap()
                 })
                 .collect();
             let mut square = 0.0;
             for recording in render(&scenes, dir.path()).unwrap() {
-                let centres = find(Method::Level(Accuracy::Fine), &recording).unwrap();
+                let centres = find(ComparedMethod::Level(Accuracy::Fine), &recording).unwrap();
                 assert!(centres.len() > 100, "{}", centres.len());
                 let e = errors(&recording, &centres).unwrap();
                 println!("bias {:.5}, scatter {:.5}", e.bias, e.scatter);

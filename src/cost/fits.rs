@@ -3,8 +3,8 @@
 //! Series with errors in all velocities, searched from the starts that the fits use; the reference is the least χ² found to
 //! the last digits. What a search leaves is compared with what the data leave: the standard uncertainty of a parameter.
 
-use super::stats::{Errors, Spread};
-use super::{CostError, Curve, Diagram, Floor, Measure, Run, Section, Watch};
+use super::stats::{ErrorStatistics, Quartiles};
+use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
 use crate::rebound::fit::study::{DEFAULT_TOLERANCE, Searched, Study, Variant};
 use crate::rebound::fit::{Column, Row, Series};
 use crate::rebound::{Motion, SOLID_SPHERE, grip_slide};
@@ -14,25 +14,25 @@ use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use std::f64::consts::TAU;
 
 /// Of whatever parameter is off most.
-pub const PARAMETER: Measure = Measure {
+pub const PARAMETER: Metric = Metric {
     name: "parameter_std",
     words: "rms error of a parameter",
     unit: "σ",
 };
 /// Of e.
-pub const RESTITUTION: Measure = Measure {
+pub const RESTITUTION: Metric = Metric {
     name: "restitution",
     words: "rms error of e",
     unit: "",
 };
 /// Of μ.
-pub const FRICTION: Measure = Measure {
+pub const FRICTION: Metric = Metric {
     name: "friction",
     words: "rms error of μ",
     unit: "",
 };
 /// Time of a search.
-pub const SEARCH: Measure = Measure {
+pub const SEARCH: Metric = Metric {
     name: "search_ms",
     words: "time a search",
     unit: "ms",
@@ -46,7 +46,7 @@ const STD_M_S: f64 = 0.01;
 
 /// What is run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct FitPlan {
     /// Search tolerances.
     pub tolerances: Vec<f64>,
     /// Rows of the series.
@@ -55,7 +55,7 @@ pub struct Plan {
     pub series: u64,
 }
 
-impl Plan {
+impl FitPlan {
     /// Half a minute.
     #[must_use]
     pub fn full() -> Self {
@@ -120,14 +120,14 @@ fn series(e_x: f64, rows: usize, seed: u64) -> Result<Series, CostError> {
 }
 
 /// A series with its reference.
-struct Case {
+struct ReferenceSeries {
     study: Study,
     reference: Searched,
     /// The reference against a search from a start that is off by a tenth of each standard uncertainty.
     own: [f64; 3],
 }
 
-impl Case {
+impl ReferenceSeries {
     fn new(variant: Variant, e_x: f64, rows: usize, seed: u64) -> Result<Option<Self>, CostError> {
         let study = Study::new(&series(e_x, rows, seed)?, variant);
         let found = study.search(REFERENCE).and_then(|reference| {
@@ -156,8 +156,8 @@ impl Case {
 ///
 /// # Errors
 /// See [`CostError`].
-pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
-    watch.start("fits");
+pub fn run(plan: &FitPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, CostError> {
+    stopwatch.start("fits");
     let (mut runs, mut curves) = (Vec::new(), Vec::new());
     let mut own = Vec::new();
     let mut stds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
@@ -165,32 +165,32 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
         for (variant, name, e_x) in VARIANTS {
             let mut cases = Vec::new();
             for seed in 1..=plan.series {
-                cases.extend(Case::new(variant, e_x, rows, seed)?);
-                watch.advance(rows as f64 * 4e-3);
+                cases.extend(ReferenceSeries::new(variant, e_x, rows, seed)?);
+                stopwatch.advance(rows as f64 * 4e-3);
             }
             own.extend(cases.iter().map(|c| c.in_stds(&c.own)));
             stds[0].extend(cases.iter().map(|c| c.reference.stds[0]));
             stds[1].extend(cases.iter().map(|c| c.reference.stds[2]));
             let from = runs.len();
             for &tolerance in &plan.tolerances {
-                let run = at_tolerance(&cases, plan.series, tolerance, watch);
+                let run = at_tolerance(&cases, plan.series, tolerance, stopwatch);
                 let mut settings = vec![("parameters", name.to_owned()), ("rows", rows.to_string())];
                 settings.extend(run.settings);
                 runs.push(Run { settings, ..run });
-                watch.advance(rows as f64 * plan.series as f64 * 2e-3);
+                stopwatch.advance(rows as f64 * plan.series as f64 * 2e-3);
             }
-            curves.push(Curve {
+            curves.push(SettingCurve {
                 name: format!("{name}; {rows} rows"),
                 runs: (from..runs.len()).collect(),
             });
         }
     }
     let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
-    let diagram = |error: Measure, data: f64, more: Vec<Floor>| Diagram {
+    let diagram = |error: Metric, data: f64, more: Vec<ErrorFloor>| Diagram {
         title: format!("Fits: {}; along a curve the search tolerance", error.name),
         error,
         work: SEARCH,
-        floors: std::iter::once(Floor {
+        floors: std::iter::once(ErrorFloor {
             name: "the data's own".to_owned(),
             error: data,
         })
@@ -201,11 +201,11 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
         alternatives: false,
         overview: false,
     };
-    let reference = vec![Floor {
+    let reference = vec![ErrorFloor {
         name: "the reference's own".to_owned(),
         error: own.iter().copied().fold(f64::EPSILON, f64::max),
     }];
-    Ok(Section {
+    Ok(Subject {
         name: "fits",
         title: "The fits",
         words: vec![format!(
@@ -226,11 +226,11 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
     })
 }
 
-fn at_tolerance(cases: &[Case], wanted: u64, tolerance: f64, watch: &Watch<'_>) -> Run {
+fn at_tolerance(cases: &[ReferenceSeries], wanted: u64, tolerance: f64, stopwatch: &Stopwatch<'_>) -> Run {
     let (mut all, mut e, mut mu, mut times_ms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let (mut steps, mut unsettled) = (0, 0);
     for case in cases {
-        let (found, took_s) = watch.timed(|| case.study.search(tolerance));
+        let (found, took_s) = stopwatch.timed(|| case.study.search(tolerance));
         times_ms.push(1e3 * took_s);
         let Some(found) = found.filter(|f| f.converged) else {
             unsettled += 1;
@@ -245,15 +245,15 @@ fn at_tolerance(cases: &[Case], wanted: u64, tolerance: f64, watch: &Watch<'_>) 
         steps += found.steps;
     }
     let errors = [
-        (PARAMETER.name, Errors::of(&all)),
-        (RESTITUTION.name, Errors::of(&e)),
-        (FRICTION.name, Errors::of(&mu)),
+        (PARAMETER.name, ErrorStatistics::of(&all)),
+        (RESTITUTION.name, ErrorStatistics::of(&e)),
+        (FRICTION.name, ErrorStatistics::of(&mu)),
     ];
     let failures = unsettled + wanted as usize - cases.len();
     Run {
         settings: vec![("tolerance", format!("{tolerance:e}"))],
         errors: errors.into_iter().filter_map(|(n, e)| Some((n, e?))).collect(),
-        work: Spread::of(&times_ms)
+        work: Quartiles::of(&times_ms)
             .map(|s| (SEARCH.name, s))
             .into_iter()
             .collect(),
@@ -274,11 +274,11 @@ mod tests {
     fn a_tighter_search_is_nearer_and_the_default_is_far_below_the_data() {
         let clock = || 0.0;
         let mut progress = |_| {};
-        let plan = Plan {
+        let plan = FitPlan {
             series: 3,
-            ..Plan::quick()
+            ..FitPlan::quick()
         };
-        let section = run(&plan, &mut Watch::new(&clock, &mut progress)).unwrap();
+        let section = run(&plan, &mut Stopwatch::new(1.0, &clock, &mut progress)).unwrap();
         for curve in &section.diagrams[0].curves {
             let rms: Vec<f64> = curve
                 .runs

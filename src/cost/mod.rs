@@ -3,188 +3,31 @@
 //! | file | what it runs |
 //! |---|---|
 //! | [`centres`] | centre methods × noise × radius, and the threshold-moments baseline |
-//! | [`whole`] | whole recordings: accuracy level × frame rate × picture size × exposure |
+//! | [`recordings`] | whole recordings: accuracy level × frame rate × picture size × exposure |
 //! | [`simulator`] | the integrator's tolerance and order; `none`, `auto` and `all` effects |
 //! | [`fits`] | the search tolerance of a series' fit |
-//! | [`want`] | the cheapest setting that was measured to reach a wanted error |
-//! | [`stats`] | errors and repeats in few numbers |
+//! | [`recommendation`] | the cheapest setting that was measured to reach a wanted error |
+//! | [`study`] | what a study is made of: metrics, runs, diagrams, the stopwatch |
+//! | [`stats`] | rms, bias, scatter and bounds of errors; quartiles of repeats |
 //!
 //! A [`Run`] is a setting that was run: its errors, its work, its counts. A [`Diagram`] draws one error of a section's
-//! runs against one kind of work. Nothing here reads the clock: it is given ([`Watch`]).
+//! runs against one kind of work. Nothing here reads the clock: it is given ([`Stopwatch`]).
 
 pub mod centres;
 pub mod fits;
-mod moments;
-mod render;
+pub mod recommendation;
+pub mod recording_metrics;
+pub mod recordings;
+mod rendering;
 pub mod simulator;
 pub mod stats;
-pub mod want;
-pub mod whole;
+pub mod study;
+mod threshold_moments;
 
-use crate::calibration::CalibrationError;
-use crate::frames::FrameError;
-use crate::simulate::{SceneError, WriteError};
-use stats::{Errors, Spread};
-use want::{Recommendation, Want};
-
-/// A number that is drawn or listed: an error or a kind of work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Measure {
-    /// Its name in files.
-    pub name: &'static str,
-    /// Its name on axes, without the unit.
-    pub words: &'static str,
-    /// Its unit; empty for a plain number.
-    pub unit: &'static str,
-}
-
-impl Measure {
-    /// Name and unit, as an axis says it.
-    #[must_use]
-    pub fn axis(&self) -> String {
-        if self.unit.is_empty() {
-            self.words.to_owned()
-        } else {
-            format!("{} / {}", self.words, self.unit)
-        }
-    }
-}
-
-/// A setting that was run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Run {
-    /// What was set, by name.
-    pub settings: Vec<(&'static str, String)>,
-    /// Errors by the name of their quantity; what was never measured is not here.
-    pub errors: Vec<(&'static str, Errors)>,
-    /// Work by name: seconds over the repeats, or exact amounts.
-    pub work: Vec<(&'static str, Spread)>,
-    /// Counts of work beside the seconds: frames, centres, evaluations.
-    pub counts: Vec<(&'static str, f64)>,
-    /// Why it failed, in all of its repeats or in some.
-    pub failed: Option<String>,
-    /// Whether these are the settings that the program takes by itself.
-    pub is_default: bool,
-}
-
-impl Run {
-    /// The errors of a quantity.
-    #[must_use]
-    pub fn error(&self, quantity: &str) -> Option<&Errors> {
-        self.errors
-            .iter()
-            .find(|(name, _)| *name == quantity)
-            .map(|(_, e)| e)
-    }
-
-    /// Work by its name.
-    #[must_use]
-    pub fn work(&self, name: &str) -> Option<&Spread> {
-        self.work.iter().find(|(n, _)| *n == name).map(|(_, w)| w)
-    }
-
-    /// A setting by its name.
-    #[must_use]
-    pub fn setting(&self, name: &str) -> Option<&str> {
-        self.settings
-            .iter()
-            .find(|(n, _)| *n == name)
-            .map(|(_, value)| value.as_str())
-    }
-
-    /// Error and work, where both were measured and are above 0, as logarithms need it.
-    #[must_use]
-    pub fn place(&self, quantity: &Measure, work: &Measure) -> Option<(f64, f64)> {
-        let error = self.error(quantity.name)?.rms;
-        let work = self.work(work.name)?.median;
-        (error > 0.0 && work > 0.0 && error.is_finite() && work.is_finite()).then_some((work, error))
-    }
-}
-
-/// A line below which no setting can get: a bound, or the error of what it is compared with.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Floor {
-    /// What it is.
-    pub name: String,
-    /// In the unit of the error.
-    pub error: f64,
-}
-
-/// Settings of one kind, in their order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
-    /// What they have in common.
-    pub name: String,
-    /// Indices into the section's runs.
-    pub runs: Vec<usize>,
-}
-
-/// Error against work, both logarithmic.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Diagram {
-    /// What is drawn.
-    pub title: String,
-    /// Upwards.
-    pub error: Measure,
-    /// To the right.
-    pub work: Measure,
-    /// Lines below which nothing can get.
-    pub floors: Vec<Floor>,
-    /// What is connected.
-    pub curves: Vec<Curve>,
-    /// Whether the curves are choices for one and the same task: then they have one front together, else one each.
-    pub alternatives: bool,
-    /// Whether it is one of the few for an overview.
-    pub overview: bool,
-}
-
-impl Diagram {
-    /// The runs that no other for the same task beats in both error and work, from the least work on. A run that failed in
-    /// part is not among them: what it reached, it did not reach reliably.
-    #[must_use]
-    pub fn fronts(&self, runs: &[Run]) -> Vec<Vec<usize>> {
-        if self.alternatives {
-            vec![self.front(runs, self.curves.iter().flat_map(|c| &c.runs))]
-        } else {
-            self.curves.iter().map(|c| self.front(runs, &c.runs)).collect()
-        }
-    }
-
-    fn front<'a>(&self, runs: &[Run], among: impl IntoIterator<Item = &'a usize>) -> Vec<usize> {
-        let mut placed: Vec<(f64, f64, usize)> = among
-            .into_iter()
-            .filter(|&&i| runs[i].failed.is_none())
-            .filter_map(|&i| runs[i].place(&self.error, &self.work).map(|(w, e)| (w, e, i)))
-            .collect();
-        placed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut least = f64::INFINITY;
-        placed.retain(|&(_, error, _)| {
-            let better = error < least;
-            least = least.min(error);
-            better
-        });
-        placed.into_iter().map(|(_, _, i)| i).collect()
-    }
-}
-
-/// One subject.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Section {
-    /// Its name in files.
-    pub name: &'static str,
-    /// Its heading.
-    pub title: &'static str,
-    /// What was run, and what was found: a paragraph each.
-    pub words: Vec<String>,
-    /// The errors that its runs hold.
-    pub errors: Vec<Measure>,
-    /// The work that its runs hold.
-    pub works: Vec<Measure>,
-    /// What was run.
-    pub runs: Vec<Run>,
-    /// What is drawn of it.
-    pub diagrams: Vec<Diagram>,
-}
+use recommendation::{Recommendation, Requirement};
+pub use study::{
+    CostError, CostProgress, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject,
+};
 
 /// What it ran on.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -232,7 +75,7 @@ impl Machine {
 
 /// Everything that was run.
 #[derive(Debug, Clone)]
-pub struct Report {
+pub struct CostReport {
     /// On what.
     pub machine: Machine,
     /// Whether it is the coarse version.
@@ -240,46 +83,46 @@ pub struct Report {
     /// How long all of it took, s.
     pub took_s: f64,
     /// The subjects.
-    pub sections: Vec<Section>,
+    pub sections: Vec<Subject>,
     /// The settings of the runs of the section `whole`, in its order.
-    pub whole_settings: Vec<whole::Setting>,
+    pub whole_settings: Vec<recordings::RecordingSetting>,
     /// What to take for what was wanted.
     pub recommendation: Recommendation,
 }
 
-impl Report {
+impl CostReport {
     /// The section of that name.
     #[must_use]
-    pub fn section(&self, name: &str) -> Option<&Section> {
+    pub fn section(&self, name: &str) -> Option<&Subject> {
         self.sections.iter().find(|s| s.name == name)
     }
 }
 
 /// What is run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct CostPlan {
     /// Whether it is the coarse version.
     pub quick: bool,
     /// Centres.
-    pub centres: centres::Plan,
+    pub centres: centres::CentrePlan,
     /// Whole recordings.
-    pub whole: whole::Plan,
+    pub whole: recordings::RecordingPlan,
     /// The simulator.
-    pub simulator: simulator::Plan,
+    pub simulator: simulator::SimulatorPlan,
     /// The fits.
-    pub fits: fits::Plan,
+    pub fits: fits::FitPlan,
 }
 
-impl Plan {
+impl CostPlan {
     /// All of it: minutes.
     #[must_use]
     pub fn full() -> Self {
         Self {
             quick: false,
-            centres: centres::Plan::full(),
-            whole: whole::Plan::full(),
-            simulator: simulator::Plan::full(),
-            fits: fits::Plan::full(),
+            centres: centres::CentrePlan::full(),
+            whole: recordings::RecordingPlan::full(),
+            simulator: simulator::SimulatorPlan::full(),
+            fits: fits::FitPlan::full(),
         }
     }
 
@@ -288,10 +131,10 @@ impl Plan {
     pub fn quick() -> Self {
         Self {
             quick: true,
-            centres: centres::Plan::quick(),
-            whole: whole::Plan::quick(),
-            simulator: simulator::Plan::quick(),
-            fits: fits::Plan::quick(),
+            centres: centres::CentrePlan::quick(),
+            whole: recordings::RecordingPlan::quick(),
+            simulator: simulator::SimulatorPlan::quick(),
+            fits: fits::FitPlan::quick(),
         }
     }
 
@@ -300,119 +143,32 @@ impl Plan {
     }
 }
 
-/// How far the work has come.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
-    /// What is being run.
-    pub what: &'static str,
-    /// From 0 to 1.
-    pub done: f64,
-}
-
-/// The clock (seconds from any moment on), and whoever wants to know how far the work has come.
-pub struct Watch<'a> {
-    clock: &'a dyn Fn() -> f64,
-    progress: &'a mut dyn FnMut(Step),
-    done: f64,
-    total: f64,
-    what: &'static str,
-}
-
-impl<'a> Watch<'a> {
-    /// For work of one unit.
-    pub fn new(clock: &'a dyn Fn() -> f64, progress: &'a mut dyn FnMut(Step)) -> Self {
-        Self {
-            clock,
-            progress,
-            done: 0.0,
-            total: 1.0,
-            what: "",
-        }
-    }
-
-    /// What `work` gives, and the seconds it took.
-    pub fn timed<T>(&self, work: impl FnOnce() -> T) -> (T, f64) {
-        let start_s = (self.clock)();
-        let given = work();
-        (given, (self.clock)() - start_s)
-    }
-
-    fn start(&mut self, what: &'static str) {
-        self.what = what;
-        self.advance(0.0);
-    }
-
-    /// Begins work that was not among the total, `units` of it: it fills half of what is left.
-    fn start_more(&mut self, what: &'static str, units: f64) {
-        let part = (self.done / self.total).clamp(0.0, 0.99);
-        self.total = 2.0 * units / (1.0 - part);
-        self.done = part * self.total;
-        self.start(what);
-    }
-
-    fn advance(&mut self, units: f64) {
-        self.done += units;
-        (self.progress)(Step {
-            what: self.what,
-            done: (self.done / self.total).clamp(0.0, 1.0),
-        });
-    }
-}
-
-/// What can keep it from running. A setting at which nothing can be measured is no error but a [`Run`] that failed.
-#[derive(Debug, thiserror::Error)]
-pub enum CostError {
-    /// A scene of its own that cannot be flown.
-    #[error("a scene of the cost study cannot be simulated")]
-    Scene(#[from] SceneError),
-    /// A recording could not be rendered.
-    #[error("a recording of the cost study could not be written to the temporary folder (TMPDIR)")]
-    Render(#[from] WriteError),
-    /// A rendered recording could not be read.
-    #[error("a rendered recording of the cost study could not be read again")]
-    Frames(#[from] FrameError),
-    /// Nor its calibration.
-    #[error("the calibration of a rendered recording could not be read again")]
-    Calibration(#[from] CalibrationError),
-    /// No temporary folder.
-    #[error(
-        "no temporary folder for the recordings could be made; set TMPDIR to a folder with 100 MB of space"
-    )]
-    Folder(#[source] std::io::Error),
-    /// A series of its own that cannot be fitted.
-    #[error("a series of the cost study cannot be fitted")]
-    Fit(#[from] crate::rebound::fit::FitError),
-}
-
 /// The plan's part of the work; how many settings are tried again is not known beforehand.
 const PLANNED_PART: f64 = 0.9;
 
-/// Runs `plan`, and says what to take for `wants`.
+/// Runs `plan`, and says what to take for `requirements`.
 ///
 /// # Errors
 /// See [`CostError`].
 pub fn run(
-    plan: &Plan,
-    wants: &[Want],
+    plan: &CostPlan,
+    requirements: &[Requirement],
     clock: &dyn Fn() -> f64,
-    progress: &mut dyn FnMut(Step),
-) -> Result<Report, CostError> {
-    let mut watch = Watch {
-        total: plan.units() / PLANNED_PART,
-        ..Watch::new(clock, progress)
-    };
+    progress: &mut dyn FnMut(CostProgress),
+) -> Result<CostReport, CostError> {
+    let mut stopwatch = Stopwatch::new(plan.units() / PLANNED_PART, clock, progress);
     let start_s = clock();
-    let centres = centres::run(&plan.centres, &mut watch)?;
-    let (whole, whole_settings) = whole::run(&plan.whole, &mut watch)?;
-    let simulator = simulator::run(&plan.simulator, &mut watch)?;
-    let fits = fits::run(&plan.fits, &mut watch)?;
-    let recommendation = want::recommend(&whole, wants, |i| {
-        whole::refusal(&whole_settings[i], wants, &mut watch)
+    let centres = centres::run(&plan.centres, &mut stopwatch)?;
+    let (whole, whole_settings) = recordings::run(&plan.whole, &mut stopwatch)?;
+    let simulator = simulator::run(&plan.simulator, &mut stopwatch)?;
+    let fits = fits::run(&plan.fits, &mut stopwatch)?;
+    let recommendation = recommendation::recommend(&whole, requirements, |i| {
+        recordings::refusal(&whole_settings[i], requirements, &mut stopwatch)
     })?;
     let mut sections = vec![centres, whole];
     sections.extend(simulator);
     sections.push(fits);
-    Ok(Report {
+    Ok(CostReport {
         machine: Machine::this(),
         quick: plan.quick,
         took_s: clock() - start_s,
@@ -425,65 +181,6 @@ pub fn run(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const ERROR: Measure = Measure {
-        name: "error",
-        words: "error",
-        unit: "px",
-    };
-    const WORK: Measure = Measure {
-        name: "work_s",
-        words: "time",
-        unit: "s",
-    };
-
-    fn run_at(work: f64, error: f64, failed: bool) -> Run {
-        Run {
-            settings: Vec::new(),
-            errors: vec![("error", Errors::of(&[error]).unwrap())],
-            work: vec![("work_s", Spread::exact(work))],
-            counts: Vec::new(),
-            failed: failed.then(|| "no".to_owned()),
-            is_default: false,
-        }
-    }
-
-    #[test]
-    fn the_front_holds_what_nothing_beats_in_both() {
-        let runs = [
-            run_at(1.0, 0.5, false),
-            run_at(2.0, 0.6, false),
-            run_at(2.0, 0.1, false),
-            run_at(3.0, 0.1, false),
-            run_at(4.0, 0.01, true),
-            run_at(5.0, 0.05, false),
-            run_at(6.0, 0.0, false),
-        ];
-        let diagram = Diagram {
-            title: String::new(),
-            error: ERROR,
-            work: WORK,
-            floors: Vec::new(),
-            curves: vec![
-                Curve {
-                    name: String::new(),
-                    runs: vec![5, 3, 1],
-                },
-                Curve {
-                    name: String::new(),
-                    runs: vec![0, 2, 4, 6],
-                },
-            ],
-            alternatives: true,
-            overview: false,
-        };
-        assert_eq!(diagram.fronts(&runs), [[0, 2, 5]]);
-        let apart = Diagram {
-            alternatives: false,
-            ..diagram
-        };
-        assert_eq!(apart.fronts(&runs), [vec![1, 3, 5], vec![0, 2]]);
-    }
 
     #[test]
     fn the_machine_has_a_core_and_a_line() {

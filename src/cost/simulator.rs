@@ -15,8 +15,8 @@
 //!
 //! Reference: every effect, integrated more tightly than usual.
 
-use super::stats::{Errors, Spread, logarithmic_slope};
-use super::{CostError, Curve, Diagram, Floor, Measure, Run, Section, Watch};
+use super::stats::{ErrorStatistics, Quartiles, logarithmic_slope};
+use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
 use crate::simulate::effects::{self, Acting, Force, Ideal, Loads};
 use crate::simulate::flight::{Acts, Integration, RELATIVE_TOLERANCE, State, Trajectory};
 use crate::simulate::scene::{EffectsChoice, Switch};
@@ -27,43 +27,43 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Of the height on the way down.
-pub const HEIGHT: Measure = Measure {
+pub const HEIGHT: Metric = Metric {
     name: "height_m",
     words: "rms error of the height",
     unit: "m",
 };
 /// Of the impact.
-pub const TIME: Measure = Measure {
+pub const TIME: Metric = Metric {
     name: "impact_time_s",
     words: "rms error of the impact's time",
     unit: "s",
 };
 /// Of the image of the ball's centre.
-pub const CENTRE: Measure = Measure {
+pub const CENTRE: Metric = Metric {
     name: "centre_px",
     words: "rms error of the ball's place",
     unit: "px",
 };
 /// Of the rebound.
-pub const ANGLE: Measure = Measure {
+pub const ANGLE: Metric = Metric {
     name: "rebound_angle_deg",
     words: "rms error of the rebound angle",
     unit: "°",
 };
 /// Time of a flight.
-pub const FLIGHT: Measure = Measure {
+pub const FLIGHT: Metric = Metric {
     name: "flight_ms",
     words: "time a flight",
     unit: "ms",
 };
 /// Steps of the integrator from launch to impact.
-pub const STEPS: Measure = Measure {
+pub const STEPS: Metric = Metric {
     name: "steps",
     words: "steps from launch to impact",
     unit: "",
 };
 /// Time of a frame.
-pub const FRAME: Measure = Measure {
+pub const FRAME: Metric = Metric {
     name: "frame_ms",
     words: "flight and rendering, a frame",
     unit: "ms",
@@ -80,7 +80,7 @@ const REFERENCE: Integration = Integration {
 
 /// What is run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct SimulatorPlan {
     /// Relative tolerances of the integrator.
     pub tolerances: Vec<f64>,
     /// Lengths of fixed steps, s.
@@ -95,7 +95,7 @@ pub struct Plan {
     pub frames: usize,
 }
 
-impl Plan {
+impl SimulatorPlan {
     /// Minutes.
     #[must_use]
     pub fn full() -> Self {
@@ -192,12 +192,15 @@ fn falling_scene() -> Result<Scene, SceneError> {
 ///
 /// # Errors
 /// See [`CostError`].
-pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<Vec<Section>, CostError> {
-    watch.start("simulator");
-    Ok(vec![integrator(plan, watch)?, effects_section(plan, watch)?])
+pub fn run(plan: &SimulatorPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Vec<Subject>, CostError> {
+    stopwatch.start("simulator");
+    Ok(vec![
+        integrator(plan, stopwatch)?,
+        effects_section(plan, stopwatch)?,
+    ])
 }
 
-fn integrator(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
+fn integrator(plan: &SimulatorPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, CostError> {
     let scene = falling_scene()?;
     let mut runs = Vec::new();
     let fixed = plan.steps_s.iter().map(|&step_s| Integration {
@@ -209,23 +212,23 @@ fn integrator(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> 
         fixed_step_s: None,
     });
     for integration in fixed.chain(adaptive) {
-        runs.push(one_flight(&scene, integration, plan.repeats, watch)?);
-        watch.advance(0.05 * plan.repeats as f64);
+        runs.push(one_flight(&scene, integration, plan.repeats, stopwatch)?);
+        stopwatch.advance(0.05 * plan.repeats as f64);
     }
-    let by_step = Curve {
+    let by_step = SettingCurve {
         name: "steps of one length".to_owned(),
         runs: (0..plan.steps_s.len()).collect(),
     };
-    let by_tolerance = Curve {
+    let by_tolerance = SettingCurve {
         name: "by tolerance".to_owned(),
         runs: (plan.steps_s.len()..runs.len()).collect(),
     };
     let order = observed_order(&by_step, &runs);
-    let diagram = |error: Measure, work: Measure, curves: &[&Curve]| Diagram {
+    let diagram = |error: Metric, work: Metric, curves: &[&SettingCurve]| Diagram {
         title: format!("Integrator: {} against {}", error.name, work.name),
         error,
         work,
-        floors: vec![Floor {
+        floors: vec![ErrorFloor {
             name: "rounding".to_owned(),
             error: f64::EPSILON * if error == HEIGHT { HEIGHT_M } else { landing().0 },
         }],
@@ -233,7 +236,7 @@ fn integrator(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> 
         alternatives: true,
         overview: false,
     };
-    Ok(Section {
+    Ok(Subject {
         name: "integrator",
         title: "The simulator's integrator",
         words: vec![
@@ -261,7 +264,7 @@ fn integrator(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> 
 const ROUNDING_M: f64 = 1e-12;
 
 /// The power of the step's length that the error goes with, as far as it is not rounding.
-fn observed_order(curve: &Curve, runs: &[Run]) -> Option<f64> {
+fn observed_order(curve: &SettingCurve, runs: &[Run]) -> Option<f64> {
     let places: Vec<(f64, f64)> = curve
         .runs
         .iter()
@@ -275,7 +278,7 @@ fn one_flight(
     scene: &Scene,
     integration: Integration,
     repeats: usize,
-    watch: &Watch<'_>,
+    stopwatch: &Stopwatch<'_>,
 ) -> Result<Run, CostError> {
     /// Flights timed together, so that the clock's own grain does not matter.
     const TOGETHER: u32 = 10;
@@ -283,7 +286,7 @@ fn one_flight(
     let mut times_ms = Vec::new();
     for _ in 0..repeats {
         let (outcome, took_s) =
-            watch.timed(|| (0..TOGETHER).try_for_each(|_| fly(scene, integration).map(drop)));
+            stopwatch.timed(|| (0..TOGETHER).try_for_each(|_| fly(scene, integration).map(drop)));
         outcome?;
         times_ms.push(1e3 * took_s / f64::from(TOGETHER));
     }
@@ -296,10 +299,10 @@ fn one_flight(
         })
         .collect();
     let errors = [
-        (HEIGHT.name, Errors::of(&heights)),
-        (TIME.name, Errors::of(&[flown.time_s - landed_s])),
+        (HEIGHT.name, ErrorStatistics::of(&heights)),
+        (TIME.name, ErrorStatistics::of(&[flown.time_s - landed_s])),
     ];
-    let mut work: Vec<(&'static str, Spread)> = Spread::of(&times_ms)
+    let mut work: Vec<(&'static str, Quartiles)> = Quartiles::of(&times_ms)
         .map(|s| (FLIGHT.name, s))
         .into_iter()
         .collect();
@@ -309,7 +312,7 @@ fn one_flight(
     )];
     if let Some(step_s) = integration.fixed_step_s {
         settings = vec![("step_s", step_s.to_string())];
-        work.push((STEPS.name, Spread::exact(landed_s / step_s)));
+        work.push((STEPS.name, Quartiles::exact(landed_s / step_s)));
     }
     Ok(Run {
         settings,
@@ -352,7 +355,7 @@ fn ball_scene(ball: usize) -> Result<Scene, SceneError> {
     ))
 }
 
-fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostError> {
+fn effects_section(plan: &SimulatorPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, CostError> {
     let (mut runs, mut curves) = (Vec::new(), Vec::new());
     let mut own_px = 0.0_f64;
     for (ball, (name, ..)) in BALLS.iter().enumerate().take(plan.balls) {
@@ -366,19 +369,19 @@ fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostEr
                 tolerance_px,
                 ..scene.clone()
             };
-            let run = one_choice(&scene, &reference, choice, plan.frames, watch)?;
+            let run = one_choice(&scene, &reference, choice, plan.frames, stopwatch)?;
             runs.push(Run {
                 settings: vec![("ball", (*name).to_owned()), ("effects", word)],
                 ..run
             });
-            watch.advance(plan.frames as f64 * 0.5);
+            stopwatch.advance(plan.frames as f64 * 0.5);
         }
-        curves.push(Curve {
+        curves.push(SettingCurve {
             name: (*name).to_owned(),
             runs: (from..runs.len()).collect(),
         });
     }
-    let diagram = |error: Measure, floors: Vec<Floor>| Diagram {
+    let diagram = |error: Metric, floors: Vec<ErrorFloor>| Diagram {
         title: format!(
             "Effects: {}; along a curve none, auto ever finer, all",
             error.name
@@ -393,7 +396,7 @@ fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostEr
     let diagrams = vec![
         diagram(
             CENTRE,
-            vec![Floor {
+            vec![ErrorFloor {
                 name: "the reference's own".to_owned(),
                 error: own_px,
             }],
@@ -401,7 +404,7 @@ fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostEr
         diagram(TIME, Vec::new()),
         diagram(ANGLE, Vec::new()),
     ];
-    Ok(Section {
+    Ok(Subject {
         name: "effects",
         title: "The simulator's effects",
         words: vec![
@@ -419,7 +422,7 @@ fn effects_section(plan: &Plan, watch: &mut Watch<'_>) -> Result<Section, CostEr
 }
 
 /// None, auto from coarse to fine, all.
-fn choices(plan: &Plan, usual_px: f64) -> Vec<(String, Switch, f64)> {
+fn choices(plan: &SimulatorPlan, usual_px: f64) -> Vec<(String, Switch, f64)> {
     let auto = plan
         .tolerances_px
         .iter()
@@ -432,17 +435,17 @@ fn choices(plan: &Plan, usual_px: f64) -> Vec<(String, Switch, f64)> {
 
 /// Errors of place, time and angle.
 #[derive(Debug, Clone, Copy)]
-struct Off {
-    centre_px: Errors,
-    time_s: Option<Errors>,
-    angle_deg: Option<Errors>,
+struct Deviations {
+    centre_px: ErrorStatistics,
+    time_s: Option<ErrorStatistics>,
+    angle_deg: Option<ErrorStatistics>,
 }
 
 /// The scene with every effect.
 struct Reference {
     truth: Truth,
     /// What a tighter integration changes.
-    own: Off,
+    own: Deviations,
 }
 
 impl Reference {
@@ -469,17 +472,17 @@ impl Reference {
             .map(|(a, b)| (a.rebound.angle_rad() - b.rebound.angle_rad()).to_degrees())
             .collect();
         Ok(Self {
-            own: Off {
-                centre_px: Errors::of(&px).unwrap_or(NOTHING),
-                time_s: Errors::of(&times),
-                angle_deg: Errors::of(&angles),
+            own: Deviations {
+                centre_px: ErrorStatistics::of(&px).unwrap_or(NOTHING),
+                time_s: ErrorStatistics::of(&times),
+                angle_deg: ErrorStatistics::of(&angles),
             },
             truth,
         })
     }
 
     /// How far `other` is from it, over frames in which both show the ball and impacts that both have.
-    fn off(&self, other: &Truth) -> Off {
+    fn off(&self, other: &Truth) -> Deviations {
         let (mut along, mut down) = (Vec::new(), Vec::new());
         for (a, b) in other.centres.iter().zip(&self.truth.centres) {
             if a.visible && b.visible {
@@ -492,16 +495,16 @@ impl Reference {
         let angles: Vec<f64> = both()
             .map(|(a, b)| a.rebound.angle_deg - b.rebound.angle_deg)
             .collect();
-        Off {
-            centre_px: Errors::of_groups(&[&along, &down]).unwrap_or(NOTHING),
-            time_s: Errors::of(&times),
-            angle_deg: Errors::of(&angles),
+        Deviations {
+            centre_px: ErrorStatistics::of_groups(&[&along, &down]).unwrap_or(NOTHING),
+            time_s: ErrorStatistics::of(&times),
+            angle_deg: ErrorStatistics::of(&angles),
         }
     }
 }
 
 /// Nothing to compare.
-const NOTHING: Errors = Errors {
+const NOTHING: ErrorStatistics = ErrorStatistics {
     count: 0,
     rms: 0.0,
     bias: 0.0,
@@ -515,15 +518,15 @@ fn one_choice(
     reference: &Reference,
     choice: Switch,
     frames: usize,
-    watch: &Watch<'_>,
+    stopwatch: &Stopwatch<'_>,
 ) -> Result<Run, CostError> {
-    let (recording, flight_s) = watch.timed(|| Recording::new(scene));
+    let (recording, flight_s) = stopwatch.timed(|| Recording::new(scene));
     let recording = recording?;
     let count = recording.frame_count();
     let flight_ms = 1e3 * flight_s / count as f64;
     let times_ms: Vec<f64> = (0..frames.min(count))
         .map(|i| {
-            let (_, took_s) = watch.timed(|| recording.frame(i * count / frames.min(count)));
+            let (_, took_s) = stopwatch.timed(|| recording.frame(i * count / frames.min(count)));
             1e3 * took_s + flight_ms
         })
         .collect();
@@ -541,7 +544,7 @@ fn one_choice(
     Ok(Run {
         settings: Vec::new(),
         errors: errors.into_iter().filter_map(|(n, e)| Some((n, e?))).collect(),
-        work: Spread::of(&times_ms)
+        work: Quartiles::of(&times_ms)
             .map(|s| (FRAME.name, s))
             .into_iter()
             .collect(),
@@ -557,13 +560,13 @@ mod tests {
 
     #[test]
     fn the_observed_order_of_the_integrator_is_its_theory() {
-        let plan = Plan {
+        let plan = SimulatorPlan {
             repeats: 1,
-            ..Plan::full()
+            ..SimulatorPlan::full()
         };
         let clock = || 0.0;
         let mut progress = |_| {};
-        let section = integrator(&plan, &mut Watch::new(&clock, &mut progress)).unwrap();
+        let section = integrator(&plan, &mut Stopwatch::new(1.0, &clock, &mut progress)).unwrap();
         let order = observed_order(&section.diagrams[0].curves[0], &section.runs).unwrap();
         println!("observed order {order:.3}");
         assert!((order - ORDER).abs() < 0.5, "{order}");
@@ -591,14 +594,14 @@ mod tests {
         );
         let clock = || 0.0;
         let mut progress = |_| {};
-        let watch = Watch::new(&clock, &mut progress);
+        let stopwatch = Stopwatch::new(1.0, &clock, &mut progress);
         for tolerance_px in [0.5, 0.02] {
             let scene = Scene {
                 tolerance_px,
                 effects: EffectsChoice::all(Switch::Auto),
                 ..scene.clone()
             };
-            let run = one_choice(&scene, &reference, Switch::Auto, 1, &watch).unwrap();
+            let run = one_choice(&scene, &reference, Switch::Auto, 1, &stopwatch).unwrap();
             let off = run.error(CENTRE.name).unwrap();
             assert!(off.rms <= tolerance_px, "{} at {tolerance_px}", off.rms);
         }
@@ -606,7 +609,7 @@ mod tests {
             effects: EffectsChoice::all(Switch::Off),
             ..scene
         };
-        let run = one_choice(&none, &reference, Switch::Off, 1, &watch).unwrap();
+        let run = one_choice(&none, &reference, Switch::Off, 1, &stopwatch).unwrap();
         assert!(run.error(CENTRE.name).unwrap().rms > 0.5);
     }
 }

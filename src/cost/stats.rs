@@ -5,12 +5,12 @@ use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 /// Standard deviations to a side that hold 95 % of a normal distribution.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 
-/// How sure [`Errors::bound_95`] is.
+/// How sure [`ErrorStatistics::bound_95`] is.
 const CONFIDENCE: f64 = 0.95;
 
 /// Repeats of one thing: the least, the quartiles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
+pub struct Quartiles {
     /// The least.
     pub min: f64,
     /// A quarter is below.
@@ -23,7 +23,7 @@ pub struct Spread {
     pub repeats: usize,
 }
 
-impl Spread {
+impl Quartiles {
     /// Of `values`; `None` without any, or where one is no number.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
@@ -61,7 +61,7 @@ fn quantile(sorted: &[f64], part: f64) -> f64 {
 
 /// Differences to the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Errors {
+pub struct ErrorStatistics {
     /// How many.
     pub count: usize,
     /// Root of their mean square.
@@ -77,7 +77,7 @@ pub struct Errors {
     pub bound_95: f64,
 }
 
-impl Errors {
+impl ErrorStatistics {
     /// Of signed differences; `None` without any, or where one is no number.
     #[must_use]
     pub fn of(differences: &[f64]) -> Option<Self> {
@@ -141,23 +141,23 @@ mod tests {
 
     #[test]
     fn quartiles_of_five_repeats_are_the_sorted_ones() {
-        let spread = Spread::of(&[5.0, 1.0, 4.0, 2.0, 3.0]).unwrap();
+        let spread = Quartiles::of(&[5.0, 1.0, 4.0, 2.0, 3.0]).unwrap();
         assert_eq!(
             (spread.min, spread.q1, spread.median, spread.q3, spread.repeats),
             (1.0, 2.0, 3.0, 4.0, 5)
         );
-        assert!(Spread::of(&[]).is_none() && Spread::of(&[1.0, f64::NAN]).is_none());
+        assert!(Quartiles::of(&[]).is_none() && Quartiles::of(&[1.0, f64::NAN]).is_none());
     }
 
     #[test]
     fn errors_keep_bias_and_scatter_apart() {
-        let e = Errors::of(&[1.0, -1.0, 1.0, -1.0]).unwrap();
+        let e = ErrorStatistics::of(&[1.0, -1.0, 1.0, -1.0]).unwrap();
         assert_eq!((e.count, e.rms, e.bias), (4, 1.0, 0.0));
         assert!((e.scatter - (4.0_f64 / 3.0).sqrt()).abs() < 1e-12);
-        let e = Errors::of_groups(&[&[0.3, 0.3], &[-0.5, -0.5]]).unwrap();
+        let e = ErrorStatistics::of_groups(&[&[0.3, 0.3], &[-0.5, -0.5]]).unwrap();
         assert!((e.bias - 0.5).abs() < 1e-12, "of the worse coordinate");
         assert!(e.scatter < 1e-12, "about each coordinate's own mean");
-        assert!(Errors::of(&[]).is_none() && Errors::of(&[f64::NAN]).is_none());
+        assert!(ErrorStatistics::of(&[]).is_none() && ErrorStatistics::of(&[f64::NAN]).is_none());
     }
 
     #[test]
@@ -181,7 +181,7 @@ mod tests {
         };
         let holds = |n: usize, normal: &mut dyn FnMut() -> f64| {
             let errors: Vec<f64> = (0..n).map(|_| normal()).collect();
-            Errors::of(&errors).unwrap().bound_95 >= NORMAL_95
+            ErrorStatistics::of(&errors).unwrap().bound_95 >= NORMAL_95
         };
         for n in [3, 6, 12] {
             let held = (0..2000).filter(|_| holds(n, &mut normal)).count();

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 /// A recording of the batch.
 #[derive(Debug, Clone)]
-pub struct Entry<'a> {
+pub struct RecordingEntry<'a> {
     /// Its name.
     pub name: &'a str,
     /// Its group.
@@ -16,7 +16,7 @@ pub struct Entry<'a> {
     /// Its own page, relative to this one.
     pub page: String,
     /// How it ended.
-    pub state: State<'a>,
+    pub state: RecordingState<'a>,
     /// Bounces in the series.
     pub bounces: usize,
     /// Codes of its warnings.
@@ -25,7 +25,7 @@ pub struct Entry<'a> {
 
 /// How a recording ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State<'a> {
+pub enum RecordingState<'a> {
     /// Not yet.
     Waiting,
     /// It has bounces.
@@ -36,7 +36,7 @@ pub enum State<'a> {
     Failed(&'a str),
 }
 
-impl State<'_> {
+impl RecordingState<'_> {
     fn word(self) -> &'static str {
         match self {
             Self::Waiting => "not yet measured",
@@ -55,7 +55,11 @@ impl State<'_> {
 ///
 /// # Errors
 /// See [`PageError`].
-pub fn report_html(entries: &[Entry<'_>], series: &Series, fit: &SeriesFit) -> Result<String, PageError> {
+pub fn report_html(
+    entries: &[RecordingEntry<'_>],
+    series: &Series,
+    fit: &SeriesFit,
+) -> Result<String, PageError> {
     let mut html = String::new();
     let title = format!("A series of {}", counted(entries.len() as u64, "recording"));
     let _ = write!(
@@ -78,7 +82,7 @@ pub fn report_html(entries: &[Entry<'_>], series: &Series, fit: &SeriesFit) -> R
     Ok(html)
 }
 
-fn header(html: &mut String, title: &str, entries: &[Entry<'_>], fit: &SeriesFit) {
+fn header(html: &mut String, title: &str, entries: &[RecordingEntry<'_>], fit: &SeriesFit) {
     let count = |word: &str| entries.iter().filter(|e| e.state.word() == word).count();
     let states: Vec<String> = ["measured", "rejected", "failed", "not yet measured"]
         .into_iter()
@@ -113,23 +117,23 @@ fn header(html: &mut String, title: &str, entries: &[Entry<'_>], fit: &SeriesFit
 }
 
 /// What was not measured, and why.
-fn troubles(html: &mut String, entries: &[Entry<'_>]) {
-    let told: Vec<(&Entry<'_>, &str)> = entries
+fn troubles(html: &mut String, entries: &[RecordingEntry<'_>]) {
+    let not_measured: Vec<(&RecordingEntry<'_>, &str)> = entries
         .iter()
         .filter_map(|e| match e.state {
-            State::Rejected(reason) | State::Failed(reason) => Some((e, reason)),
-            State::Waiting | State::Measured => None,
+            RecordingState::Rejected(reason) | RecordingState::Failed(reason) => Some((e, reason)),
+            RecordingState::Waiting | RecordingState::Measured => None,
         })
         .collect();
-    if told.is_empty() {
+    if not_measured.is_empty() {
         return;
     }
     let _ = writeln!(
         html,
         "<section>\n<h2>{} not measured</h2>\n<table class=\"facts\">",
-        counted(told.len() as u64, "recording")
+        counted(not_measured.len() as u64, "recording")
     );
-    for (entry, reason) in told {
+    for (entry, reason) in not_measured {
         let _ = writeln!(
             html,
             "<tr><th scope=\"row\">{}</th><td>{}: {}</td></tr>",
@@ -141,7 +145,7 @@ fn troubles(html: &mut String, entries: &[Entry<'_>]) {
     html.push_str("</table>\n</section>\n");
 }
 
-fn recordings(html: &mut String, entries: &[Entry<'_>]) {
+fn recordings(html: &mut String, entries: &[RecordingEntry<'_>]) {
     html.push_str(
         "<section>\n<h2>Recordings</h2>\n<div class=\"scroll\"><table class=\"bounces rows\">\n<thead><tr><th scope=\"row\">\
          recording</th><th scope=\"col\">group</th><th scope=\"col\">bounces</th><th scope=\"col\"></th><th scope=\"col\">\
@@ -167,7 +171,7 @@ fn recordings(html: &mut String, entries: &[Entry<'_>]) {
 }
 
 /// The recording's name, linked to its page if it has one.
-fn name(entry: &Entry<'_>) -> String {
+fn name(entry: &RecordingEntry<'_>) -> String {
     if entry.state.has_page() {
         format!(
             "<a href=\"{}\">{}</a>",

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 /// Everything there is to say.
 #[derive(Debug, Clone, Copy)]
-pub struct Board<'a> {
+pub struct BoardReport<'a> {
     /// The pictures.
     pub views: &'a [BoardView],
     /// The lens; `None` where it was given and not determined here.
@@ -29,7 +29,7 @@ const ROUGH_PX: f64 = 0.5;
 
 /// The table.
 #[must_use]
-pub fn table(board: &Board<'_>) -> String {
+pub fn table(board: &BoardReport<'_>) -> String {
     let mut text = String::new();
     if let Some(lens) = board.lens {
         lens_rows(&mut text, board, lens);
@@ -47,7 +47,7 @@ fn row(text: &mut String, name: &str, content: &str) {
     let _ = writeln!(text, "{name:<12}{content}");
 }
 
-fn lens_rows(text: &mut String, board: &Board<'_>, lens: &BoardLens) {
+fn lens_rows(text: &mut String, board: &BoardReport<'_>, lens: &BoardLens) {
     let used = used(board.views).count();
     let (width, height) = lens.size_px;
     row(
@@ -187,7 +187,7 @@ fn middle(coverage: &Coverage) -> f64 {
 
 /// What the user has to know, in sentences.
 #[must_use]
-pub fn warnings(board: &Board<'_>) -> Vec<String> {
+pub fn warnings(board: &BoardReport<'_>) -> Vec<String> {
     let mut out = Vec::new();
     if let Some(lens) = board.lens {
         let count = used(board.views).count();
@@ -250,7 +250,7 @@ pub fn warnings(board: &Board<'_>) -> Vec<String> {
 
 /// The JSON document.
 #[must_use]
-pub fn board_json(board: &Board<'_>) -> Value {
+pub fn board_json(board: &BoardReport<'_>) -> Value {
     let pictures: Vec<Value> = board
         .views
         .iter()

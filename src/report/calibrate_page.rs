@@ -3,8 +3,8 @@
 //! One file with everything in it: frames, style, script; no library, no address. The script draws the marks, computes the
 //! calib.json that follows from them as [`crate::calibration::ruler`] does, and lets the user save it.
 
+use super::jpeg;
 use super::page::{STYLE, escape};
-use super::photograph;
 use crate::frames::Luma;
 use base64::Engine as _;
 use serde_json::{Value, json};
@@ -53,7 +53,7 @@ pub fn calibrate_html(
     let shown = frames
         .iter()
         .map(|frame| {
-            let jpeg = photograph::jpeg(&frame.luma, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
+            let jpeg = jpeg::jpeg(&frame.luma, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
             let text = base64::engine::general_purpose::STANDARD.encode(jpeg);
             Ok(json!({"name": frame.name, "jpeg": format!("data:image/jpeg;base64,{text}")}))
         })

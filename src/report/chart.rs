@@ -2,7 +2,7 @@
 //!
 //! Shapes, dashes and widths carry the meaning; colour only helps, so that grey print loses nothing.
 
-use super::plots::{ARC, Area, Axes, FINE, IMPACT, INK, Panel, PlotError, UNUSED, WIDTH, panel};
+use super::track_plots::{ARC, Area, FINE, IMPACT, INK, Panel, PanelAxes, PlotError, UNUSED, WIDTH, panel};
 use plotters::prelude::*;
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ const GREY: RGBColor = RGBColor(186, 186, 186);
 
 /// How a curve is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stroke {
+pub(super) enum LineStyle {
     /// Thin and unbroken.
     Solid,
     /// Dashed.
@@ -27,7 +27,7 @@ pub(super) enum Stroke {
 
 /// How a point is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Marker {
+pub(super) enum PointMarker {
     /// ●
     Disc,
     /// ○
@@ -46,12 +46,12 @@ pub(super) enum Marker {
 
 /// A point with its error bars.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Dot {
+pub(super) struct PlotPoint {
     pub x: f64,
     pub y: f64,
     pub x_std: Option<f64>,
     pub y_std: Option<f64>,
-    pub marker: Marker,
+    pub marker: PointMarker,
 }
 
 /// A figure.
@@ -63,15 +63,15 @@ pub(super) struct Chart {
     pub y_label: String,
     pub x: Range<f64>,
     pub y: Range<f64>,
-    /// Drawn in this order, below the points.
-    pub curves: Vec<(Stroke, Vec<(f64, f64)>)>,
-    pub dots: Vec<Dot>,
+    /// DrawnRow in this order, below the points.
+    pub curves: Vec<(LineStyle, Vec<(f64, f64)>)>,
+    pub dots: Vec<PlotPoint>,
     /// Abscissae of transitions.
     pub transitions: Vec<f64>,
     /// Words in the figure: where, what.
     pub words: Vec<(f64, f64, String)>,
     /// Observed minus computed; none for no panel.
-    pub residuals: Vec<Dot>,
+    pub residuals: Vec<PlotPoint>,
 }
 
 impl Chart {
@@ -121,7 +121,10 @@ impl Chart {
     }
 
     fn residual(&self, area: &Area<'_>) -> Result<(), PlotError> {
-        let used = self.residuals.iter().filter(|dot| dot.marker != Marker::Cross);
+        let used = self
+            .residuals
+            .iter()
+            .filter(|dot| dot.marker != PointMarker::Cross);
         let reach = used
             .map(|dot| dot.y.abs() + dot.y_std.unwrap_or(0.0))
             .filter(|r| r.is_finite())
@@ -136,7 +139,7 @@ impl Chart {
         ))?;
         for dot in &self.residuals {
             if dot.y.abs() <= reach {
-                draw_dot(&mut panel, &Dot { x_std: None, ..*dot }, &self.x, &range)?;
+                draw_dot(&mut panel, &PlotPoint { x_std: None, ..*dot }, &self.x, &range)?;
             } else if self.x.contains(&dot.x) {
                 let size = 5 * FINE as i32 * if dot.y > 0.0 { 1 } else { -1 };
                 let at = (dot.x, 0.9 * reach.copysign(dot.y));
@@ -154,7 +157,7 @@ impl Chart {
         y_label: &str,
         axis: bool,
     ) -> Result<Panel<'a, 'b>, PlotError> {
-        let axes = Axes {
+        let axes = PanelAxes {
             x: self.x.clone(),
             y,
             ticks,
@@ -169,22 +172,22 @@ impl Chart {
 
     fn draw_transitions(&self, panel: &mut Panel<'_, '_>, y: &Range<f64>) -> Result<(), PlotError> {
         for &x in self.transitions.iter().filter(|x| self.x.contains(x)) {
-            draw_curve(panel, Stroke::Fine, &[(x, y.start), (x, y.end)])?;
+            draw_curve(panel, LineStyle::Fine, &[(x, y.start), (x, y.end)])?;
         }
         Ok(())
     }
 }
 
-fn draw_curve(panel: &mut Panel<'_, '_>, stroke: Stroke, points: &[(f64, f64)]) -> Result<(), PlotError> {
+fn draw_curve(panel: &mut Panel<'_, '_>, stroke: LineStyle, points: &[(f64, f64)]) -> Result<(), PlotError> {
     let points = points.iter().copied();
     match stroke {
-        Stroke::Solid => {
+        LineStyle::Solid => {
             panel.draw_series(LineSeries::new(points, ARC.stroke_width(12)))?;
         }
-        Stroke::Broad => {
+        LineStyle::Broad => {
             panel.draw_series(LineSeries::new(points, GREY.stroke_width(50)))?;
         }
-        Stroke::Dashed => {
+        LineStyle::Dashed => {
             panel.draw_series(DashedLineSeries::new(
                 points,
                 9 * FINE,
@@ -192,7 +195,7 @@ fn draw_curve(panel: &mut Panel<'_, '_>, stroke: Stroke, points: &[(f64, f64)]) 
                 INK.stroke_width(13),
             ))?;
         }
-        Stroke::Fine => {
+        LineStyle::Fine => {
             panel.draw_series(DashedLineSeries::new(
                 points,
                 2 * FINE,
@@ -204,12 +207,21 @@ fn draw_curve(panel: &mut Panel<'_, '_>, stroke: Stroke, points: &[(f64, f64)]) 
     Ok(())
 }
 
-fn draw_dot(panel: &mut Panel<'_, '_>, dot: &Dot, x: &Range<f64>, y: &Range<f64>) -> Result<(), PlotError> {
+fn draw_dot(
+    panel: &mut Panel<'_, '_>,
+    dot: &PlotPoint,
+    x: &Range<f64>,
+    y: &Range<f64>,
+) -> Result<(), PlotError> {
     let at = (dot.x, dot.y);
     if !(x.contains(&dot.x) && (y.start..=y.end).contains(&dot.y)) {
         return Ok(());
     }
-    let ink = if dot.marker == Marker::Cross { UNUSED } else { INK };
+    let ink = if dot.marker == PointMarker::Cross {
+        UNUSED
+    } else {
+        INK
+    };
     if let Some(std) = dot.x_std {
         let ends = [
             ((dot.x - std).max(x.start), dot.y),
@@ -234,26 +246,26 @@ fn draw_dot(panel: &mut Panel<'_, '_>, dot: &Dot, x: &Range<f64>, y: &Range<f64>
     };
     let here = || EmptyElement::at(at);
     match dot.marker {
-        Marker::Disc => panel
+        PointMarker::Disc => panel
             .draw_series([Circle::new(at, SIZE, INK.filled())])
             .map(drop)?,
-        Marker::Ring => {
+        PointMarker::Ring => {
             panel.draw_series([Circle::new(at, SIZE, WHITE.filled())])?;
             panel.draw_series([Circle::new(at, SIZE, INK.stroke_width(12))])?;
         }
-        Marker::Triangle => {
+        PointMarker::Triangle => {
             panel.draw_series([here() + Polygon::new(triangle(), INK.filled())])?;
         }
-        Marker::OpenTriangle => {
+        PointMarker::OpenTriangle => {
             panel.draw_series([here() + Polygon::new(triangle(), WHITE.filled()) + closed(triangle())])?;
         }
-        Marker::Block => {
+        PointMarker::Block => {
             panel.draw_series([here() + Polygon::new(square(), INK.filled())])?;
         }
-        Marker::Square => {
+        PointMarker::Square => {
             panel.draw_series([here() + Polygon::new(square(), WHITE.filled()) + closed(square())])?;
         }
-        Marker::Cross => {
+        PointMarker::Cross => {
             panel.draw_series([Cross::new(at, SIZE, UNUSED.stroke_width(13))])?;
         }
     }
@@ -323,18 +335,18 @@ mod tests {
     #[test]
     fn every_marker_is_drawn() {
         let markers = [
-            Marker::Disc,
-            Marker::Ring,
-            Marker::Triangle,
-            Marker::OpenTriangle,
-            Marker::Square,
-            Marker::Block,
-            Marker::Cross,
+            PointMarker::Disc,
+            PointMarker::Ring,
+            PointMarker::Triangle,
+            PointMarker::OpenTriangle,
+            PointMarker::Square,
+            PointMarker::Block,
+            PointMarker::Cross,
         ];
-        let dots: Vec<Dot> = markers
+        let dots: Vec<PlotPoint> = markers
             .iter()
             .enumerate()
-            .map(|(i, &marker)| Dot {
+            .map(|(i, &marker)| PlotPoint {
                 x: i as f64,
                 y: 0.5,
                 x_std: Some(0.1),
@@ -348,7 +360,7 @@ mod tests {
             y_label: "y".to_owned(),
             x: -1.0..8.0,
             y: 0.0..1.0,
-            curves: vec![(Stroke::Dashed, vec![(0.0, 0.0), (8.0, 2.0)])],
+            curves: vec![(LineStyle::Dashed, vec![(0.0, 0.0), (8.0, 2.0)])],
             residuals: dots.clone(),
             dots,
             transitions: vec![3.0],

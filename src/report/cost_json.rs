@@ -1,8 +1,8 @@
 //! `cost.json` and `cost.csv`: every run with its errors, its work and its counts; schema `track.cost/1`.
 
-use crate::cost::stats::{Errors, Spread};
-use crate::cost::whole::Check;
-use crate::cost::{Diagram, Measure, Report, Run, Section};
+use crate::cost::recordings::Check;
+use crate::cost::stats::{ErrorStatistics, Quartiles};
+use crate::cost::{CostReport, Diagram, Metric, Run, Subject};
 use serde_json::{Map, Value, json};
 
 /// The schema that [`cost_json`] follows.
@@ -10,10 +10,10 @@ pub const SCHEMA: &str = "track.cost/1";
 
 /// Everything. `check` is the recommendation run again, if it was.
 #[must_use]
-pub fn cost_json(report: &Report, check: Option<&Check>) -> Value {
+pub fn cost_json(report: &CostReport, check: Option<&Check>) -> Value {
     let recommendation = &report.recommendation;
-    let wants: Map<String, Value> = recommendation
-        .wants
+    let requirements: Map<String, Value> = recommendation
+        .requirements
         .iter()
         .map(|w| (w.quantity.name.to_owned(), json!(w.at_most)))
         .collect();
@@ -38,7 +38,7 @@ pub fn cost_json(report: &Report, check: Option<&Check>) -> Value {
             "debug_build": report.machine.debug_build,
         },
         "recommendation": {
-            "wanted": wants,
+            "wanted": requirements,
             "words": recommendation.words,
             "run": chosen.map(|(i, whole)| run(&whole.runs[i])),
             "set_aside": set_aside,
@@ -50,7 +50,7 @@ pub fn cost_json(report: &Report, check: Option<&Check>) -> Value {
     })
 }
 
-fn section(section: &Section) -> Value {
+fn section(section: &Subject) -> Value {
     json!({
         "name": section.name,
         "title": section.title,
@@ -62,7 +62,7 @@ fn section(section: &Section) -> Value {
     })
 }
 
-fn measure(measure: &Measure) -> Value {
+fn measure(measure: &Metric) -> Value {
     json!({"name": measure.name, "words": measure.words, "unit": measure.unit})
 }
 
@@ -80,11 +80,11 @@ fn run(run: &Run) -> Value {
     })
 }
 
-fn errors(e: &Errors) -> Value {
+fn errors(e: &ErrorStatistics) -> Value {
     json!({"count": e.count, "rms": e.rms, "bias": e.bias, "scatter": e.scatter, "p95": e.p95, "bound_95": e.bound_95})
 }
 
-fn spread(s: &Spread) -> Value {
+fn spread(s: &Quartiles) -> Value {
     json!({"min": s.min, "q1": s.q1, "median": s.median, "q3": s.q3, "repeats": s.repeats})
 }
 
@@ -113,7 +113,7 @@ fn diagram(diagram: &Diagram, runs: &[Run]) -> Value {
 ///
 /// # Errors
 /// None in memory; `csv` says so where its own writer fails.
-pub fn cost_csv(report: &Report) -> Result<Vec<u8>, csv::Error> {
+pub fn cost_csv(report: &CostReport) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record([
         "section",
@@ -137,7 +137,7 @@ pub fn cost_csv(report: &Report) -> Result<Vec<u8>, csv::Error> {
     ])?;
     for section in &report.sections {
         for run in &section.runs {
-            let quantities: Vec<Option<&Measure>> = if run.errors.is_empty() {
+            let quantities: Vec<Option<&Metric>> = if run.errors.is_empty() {
                 vec![None]
             } else {
                 section
@@ -158,10 +158,10 @@ pub fn cost_csv(report: &Report) -> Result<Vec<u8>, csv::Error> {
 }
 
 fn row(
-    section: &Section,
+    section: &Subject,
     run: &Run,
-    quantity: Option<&Measure>,
-    (work, spread): (&'static str, Spread),
+    quantity: Option<&Metric>,
+    (work, spread): (&'static str, Quartiles),
 ) -> Vec<String> {
     let listed = |pairs: Vec<(&str, String)>| {
         pairs
@@ -171,7 +171,7 @@ fn row(
             .join("; ")
     };
     let error = quantity.and_then(|q| run.error(q.name));
-    let number = |of: fn(&Errors) -> f64| error.map_or(String::new(), |e| of(e).to_string());
+    let number = |of: fn(&ErrorStatistics) -> f64| error.map_or(String::new(), |e| of(e).to_string());
     vec![
         section.name.to_owned(),
         listed(run.settings.iter().map(|(k, v)| (*k, v.clone())).collect()),

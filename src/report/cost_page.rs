@@ -5,8 +5,8 @@
 use super::page::{self, PageError, escape};
 use super::words::NO_VALUE;
 use super::{cost_table, work_precision};
-use crate::cost::whole::Check;
-use crate::cost::{Diagram, Report, Run, Section};
+use crate::cost::recordings::Check;
+use crate::cost::{CostReport, Diagram, Run, Subject};
 use std::fmt::Write as _;
 
 /// What this page has beyond the others.
@@ -23,7 +23,7 @@ const STYLE: &str = "body { max-width: 1500px; }\n\
 ///
 /// # Errors
 /// See [`PageError`].
-pub fn cost_html(report: &Report, check: Option<&Check>) -> Result<String, PageError> {
+pub fn cost_html(report: &CostReport, check: Option<&Check>) -> Result<String, PageError> {
     let mut page = String::new();
     let _ = write!(
         page,
@@ -50,7 +50,7 @@ pub fn cost_html(report: &Report, check: Option<&Check>) -> Result<String, PageE
 ///
 /// # Errors
 /// See [`PageError`].
-pub fn cost_svg(report: &Report) -> Result<String, PageError> {
+pub fn cost_svg(report: &CostReport) -> Result<String, PageError> {
     let shown: Vec<(&Diagram, &[Run], String)> = report
         .sections
         .iter()
@@ -63,7 +63,7 @@ pub fn cost_svg(report: &Report) -> Result<String, PageError> {
 }
 
 /// What stands above a diagram.
-fn short(section: &Section, diagram: &Diagram) -> String {
+fn short(section: &Subject, diagram: &Diagram) -> String {
     if section.name == "centres" {
         let what = diagram.title.split_once(';');
         return what.map_or(diagram.title.as_str(), |(first, _)| first).to_owned();
@@ -76,7 +76,7 @@ fn short(section: &Section, diagram: &Diagram) -> String {
     format!("{}: {what}", section.title)
 }
 
-fn header(page: &mut String, report: &Report) {
+fn header(page: &mut String, report: &CostReport) {
     let kind = if report.quick {
         "coarse version (--quick)"
     } else {
@@ -95,7 +95,7 @@ fn header(page: &mut String, report: &Report) {
     );
 }
 
-fn section_html(page: &mut String, section: &Section) -> Result<(), PageError> {
+fn section_html(page: &mut String, section: &Subject) -> Result<(), PageError> {
     let _ = writeln!(page, "<section>\n<h2>{}</h2>", escape(section.title));
     for paragraph in &section.words {
         let _ = writeln!(page, "<p>{}</p>", escape(paragraph));
@@ -116,7 +116,7 @@ fn section_html(page: &mut String, section: &Section) -> Result<(), PageError> {
 }
 
 /// Every run; defaults in bold.
-fn runs_table(page: &mut String, section: &Section) {
+fn runs_table(page: &mut String, section: &Subject) {
     let names: Vec<&str> = longest(section, |r| r.settings.iter().map(|(k, _)| *k).collect());
     let counts: Vec<&str> = longest(section, |r| r.counts.iter().map(|(k, _)| *k).collect());
     let _ = write!(
@@ -146,7 +146,7 @@ fn runs_table(page: &mut String, section: &Section) {
 }
 
 /// The names of a kind over all runs, in the order in which they first appear.
-fn longest<'a>(section: &'a Section, of: impl Fn(&'a Run) -> Vec<&'static str>) -> Vec<&'static str> {
+fn longest<'a>(section: &'a Subject, of: impl Fn(&'a Run) -> Vec<&'static str>) -> Vec<&'static str> {
     let mut names = Vec::new();
     for name in section.runs.iter().flat_map(of) {
         if !names.contains(&name) {
@@ -156,7 +156,7 @@ fn longest<'a>(section: &'a Section, of: impl Fn(&'a Run) -> Vec<&'static str>) 
     names
 }
 
-fn row(page: &mut String, section: &Section, run: &Run, names: &[&str], counts: &[&str]) {
+fn row(page: &mut String, section: &Subject, run: &Run, names: &[&str], counts: &[&str]) {
     page.push_str(if run.is_default {
         "<tr class=\"default\">"
     } else {
@@ -208,7 +208,7 @@ fn number(x: f64) -> String {
     cost_table::significant(x)
 }
 
-fn recommendation(page: &mut String, report: &Report, check: Option<&Check>) {
+fn recommendation(page: &mut String, report: &CostReport, check: Option<&Check>) {
     let _ = writeln!(
         page,
         "<section>\n<h2>What to take</h2>\n<p>{}</p>",
@@ -226,26 +226,27 @@ fn recommendation(page: &mut String, report: &Report, check: Option<&Check>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::stats::{Errors, Spread};
-    use crate::cost::want::{Recommendation, usual};
-    use crate::cost::whole::{QUANTITIES, SECONDS, Setting};
-    use crate::cost::{Curve, Floor, Machine};
+    use crate::cost::recommendation::{Recommendation, default_requirements};
+    use crate::cost::recording_metrics::{QUANTITIES, SECONDS};
+    use crate::cost::recordings::RecordingSetting;
+    use crate::cost::stats::{ErrorStatistics, Quartiles};
+    use crate::cost::{ErrorFloor, Machine, SettingCurve};
     use crate::report::cost_json;
 
-    fn report() -> Report {
+    fn report() -> CostReport {
         let run = |error: Option<f64>| Run {
             settings: vec![("accuracy", "<b>fast</b>".to_owned())],
             errors: error
-                .and_then(|e| Errors::of(&[e, -e]))
+                .and_then(|e| ErrorStatistics::of(&[e, -e]))
                 .map(|e| ("restitution", e))
                 .into_iter()
                 .collect(),
-            work: vec![(SECONDS.name, Spread::of(&[1.0, 1.5]).unwrap())],
+            work: vec![(SECONDS.name, Quartiles::of(&[1.0, 1.5]).unwrap())],
             counts: vec![("frames", 12.0)],
             failed: error.is_none().then(|| "no <flight> & no bounce".to_owned()),
             is_default: error.is_some(),
         };
-        Report {
+        CostReport {
             machine: Machine {
                 processor: Some("CPU <1> & co".to_owned()),
                 cores: 2,
@@ -254,7 +255,7 @@ mod tests {
             },
             quick: true,
             took_s: 12.3,
-            sections: vec![Section {
+            sections: vec![Subject {
                 name: "whole",
                 title: "Whole",
                 words: vec!["a < b".to_owned()],
@@ -265,11 +266,11 @@ mod tests {
                     title: "e < s".to_owned(),
                     error: QUANTITIES[0],
                     work: SECONDS,
-                    floors: vec![Floor {
+                    floors: vec![ErrorFloor {
                         name: "floor".to_owned(),
                         error: 1e-4,
                     }],
-                    curves: vec![Curve {
+                    curves: vec![SettingCurve {
                         name: "one".to_owned(),
                         runs: vec![0, 1],
                     }],
@@ -277,10 +278,10 @@ mod tests {
                     overview: true,
                 }],
             }],
-            whole_settings: vec![Setting::DEFAULT; 2],
+            whole_settings: vec![RecordingSetting::DEFAULT; 2],
             recommendation: Recommendation {
                 set_aside: Vec::new(),
-                wants: usual(),
+                requirements: default_requirements(),
                 chosen: None,
                 words: "none & nothing".to_owned(),
             },

@@ -1,13 +1,14 @@
 //! What `track cost` prints: tables that people read and that a README takes as they are (Markdown).
 
 use super::words::NO_VALUE;
-use crate::cost::whole::{Check, DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE, Setting};
-use crate::cost::{Report, Run, Section, centres};
+use crate::cost::recording_metrics::{DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE};
+use crate::cost::recordings::{Check, RecordingSetting};
+use crate::cost::{CostReport, Run, Subject, centres};
 use std::fmt::Write as _;
 
 /// The tables of centres and of whole recordings, what was observed of the rest, and the recommendation.
 #[must_use]
-pub fn cost_table(report: &Report, check: Option<&Check>) -> String {
+pub fn cost_table(report: &CostReport, check: Option<&Check>) -> String {
     let mut text = format!(
         "track {}, {}, {:.0} s on {}\n",
         env!("CARGO_PKG_VERSION"),
@@ -47,7 +48,7 @@ pub fn check_words(check: &Check) -> String {
     )
 }
 
-fn centres_table(text: &mut String, section: &Section) {
+fn centres_table(text: &mut String, section: &Subject) {
     text.push_str(
         "\n| centres: light, codec | noise, grey | R, px | method | rms, px | bias, px | 95 %, px | bound, px | analysis, µs a frame | decoding, µs a frame |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",
@@ -92,7 +93,7 @@ fn work(run: &Run, name: &str) -> String {
 }
 
 /// The default and what differs from it in one thing.
-fn whole_table(text: &mut String, section: &Section, settings: &[Setting]) {
+fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSetting]) {
     text.push_str("\n| whole recording: accuracy | Hz | picture | exposure, ms |");
     for q in QUANTITIES {
         let unit = if q.unit.is_empty() {
@@ -141,8 +142,8 @@ fn whole_table(text: &mut String, section: &Section, settings: &[Setting]) {
 }
 
 /// In how many things a setting differs from the default.
-fn differences(setting: &Setting) -> usize {
-    let usual = Setting::DEFAULT;
+fn differences(setting: &RecordingSetting) -> usize {
+    let usual = RecordingSetting::DEFAULT;
     [
         setting.accuracy != usual.accuracy,
         setting.frame_rate_hz != usual.frame_rate_hz,
@@ -155,7 +156,7 @@ fn differences(setting: &Setting) -> usize {
 }
 
 /// A line a run.
-fn rest(text: &mut String, section: &Section) {
+fn rest(text: &mut String, section: &Subject) {
     let _ = write!(text, "\n| {} |", section.name);
     for m in section.errors.iter().chain(&section.works) {
         let _ = write!(

@@ -68,7 +68,7 @@ fn number(value: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     fn parsed(measurement: &Measurement) -> (Vec<String>, Vec<::csv::StringRecord>) {
         let bytes = points_csv(measurement).unwrap();
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn a_row_a_point_and_numbers_read_back_exactly() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let (header, rows) = parsed(&measurement);
         assert_eq!(
             header.join(","),
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_reason_with_commas_quotes_and_newlines_survives() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         let reason = "hidden by a \"hand\", then\nby a sleeve";
         measurement.track.points[1].use_ = PointUse::Unused(reason.to_owned());
         measurement.track.points[1].residual_m = None;
@@ -111,13 +111,13 @@ mod tests {
 
     #[test]
     fn without_a_scale_the_metres_are_empty() {
-        let (_, rows) = parsed(&fake::no_scale());
+        let (_, rows) = parsed(&test_measurements::no_scale());
         assert!(rows.iter().all(|row| row[5].is_empty() && row[6].is_empty()));
     }
 
     #[test]
     fn a_top_view_names_its_second_coordinate_y() {
-        let (header, _) = parsed(&fake::top_view());
+        let (header, _) = parsed(&test_measurements::top_view());
         assert_eq!((header[6].as_str(), header[11].as_str()), ("y_m", "residual_y_m"));
     }
 }

@@ -223,7 +223,7 @@ fn models(readings: &Readings) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     fn keys(value: &Value) -> Vec<&str> {
         value.as_object().unwrap().keys().map(String::as_str).collect()
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn every_key_of_the_contract_is_there_in_its_order() {
-        let result = result_json(&fake::two_bounces());
+        let result = result_json(&test_measurements::two_bounces());
         assert_eq!(
             keys(&result),
             [
@@ -322,7 +322,7 @@ mod tests {
 
     #[test]
     fn angles_are_degrees_and_points_are_all_there() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let result = result_json(&measurement);
         let radians = measurement.bounces[0].incident.angle_rad.unwrap();
         let degrees = &result["bounces"][0]["incident"]["angle_deg"];
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn a_rejected_recording_says_why_and_has_no_models() {
-        let result = result_json(&fake::rejected());
+        let result = result_json(&test_measurements::rejected());
         assert_eq!(result["status"], "rejected");
         assert!(result["reason"].as_str().unwrap().contains("no free flight"));
         assert!(result["models"].is_null());
@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn a_top_view_has_y_and_no_z() {
-        let measurement = fake::top_view();
+        let measurement = test_measurements::top_view();
         let result = result_json(&measurement);
         let row = &result["track"]["points"][0];
         assert!(row["z_m"].is_null());
@@ -357,7 +357,7 @@ mod tests {
         assert!(result["bounces"][0]["incident"]["vz_m_s"].is_null());
         assert!(result["bounces"][0]["azimuth_deg"]["value"].is_number());
         assert!(
-            result_json(&fake::two_bounces())["track"]["points"][0]
+            result_json(&test_measurements::two_bounces())["track"]["points"][0]
                 .get("y_m")
                 .is_none()
         );
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_is_null_and_no_uncertainty_is_zero() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         measurement.gravity_m_s2 = Some(Quantity {
             value: f64::NAN,
             std_uncertainty: Some(0.1),

@@ -7,9 +7,9 @@
 //! | [`csv`] | `<stem>.points.csv` |
 //! | [`page`] | `<stem>.report.html`: picture, numbers and plots in one file |
 //! | [`strobe`] | the stroboscopic picture of that page |
-//! | [`plots`] | the plots of that page |
+//! | [`track_plots`] | the plots of that page |
 //! | [`calibrate_page`] | the page on which a calibration's marks are dragged |
-//! | [`marks`] | a frame with the marks of a calibration drawn in |
+//! | [`marked_frame`] | a frame with the marks of a calibration drawn in |
 //! | [`board`] | the table and JSON of a lens from pictures of a board |
 //! | [`overlay`] | the drawing on each frame of `<stem>.overlay.mp4` |
 //! | [`batch_page`] | `report.html` of a batch: the same with a list of its recordings |
@@ -29,13 +29,12 @@ pub mod cost_json;
 pub mod cost_page;
 pub mod cost_table;
 pub mod csv;
+mod drawing_geometry;
+mod jpeg;
 pub mod json;
-pub mod marks;
+pub mod marked_frame;
 pub mod overlay;
 pub mod page;
-mod photograph;
-mod places;
-pub mod plots;
 mod series_figures;
 pub mod series_json;
 pub mod series_page;
@@ -43,9 +42,10 @@ mod series_rows;
 pub mod series_table;
 pub mod strobe;
 pub mod table;
+pub mod track_plots;
 mod words;
 mod work_precision;
 pub mod write;
 
 #[cfg(test)]
-mod fake;
+mod test_measurements;

@@ -4,7 +4,7 @@
 //! Everything is drawn anti-aliased straight into the planes of a 4:2:0 picture. A ball in use has a closed outline, one
 //! that is not in use a broken one: the difference survives grey video.
 
-use super::places;
+use super::drawing_geometry;
 use crate::frames::Yuv420;
 use crate::geometry::PixelPoint;
 use crate::pipeline::{Measurement, PointUse, View};
@@ -15,39 +15,39 @@ const TRAIL: usize = 600;
 
 /// A colour of the video.
 #[derive(Debug, Clone, Copy)]
-struct Ink {
+struct YuvColour {
     y: f64,
     u: f64,
     v: f64,
 }
 
 // By BT.601; in another matrix or range the hue shifts a little, which does no harm here.
-const USED: Ink = Ink {
+const USED: YuvColour = YuvColour {
     y: 159.0,
     u: 105.0,
     v: 61.0,
 }; // green
-const UNUSED: Ink = Ink {
+const UNUSED: YuvColour = YuvColour {
     y: 160.0,
     u: 60.0,
     v: 183.0,
 }; // orange
-const PAST: Ink = Ink {
+const PAST: YuvColour = YuvColour {
     y: 205.0,
     u: 58.0,
     v: 150.0,
 }; // yellow
-const ARC: Ink = Ink {
+const ARC: YuvColour = YuvColour {
     y: 190.0,
     u: 160.0,
     v: 100.0,
 }; // light blue
-const IMPACT: Ink = Ink {
+const IMPACT: YuvColour = YuvColour {
     y: 124.0,
     u: 101.0,
     v: 209.0,
 }; // red
-const SHADE: Ink = Ink {
+const SHADE: YuvColour = YuvColour {
     y: 16.0,
     u: 128.0,
     v: 128.0,
@@ -57,17 +57,17 @@ const SHADE: Ink = Ink {
 #[derive(Debug, Clone)]
 pub struct Overlay {
     /// In the order of frames.
-    balls: Vec<Ball>,
+    balls: Vec<DrawnBall>,
     radius_px: f64,
     /// Stroke of a line, px.
     stroke_px: f64,
-    arcs: Stencil,
+    arcs: CoverageMask,
     /// The frame from which on an impact is shown, and where.
     impacts: Vec<(usize, PixelPoint)>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Ball {
+struct DrawnBall {
     frame: usize,
     centre: PixelPoint,
     used: bool,
@@ -85,7 +85,7 @@ impl Overlay {
             .map(|radius| radius.value)
             .filter(|radius| radius.is_finite() && *radius > 0.0)
             .unwrap_or(5.0 * stroke_px);
-        let mut arcs = Stencil::default();
+        let mut arcs = CoverageMask::default();
         for pair in measurement.arcs.iter().flat_map(|arc| arc.samples.windows(2)) {
             arcs.line(pair[0].pixel, pair[1].pixel, stroke_px);
         }
@@ -103,7 +103,7 @@ impl Overlay {
         self.arcs.lay(picture, ARC, 0.45);
         self.draw_impacts(frame, picture);
         let next = self.balls.partition_point(|ball| ball.frame <= frame);
-        let mut trail = Stencil::default();
+        let mut trail = CoverageMask::default();
         for ball in &self.balls[next.saturating_sub(TRAIL)..next] {
             trail.disc(ball.centre, 0.9 * self.stroke_px);
         }
@@ -113,13 +113,13 @@ impl Overlay {
         }
     }
 
-    fn draw_ball(&self, ball: Ball, picture: &mut Yuv420) {
+    fn draw_ball(&self, ball: DrawnBall, picture: &mut Yuv420) {
         let ink = if ball.used { USED } else { UNUSED };
         let arm = (0.4 * self.radius_px).clamp(2.0 * self.stroke_px, 6.0 * self.stroke_px);
         let PixelPoint { u_px, v_px } = ball.centre;
         // First wider in black, so that it shows on a bright ball or wall, too.
         for (ink, stroke, opacity) in [(SHADE, 2.2 * self.stroke_px, 0.45), (ink, self.stroke_px, 1.0)] {
-            let mut lines = Stencil::default();
+            let mut lines = CoverageMask::default();
             lines.circle(ball.centre, self.radius_px, stroke, !ball.used);
             lines.line(
                 PixelPoint::new(u_px - arm, v_px),
@@ -142,7 +142,7 @@ impl Overlay {
             (SHADE, 3.2 * self.stroke_px, 0.45),
             (IMPACT, 1.6 * self.stroke_px, 1.0),
         ] {
-            let mut ticks = Stencil::default();
+            let mut ticks = CoverageMask::default();
             for (_, PixelPoint { u_px, v_px }) in happened() {
                 ticks.line(
                     PixelPoint::new(u_px - half, *v_px),
@@ -156,13 +156,13 @@ impl Overlay {
 }
 
 /// The centres with finite places, in the order of frames.
-fn balls(measurement: &Measurement) -> Vec<Ball> {
-    let mut balls: Vec<Ball> = measurement
+fn balls(measurement: &Measurement) -> Vec<DrawnBall> {
+    let mut balls: Vec<DrawnBall> = measurement
         .track
         .points
         .iter()
         .filter(|point| point.pixel.u_px.is_finite() && point.pixel.v_px.is_finite())
-        .map(|point| Ball {
+        .map(|point| DrawnBall {
             frame: point.frame,
             centre: point.pixel,
             used: matches!(point.use_, PointUse::Used(_)),
@@ -180,7 +180,7 @@ fn impacts(measurement: &Measurement, radius_px: f64) -> Vec<(usize, PixelPoint)
         View::Top => 0.0,
     };
     let points = &measurement.track.points;
-    places::impacts(measurement)
+    drawing_geometry::impacts(measurement)
         .iter()
         .filter_map(|mark| {
             let centre = mark.centre?;
@@ -194,7 +194,7 @@ fn impacts(measurement: &Measurement, radius_px: f64) -> Vec<(usize, PixelPoint)
 ///
 /// Shapes that overlap in one stencil count once, so that a faint line has no dark joints.
 #[derive(Debug, Clone, Default)]
-struct Stencil {
+struct CoverageMask {
     /// By row and column of the chroma sample.
     blocks: BTreeMap<(usize, usize), [f32; 4]>,
 }
@@ -202,7 +202,7 @@ struct Stencil {
 /// Beyond any picture: keeps a wild coordinate from asking for endless pixels.
 const FAR_PX: f64 = 1e5;
 
-impl Stencil {
+impl CoverageMask {
     fn disc(&mut self, centre: PixelPoint, radius_px: f64) {
         self.add(centre, centre, radius_px, |u, v| {
             radius_px - (u - centre.u_px).hypot(v - centre.v_px)
@@ -259,7 +259,7 @@ impl Stencil {
     }
 
     /// Blends `ink` into what the stencil covers of the picture.
-    fn lay(&self, picture: &mut Yuv420, ink: Ink, opacity: f64) {
+    fn lay(&self, picture: &mut Yuv420, ink: YuvColour, opacity: f64) {
         let chroma_width = picture.width.div_ceil(2);
         for (&(row, column), block) in &self.blocks {
             if 2 * row >= picture.height || 2 * column >= picture.width {
@@ -300,7 +300,7 @@ fn blend(sample: Option<&mut u8>, ink: f64, share: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     fn grey(width: usize, height: usize) -> Yuv420 {
         let chroma = width.div_ceil(2) * height.div_ceil(2);
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn the_outline_lies_on_the_ball_and_the_cross_at_its_centre() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let overlay = Overlay::new(&measurement);
         let point = &measurement.track.points[40];
         let mut picture = grey(1280, 720);
@@ -345,11 +345,11 @@ mod tests {
 
     #[test]
     fn used_and_unused_differ_in_colour_and_in_shape() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let overlay = Overlay::new(&measurement);
         let draw = |used: bool| {
             let mut picture = grey(200, 200);
-            let ball = Ball {
+            let ball = DrawnBall {
                 frame: 0,
                 centre: PixelPoint::new(100.0, 100.0),
                 used,
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn the_trail_grows_and_impacts_appear_when_they_happen() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let overlay = Overlay::new(&measurement);
         let drawn = |frame: usize| {
             let mut picture = grey(1280, 720);
@@ -385,19 +385,19 @@ mod tests {
 
     #[test]
     fn a_frame_without_the_ball_shows_the_past_only() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let overlay = Overlay::new(&measurement);
         let mut late = grey(1280, 720);
         overlay.draw(100_000, &mut late);
         assert!(late.y.iter().any(|y| *y != 80));
         let mut untouched = grey(1280, 720);
-        Overlay::new(&fake::nothing_seen()).draw(3, &mut untouched);
+        Overlay::new(&test_measurements::nothing_seen()).draw(3, &mut untouched);
         assert_eq!(untouched, grey(1280, 720));
     }
 
     #[test]
     fn borders_odd_sizes_and_wild_places_do_no_harm() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         let wild = [-20.0, 0.0, 75.0, 76.0, 1e9, f64::NAN, f64::INFINITY, -1e300];
         for (point, place) in measurement.track.points.iter_mut().zip(wild) {
             point.pixel = PixelPoint::new(place, place);
@@ -416,7 +416,7 @@ mod tests {
 
     #[test]
     fn a_faint_line_has_no_dark_joints() {
-        let mut stencil = Stencil::default();
+        let mut stencil = CoverageMask::default();
         let points: Vec<PixelPoint> = (0..10)
             .map(|i| PixelPoint::new(10.0 + 8.0 * f64::from(i), 20.0))
             .collect();

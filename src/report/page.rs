@@ -3,10 +3,10 @@
 //! One file with everything in it: no script, no font, no address. It prints on A4 and reads on a phone. Whatever comes
 //! from outside (names, reasons, messages) goes through `escape`.
 
-use super::plots::{self, Coordinate, Plot};
 use super::strobe::{self, StrobePicture};
 use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
-use super::words::{self, NO_VALUE, Written};
+use super::track_plots::{self, Coordinate, Plot};
+use super::words::{self, NO_VALUE, WrittenQuantity};
 use crate::impact::{Bounce, Preferred, Readings, XSource};
 use crate::pipeline::{Measurement, Outcome, View, Warning};
 use crate::quantity::Quantity;
@@ -23,7 +23,7 @@ const BOUNCES_A_TABLE: usize = 3;
 pub enum PageError {
     /// A plot failed.
     #[error(transparent)]
-    Plot(#[from] plots::PlotError),
+    Plot(#[from] track_plots::PlotError),
     /// The picture failed.
     #[error(transparent)]
     Strobe(#[from] strobe::StrobeError),
@@ -35,8 +35,8 @@ pub enum PageError {
 /// See [`PageError`].
 pub fn report_html(measurement: &Measurement) -> Result<String, PageError> {
     let picture = strobe::strobe_picture(measurement)?;
-    let along = plots::coordinate_plot(measurement, Coordinate::Along)?;
-    let up = plots::coordinate_plot(measurement, Coordinate::Up)?;
+    let along = track_plots::coordinate_plot(measurement, Coordinate::Along)?;
+    let up = track_plots::coordinate_plot(measurement, Coordinate::Up)?;
     let name = escape(&words::file_name(measurement));
     let mut page = String::new();
     let _ = write!(
@@ -224,7 +224,7 @@ fn top_tiles(measurement: &Measurement) -> Vec<Tile> {
 fn tile(page: &mut String, name: &str, symbol: &str, quantity: Option<Quantity>, unit: &str) {
     let (value, uncertainty) = match words::written(quantity) {
         None => (NO_VALUE.to_owned(), "not measured".to_owned()),
-        Some(Written {
+        Some(WrittenQuantity {
             value,
             uncertainty,
             power,
@@ -455,7 +455,7 @@ fn bounce_row(page: &mut String, row: &BounceRow, bounces: &[Bounce]) {
         let quantity = (row.quantity)(bounce);
         let _ = match words::written(quantity) {
             None => write!(page, "<td class=\"v\">{NO_VALUE}</td><td class=\"u\"></td>"),
-            Some(Written {
+            Some(WrittenQuantity {
                 value,
                 uncertainty,
                 power: None,
@@ -549,7 +549,7 @@ fn fact(page: &mut String, name: &str, content: &str) {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     /// Every tag is closed in order; a page that is cut off or interleaved fails.
     pub(in crate::report) fn assert_well_formed(page: &str) {
@@ -582,13 +582,13 @@ pub(super) mod tests {
     #[test]
     fn every_kind_of_measurement_gives_a_whole_page() {
         for measurement in [
-            fake::two_bounces(),
-            fake::leftward(),
-            fake::vertical_drop(),
-            fake::rejected(),
-            fake::nothing_seen(),
-            fake::no_scale(),
-            fake::top_view(),
+            test_measurements::two_bounces(),
+            test_measurements::leftward(),
+            test_measurements::vertical_drop(),
+            test_measurements::rejected(),
+            test_measurements::nothing_seen(),
+            test_measurements::no_scale(),
+            test_measurements::top_view(),
         ] {
             let page = report_html(&measurement).unwrap();
             assert_well_formed(&page);
@@ -600,7 +600,7 @@ pub(super) mod tests {
 
     #[test]
     fn it_needs_nothing_from_outside_and_no_script() {
-        let page = report_html(&fake::two_bounces()).unwrap();
+        let page = report_html(&test_measurements::two_bounces()).unwrap();
         for forbidden in ["<script", "src=\"http", "href=\"http", "url(", "@import"] {
             assert!(!page.contains(forbidden), "{forbidden}");
         }
@@ -608,7 +608,7 @@ pub(super) mod tests {
 
     #[test]
     fn what_comes_from_outside_is_escaped() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         measurement.video.path = "a/<script>alert('1')</script>\u{7}&\".mp4".into();
         measurement.track.method = "<b>circle</b>".to_owned();
         measurement.track.points[0].use_ =
@@ -620,7 +620,7 @@ pub(super) mod tests {
             assert!(!page.contains(forbidden), "{forbidden}");
         }
         assert!(page.contains("set &quot;frame_rate_hz&quot; &lt;now&gt;"));
-        let mut rejected = fake::rejected();
+        let mut rejected = test_measurements::rejected();
         rejected.outcome = Outcome::Rejected {
             reason: "<i>no</i>".to_owned(),
         };
@@ -629,7 +629,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_numbers_stand_with_their_uncertainties() {
-        let page = report_html(&fake::two_bounces()).unwrap();
+        let page = report_html(&test_measurements::two_bounces()).unwrap();
         for expected in [
             "0.7804",
             "± 0.0013",
@@ -649,12 +649,12 @@ pub(super) mod tests {
 
     #[test]
     fn a_rejected_recording_says_why_and_shows_no_numbers() {
-        let page = report_html(&fake::rejected()).unwrap();
+        let page = report_html(&test_measurements::rejected()).unwrap();
         assert!(page.contains("Not measured") && page.contains("no free flight"));
         assert!(!page.contains("The first bounce") && !page.contains("class=\"strobe\""));
         // Not even where some were found on the way.
-        let mut doubtful = fake::two_bounces();
-        doubtful.outcome = fake::rejected().outcome;
+        let mut doubtful = test_measurements::two_bounces();
+        doubtful.outcome = test_measurements::rejected().outcome;
         let page = report_html(&doubtful).unwrap();
         assert!(page.contains("Not measured") && !page.contains("0.7804"));
     }
@@ -671,13 +671,13 @@ pub(super) mod tests {
     fn show_pages() {
         let dir = std::path::PathBuf::from(std::env::var("TRACK_PAGES").unwrap());
         for (name, measurement) in [
-            ("two", fake::two_bounces()),
-            ("left", fake::leftward()),
-            ("drop", fake::vertical_drop()),
-            ("rejected", fake::rejected()),
-            ("nothing", fake::nothing_seen()),
-            ("noscale", fake::no_scale()),
-            ("top", fake::top_view()),
+            ("two", test_measurements::two_bounces()),
+            ("left", test_measurements::leftward()),
+            ("drop", test_measurements::vertical_drop()),
+            ("rejected", test_measurements::rejected()),
+            ("nothing", test_measurements::nothing_seen()),
+            ("noscale", test_measurements::no_scale()),
+            ("top", test_measurements::top_view()),
         ] {
             std::fs::write(
                 dir.join(format!("{name}.html")),

@@ -1,7 +1,7 @@
 //! The paper's figures from a series: which points and curves each holds.
 
-use super::chart::{Chart, Dot, Marker, Stroke};
-use super::plots::span;
+use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
+use super::track_plots::span;
 use crate::quantity::{commonest, median};
 use crate::rebound::SOLID_SPHERE;
 use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
@@ -16,7 +16,7 @@ const STEPS: usize = 240;
 
 /// Which figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Figure {
+pub(super) enum SeriesFigure {
     /// tan φ against tan θ.
     Angles,
     /// x / x_o against x_o.
@@ -27,7 +27,7 @@ pub(super) enum Figure {
     Regimes,
 }
 
-impl Figure {
+impl SeriesFigure {
     pub const ALL: [Self; 4] = [Self::Angles, Self::Distances, Self::Spin, Self::Regimes];
 
     fn labels(self) -> (&'static str, &'static str) {
@@ -73,7 +73,7 @@ impl Figure {
 }
 
 /// A row to be drawn.
-struct Drawn {
+struct DrawnRow {
     coordinates: Coordinates,
     /// `None` where it is not in the fit.
     regime: Option<RowRegime>,
@@ -81,9 +81,9 @@ struct Drawn {
 }
 
 /// What is drawn of a group.
-pub(super) struct Drawing<'a> {
+pub(super) struct GroupDrawing<'a> {
     group: &'a GroupFit,
-    rows: Vec<Drawn>,
+    rows: Vec<DrawnRow>,
     /// Of the curves: the one that most rows have, and the rows' own medians.
     spin_ratio: f64,
     inertia_factor: f64,
@@ -93,7 +93,7 @@ pub(super) struct Drawing<'a> {
     pub every: usize,
 }
 
-impl<'a> Drawing<'a> {
+impl<'a> GroupDrawing<'a> {
     pub fn new(series: &Series, group: &'a GroupFit) -> Self {
         let shown = group.shown();
         let restitution = shown.map_or(f64::NAN, |fit| fit.curve.restitution());
@@ -104,14 +104,14 @@ impl<'a> Drawing<'a> {
             Some((c, row.inertia_factor()))
         };
         let every = group.row_indices.len().div_ceil(MOST_ROWS).max(1);
-        let mut rows: Vec<Drawn> = group
+        let mut rows: Vec<DrawnRow> = group
             .row_indices
             .iter()
             .enumerate()
             .step_by(every)
             .filter_map(|(place, &index)| {
                 let (coordinates, inertia_factor) = coordinates(index)?;
-                Some(Drawn {
+                Some(DrawnRow {
                     coordinates,
                     regime: shown.and_then(|fit| fit.rows.get(place)).map(|row| row.regime),
                     inertia_factor,
@@ -126,13 +126,13 @@ impl<'a> Drawing<'a> {
             .filter(|(_, row)| row.group == group.name && aside.contains(&row.number));
         rows.extend(out.take(MOST_ROWS).filter_map(|(index, _)| {
             let (coordinates, inertia_factor) = coordinates(index)?;
-            Some(Drawn {
+            Some(DrawnRow {
                 coordinates,
                 regime: None,
                 inertia_factor,
             })
         }));
-        let middle = |of: &dyn Fn(&Drawn) -> Option<f64>| {
+        let middle = |of: &dyn Fn(&DrawnRow) -> Option<f64>| {
             median(
                 &mut rows
                     .iter()
@@ -168,10 +168,10 @@ impl<'a> Drawing<'a> {
     }
 
     /// The figure; `None` where the rows hold no such numbers.
-    pub fn figure(&self, figure: Figure) -> Option<Chart> {
+    pub fn figure(&self, figure: SeriesFigure) -> Option<Chart> {
         let shown = self.group.shown()?;
-        let dots: Vec<Dot> = self.rows.iter().filter_map(|row| dot(figure, row)).collect();
-        let used = || dots.iter().filter(|dot| dot.marker != Marker::Cross);
+        let dots: Vec<PlotPoint> = self.rows.iter().filter_map(|row| dot(figure, row)).collect();
+        let used = || dots.iter().filter(|dot| dot.marker != PointMarker::Cross);
         used().next()?;
         let (x_label, y_label) = figure.labels();
         let x = axis(used().map(|d| (d.x, d.x_std)), figure)?;
@@ -185,25 +185,25 @@ impl<'a> Drawing<'a> {
                     .map(|line| (fit.name, line))
             })
             .collect();
-        let y = if figure == Figure::Regimes {
+        let y = if figure == SeriesFigure::Regimes {
             regime_axis(used().map(|d| d.y))
         } else {
             span(used().map(|d| d.y), 0.12)?
         };
         let residuals = match figure {
-            Figure::Regimes => Vec::new(),
+            SeriesFigure::Regimes => Vec::new(),
             _ => self
                 .rows
                 .iter()
                 .filter_map(|row| self.residual(figure, row, shown))
                 .collect(),
         };
-        let mut curves: Vec<(Stroke, Vec<(f64, f64)>)> = curves
+        let mut curves: Vec<(LineStyle, Vec<(f64, f64)>)> = curves
             .into_iter()
             .map(|(name, line)| (stroke(name), line))
             .collect();
         // The broad one lies below.
-        curves.sort_by_key(|(stroke, _)| *stroke != Stroke::Broad);
+        curves.sort_by_key(|(stroke, _)| *stroke != LineStyle::Broad);
         Some(Chart {
             name: format!("{y_label} against {x_label}, group {}", self.group.name),
             x_label: x_label.to_owned(),
@@ -219,14 +219,14 @@ impl<'a> Drawing<'a> {
     }
 
     /// The curve of a model, in pieces where it jumps.
-    fn curve(&self, figure: Figure, fit: &ModelFit, x: &std::ops::Range<f64>) -> Vec<Vec<(f64, f64)>> {
-        if figure == Figure::Regimes {
+    fn curve(&self, figure: SeriesFigure, fit: &ModelFit, x: &std::ops::Range<f64>) -> Vec<Vec<(f64, f64)>> {
+        if figure == SeriesFigure::Regimes {
             return self.border(&fit.curve);
         }
         let at = |abscissa: f64| -> Option<(f64, f64)> {
             let tangent = match figure {
-                Figure::Angles => abscissa,
-                Figure::Distances => self.reach_m? / abscissa,
+                SeriesFigure::Angles => abscissa,
+                SeriesFigure::Distances => self.reach_m? / abscissa,
                 _ => abscissa.to_radians().tan(),
             };
             let p = fit.curve.predict(tangent, self.spin_ratio, self.inertia_factor)?;
@@ -258,16 +258,16 @@ impl<'a> Drawing<'a> {
     }
 
     /// Abscissa at which sliding begins.
-    fn transition(&self, figure: Figure, fit: &ModelFit) -> Option<f64> {
+    fn transition(&self, figure: SeriesFigure, fit: &ModelFit) -> Option<f64> {
         let angle = fit.curve.transition_rad(self.spin_ratio, self.inertia_factor)?;
         if !(angle > 0.0 && angle < FRAC_PI_2) {
             return None;
         }
         match figure {
-            Figure::Angles => Some(angle.tan()),
-            Figure::Distances => Some(self.reach_m? / angle.tan()),
-            Figure::Spin => Some(angle.to_degrees()),
-            Figure::Regimes => None,
+            SeriesFigure::Angles => Some(angle.tan()),
+            SeriesFigure::Distances => Some(self.reach_m? / angle.tan()),
+            SeriesFigure::Spin => Some(angle.to_degrees()),
+            SeriesFigure::Regimes => None,
         }
     }
 
@@ -280,43 +280,46 @@ impl<'a> Drawing<'a> {
         if line.is_empty() { Vec::new() } else { vec![line] }
     }
 
-    fn residual(&self, figure: Figure, row: &Drawn, fit: &ModelFit) -> Option<Dot> {
+    fn residual(&self, figure: SeriesFigure, row: &DrawnRow, fit: &ModelFit) -> Option<PlotPoint> {
         let place = dot(figure, row)?;
         let spin = row.coordinates.spin_ratio.map_or(self.spin_ratio, |m| m.value);
         let tangent = row.coordinates.incident_tangent.value;
         let p = fit.curve.predict(tangent, spin, row.inertia_factor)?;
-        Some(Dot {
+        Some(PlotPoint {
             y: place.y - figure.predicted(&p)?,
             ..place
         })
     }
 }
 
-fn dot(figure: Figure, row: &Drawn) -> Option<Dot> {
+fn dot(figure: SeriesFigure, row: &DrawnRow) -> Option<PlotPoint> {
     let (x, y) = figure.place(&row.coordinates)?;
-    Some(Dot {
+    Some(PlotPoint {
         x: x.value,
         y: y.value,
         x_std: x.std,
         y_std: y.std,
         marker: match row.regime {
-            Some(RowRegime::Sliding) => Marker::Disc,
-            Some(RowRegime::Gripping) => Marker::Ring,
-            None => Marker::Cross,
+            Some(RowRegime::Sliding) => PointMarker::Disc,
+            Some(RowRegime::Gripping) => PointMarker::Ring,
+            None => PointMarker::Cross,
         },
     })
 }
 
-fn stroke(name: ModelName) -> Stroke {
+fn stroke(name: ModelName) -> LineStyle {
     match name {
-        ModelName::MuE => Stroke::Solid,
-        ModelName::EE => Stroke::Dashed,
-        ModelName::GripSlide => Stroke::Broad,
+        ModelName::MuE => LineStyle::Solid,
+        ModelName::EE => LineStyle::Dashed,
+        ModelName::GripSlide => LineStyle::Broad,
     }
 }
 
 /// From zero, where the paper's axes begin, unless the points lie on the other side of it.
-fn axis(points: impl Iterator<Item = (f64, Option<f64>)>, figure: Figure) -> Option<std::ops::Range<f64>> {
+fn axis(
+    points: impl Iterator<Item = (f64, Option<f64>)>,
+    figure: SeriesFigure,
+) -> Option<std::ops::Range<f64>> {
     let mut least = f64::INFINITY;
     let ends = points.flat_map(|(x, std)| {
         least = least.min(x);
@@ -326,8 +329,8 @@ fn axis(points: impl Iterator<Item = (f64, Option<f64>)>, figure: Figure) -> Opt
     let range = span(ends, 0.06)?;
     let start = if least >= 0.0 { 0.0 } else { range.start.max(-90.0) };
     let end = match figure {
-        Figure::Spin => range.end.min(90.0),
-        Figure::Regimes => 90.0,
+        SeriesFigure::Spin => range.end.min(90.0),
+        SeriesFigure::Regimes => 90.0,
         _ => range.end,
     };
     Some(start..end.max(start + 1e-9))
@@ -340,12 +343,12 @@ fn regime_axis(spins: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 fn regime_words(
-    figure: Figure,
-    curves: &[(Stroke, Vec<(f64, f64)>)],
+    figure: SeriesFigure,
+    curves: &[(LineStyle, Vec<(f64, f64)>)],
     x: &std::ops::Range<f64>,
     y: &std::ops::Range<f64>,
 ) -> Vec<(f64, f64, String)> {
-    if figure != Figure::Regimes || curves.is_empty() {
+    if figure != SeriesFigure::Regimes || curves.is_empty() {
         return Vec::new();
     }
     let across = |share: f64| x.start + share * (x.end - x.start);
@@ -358,11 +361,11 @@ fn regime_words(
 }
 
 /// All groups in one figure, as the paper's Fig. 4: a marker for each, and the curve of its model.
-pub(super) fn overview(drawings: &[Drawing<'_>], figure: Figure) -> Option<Chart> {
+pub(super) fn overview(drawings: &[GroupDrawing<'_>], figure: SeriesFigure) -> Option<Chart> {
     let mut dots = Vec::new();
     for (i, drawing) in drawings.iter().enumerate() {
         let used = drawing.rows.iter().filter(|row| row.regime.is_some());
-        dots.extend(used.filter_map(|row| dot(figure, row)).map(|d| Dot {
+        dots.extend(used.filter_map(|row| dot(figure, row)).map(|d| PlotPoint {
             marker: group_marker(i),
             ..d
         }));
@@ -373,7 +376,7 @@ pub(super) fn overview(drawings: &[Drawing<'_>], figure: Figure) -> Option<Chart
         .iter()
         .filter_map(|d| Some((d, d.group.shown()?)))
         .flat_map(|(d, fit)| d.curve(figure, fit, &x))
-        .map(|line| (Stroke::Solid, line))
+        .map(|line| (LineStyle::Solid, line))
         .collect();
     let (x_label, y_label) = figure.labels();
     Some(Chart {
@@ -391,14 +394,14 @@ pub(super) fn overview(drawings: &[Drawing<'_>], figure: Figure) -> Option<Chart
 }
 
 /// The marker of a group in the overview.
-pub(super) fn group_marker(index: usize) -> Marker {
-    const MARKERS: [Marker; 6] = [
-        Marker::Disc,
-        Marker::Ring,
-        Marker::Triangle,
-        Marker::Square,
-        Marker::OpenTriangle,
-        Marker::Block,
+pub(super) fn group_marker(index: usize) -> PointMarker {
+    const MARKERS: [PointMarker; 6] = [
+        PointMarker::Disc,
+        PointMarker::Ring,
+        PointMarker::Triangle,
+        PointMarker::Square,
+        PointMarker::OpenTriangle,
+        PointMarker::Block,
     ];
     MARKERS[index % MARKERS.len()]
 }

@@ -5,12 +5,12 @@
 //! recording's page where there is one. One file, no script, no address outside; it prints in grey.
 
 use super::page::{self, PageError, escape, symbol_html};
-use super::plots::PlotError;
-use super::series_figures::{self, Drawing, Figure, group_marker};
+use super::series_figures::{self, GroupDrawing, SeriesFigure, group_marker};
 use super::series_rows::{rows_table, to_copy};
 use super::series_table::{self, missing, model_rows, preferred};
+use super::track_plots::PlotError;
 use super::words::{counted, format_quantity};
-use super::{chart::Marker, chart::Stroke};
+use super::{chart::LineStyle, chart::PointMarker};
 use crate::rebound::fit::{GroupFit, ModelFit, Note, Parameter, Preferred, Series, SeriesFit};
 use std::fmt::Write as _;
 
@@ -49,10 +49,10 @@ pub(super) fn sections(page: &mut String, series: &Series, fit: &SeriesFit) -> R
         };
         notes(page, &group.notes, &prefix);
     }
-    let drawings: Vec<Drawing<'_>> = fit
+    let drawings: Vec<GroupDrawing<'_>> = fit
         .groups
         .iter()
-        .map(|group| Drawing::new(series, group))
+        .map(|group| GroupDrawing::new(series, group))
         .collect();
     if fit.groups.len() > 1 {
         overview(page, fit, &drawings)?;
@@ -110,7 +110,7 @@ fn notes(page: &mut String, notes: &[Note], prefix: &str) {
     }
 }
 
-fn overview(page: &mut String, fit: &SeriesFit, drawings: &[Drawing<'_>]) -> Result<(), PageError> {
+fn overview(page: &mut String, fit: &SeriesFit, drawings: &[GroupDrawing<'_>]) -> Result<(), PageError> {
     page.push_str(
         "<section>\n<h2>All groups</h2>\n<div class=\"scroll\"><table class=\"bounces\">\n<thead><tr>",
     );
@@ -138,7 +138,7 @@ fn overview(page: &mut String, fit: &SeriesFit, drawings: &[Drawing<'_>]) -> Res
         );
     }
     page.push_str("</tbody></table></div>\n");
-    for figure in [Figure::Angles, Figure::Distances, Figure::Spin] {
+    for figure in [SeriesFigure::Angles, SeriesFigure::Distances, SeriesFigure::Spin] {
         if let Some(chart) = series_figures::overview(drawings, figure) {
             let _ = writeln!(
                 page,
@@ -165,7 +165,7 @@ fn group_section(
     series: &Series,
     fit: &SeriesFit,
     group: &GroupFit,
-    drawing: &Drawing<'_>,
+    drawing: &GroupDrawing<'_>,
 ) -> Result<(), PageError> {
     let title = if fit.groups.len() > 1 {
         format!("Group {}", escape(&group.name))
@@ -291,8 +291,8 @@ fn models_table(page: &mut String, group: &GroupFit) {
     }
 }
 
-fn figures(page: &mut String, drawing: &Drawing<'_>) -> Result<(), PlotError> {
-    for figure in Figure::ALL {
+fn figures(page: &mut String, drawing: &GroupDrawing<'_>) -> Result<(), PlotError> {
+    for figure in SeriesFigure::ALL {
         let Some(chart) = drawing.figure(figure) else {
             continue;
         };
@@ -307,32 +307,32 @@ fn figures(page: &mut String, drawing: &Drawing<'_>) -> Result<(), PlotError> {
     Ok(())
 }
 
-fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -> String {
+fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDrawing<'_>) -> String {
     let mut parts = Vec::new();
-    let has = |marker: Marker| chart.dots.iter().any(|dot| dot.marker == marker);
+    let has = |marker: PointMarker| chart.dots.iter().any(|dot| dot.marker == marker);
     for (marker, words) in [
-        (Marker::Disc, "slides"),
-        (Marker::Ring, "grips, or leaves rolling"),
-        (Marker::Cross, "set aside"),
+        (PointMarker::Disc, "slides"),
+        (PointMarker::Ring, "grips, or leaves rolling"),
+        (PointMarker::Cross, "set aside"),
     ] {
         if has(marker) {
             parts.push(format!("{} {words}", marker_key(marker)));
         }
     }
     for (stroke, words) in [
-        (Stroke::Solid, "μ-e"),
-        (Stroke::Dashed, "e-e"),
-        (Stroke::Broad, "grip-slide"),
+        (LineStyle::Solid, "μ-e"),
+        (LineStyle::Dashed, "e-e"),
+        (LineStyle::Broad, "grip-slide"),
     ] {
         if chart.curves.iter().any(|(s, _)| *s == stroke) {
             parts.push(format!("{} {words}", stroke_key(stroke)));
         }
     }
     if !chart.transitions.is_empty() {
-        parts.push(format!("{} sliding begins", stroke_key(Stroke::Fine)));
+        parts.push(format!("{} sliding begins", stroke_key(LineStyle::Fine)));
     }
     let mut text = parts.join(" &nbsp; ");
-    if figure == Figure::Regimes {
+    if figure == SeriesFigure::Regimes {
         text.push_str("<br>Lines: where sliding begins, by the models that slide. A ball that rolls already (1) never slides.");
     } else {
         text.push_str(
@@ -349,30 +349,32 @@ fn caption(figure: Figure, chart: &super::chart::Chart, drawing: &Drawing<'_>) -
 }
 
 /// A marker for a legend.
-fn marker_key(marker: Marker) -> String {
+fn marker_key(marker: PointMarker) -> String {
     let shape = match marker {
-        Marker::Disc => "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#222\"/>",
-        Marker::Ring => {
+        PointMarker::Disc => "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#222\"/>",
+        PointMarker::Ring => {
             "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.6\"/>"
         }
-        Marker::Triangle => "<path d=\"M8 3 13 13H3Z\" fill=\"#222\"/>",
-        Marker::OpenTriangle => {
+        PointMarker::Triangle => "<path d=\"M8 3 13 13H3Z\" fill=\"#222\"/>",
+        PointMarker::OpenTriangle => {
             "<path d=\"M8 3 13 13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>"
         }
-        Marker::Block => "<path d=\"M3 3H13V13H3Z\" fill=\"#222\"/>",
-        Marker::Square => "<path d=\"M3 3H13V13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>",
-        Marker::Cross => "<path d=\"M3 3 13 13M13 3 3 13\" stroke=\"#777\" stroke-width=\"1.8\"/>",
+        PointMarker::Block => "<path d=\"M3 3H13V13H3Z\" fill=\"#222\"/>",
+        PointMarker::Square => {
+            "<path d=\"M3 3H13V13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>"
+        }
+        PointMarker::Cross => "<path d=\"M3 3 13 13M13 3 3 13\" stroke=\"#777\" stroke-width=\"1.8\"/>",
     };
     format!("<svg class=\"key\" viewBox=\"0 0 16 16\" aria-hidden=\"true\">{shape}</svg>")
 }
 
 /// A line for a legend.
-fn stroke_key(stroke: Stroke) -> String {
+fn stroke_key(stroke: LineStyle) -> String {
     let style = match stroke {
-        Stroke::Solid => "stroke=\"#2660b0\" stroke-width=\"1.6\"",
-        Stroke::Dashed => "stroke=\"#222\" stroke-width=\"1.6\" stroke-dasharray=\"9 5\"",
-        Stroke::Broad => "stroke=\"#bababa\" stroke-width=\"5\"",
-        Stroke::Fine => "stroke=\"#9c1c1c\" stroke-width=\"1.4\" stroke-dasharray=\"2 4\"",
+        LineStyle::Solid => "stroke=\"#2660b0\" stroke-width=\"1.6\"",
+        LineStyle::Dashed => "stroke=\"#222\" stroke-width=\"1.6\" stroke-dasharray=\"9 5\"",
+        LineStyle::Broad => "stroke=\"#bababa\" stroke-width=\"5\"",
+        LineStyle::Fine => "stroke=\"#9c1c1c\" stroke-width=\"1.4\" stroke-dasharray=\"2 4\"",
     };
     format!(
         "<svg class=\"key line\" viewBox=\"0 0 34 16\" aria-hidden=\"true\"><path d=\"M1 8H33\" fill=\"none\" {style}/></svg>"

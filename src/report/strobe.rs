@@ -3,8 +3,8 @@
 //!
 //! The photograph is an embedded JPEG; lines and labels are vectors over it and stay sharp at any size.
 
-use super::photograph;
-use super::places::{self, ImpactMark};
+use super::drawing_geometry::{self, ImpactMark};
+use super::jpeg;
 use super::words;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
@@ -75,10 +75,10 @@ pub fn strobe_picture(measurement: &Measurement) -> Result<Option<StrobePicture>
             found: data.len(),
         });
     }
-    let impacts = places::impacts(measurement);
+    let impacts = drawing_geometry::impacts(measurement);
     let choice = choose(&flashes(measurement, strobe), &impacts);
     let photograph = composite(strobe, &choice.balls);
-    let jpeg = photograph::jpeg(&photograph, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
+    let jpeg = jpeg::jpeg(&photograph, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
     Ok(Some(StrobePicture {
         svg: svg(measurement, &jpeg, &impacts),
         shown: choice.balls.len(),
@@ -132,7 +132,7 @@ fn flashes(measurement: &Measurement, strobe: &Strobe) -> Vec<Flash> {
 }
 
 /// Which balls are shown.
-struct Choice {
+struct ChosenBalls {
     /// Indices into [`Strobe::balls`], in time order.
     balls: Vec<usize>,
     interval_s: Option<f64>,
@@ -140,7 +140,7 @@ struct Choice {
 
 /// The time between two flashes.
 #[derive(Debug, Clone, Copy)]
-struct Interval {
+struct FlashInterval {
     flash_s: f64,
     frame_s: f64,
 }
@@ -148,7 +148,7 @@ struct Interval {
 /// Balls at even intervals, counted from the first impact: first those nearest the impacts, which always stay, then
 /// each whose disc is clear of the shown ones just before and after it, and of the path of earlier arcs: of a ball that
 /// falls and rises along one line the first fall is shown, with its even flashes, and not a mixture.
-fn choose(flashes: &[Flash], impacts: &[ImpactMark]) -> Choice {
+fn choose(flashes: &[Flash], impacts: &[ImpactMark]) -> ChosenBalls {
     let interval = interval(flashes);
     let mut shown: Vec<usize> = impacts
         .iter()
@@ -176,7 +176,7 @@ fn choose(flashes: &[Flash], impacts: &[ImpactMark]) -> Choice {
             shown.insert(place, candidate);
         }
     }
-    Choice {
+    ChosenBalls {
         balls: shown.iter().map(|&index| flashes[index].ball).collect(),
         interval_s: interval.map(|interval| interval.flash_s),
     }
@@ -184,14 +184,14 @@ fn choose(flashes: &[Flash], impacts: &[ImpactMark]) -> Choice {
 
 /// The time in which the ball moves by 2.2 radii of its disc (so that most discs stand clear of each other) at a speed that
 /// [`SLOW_SHARE`] of the flight stays below: a whole number of frames, as any other would look uneven.
-fn interval(flashes: &[Flash]) -> Option<Interval> {
+fn interval(flashes: &[Flash]) -> Option<FlashInterval> {
     let pairs = || flashes.windows(2).filter(|pair| pair[0].arc == pair[1].arc);
     let frame_s = quantile(pairs().map(|pair| pair[1].time_s - pair[0].time_s), 0.5)?;
     let discs_a_second = pairs().map(|pair| {
         pair[0].centre.distance_px(pair[1].centre) / pair[0].disc_px / (pair[1].time_s - pair[0].time_s)
     });
     let wanted_s = 2.2 / quantile(discs_a_second, SLOW_SHARE)?;
-    Some(Interval {
+    Some(FlashInterval {
         flash_s: (wanted_s / frame_s).round().max(1.0) * frame_s,
         frame_s,
     })
@@ -206,8 +206,8 @@ fn quantile(values: impl Iterator<Item = f64>, share: f64) -> Option<f64> {
 
 /// The flashes nearest to even instants before and after `start_s`, in time order; all of them without an interval. Where
 /// a frame is missing its neighbour stands in; where more are, there is a gap.
-fn ticks(flashes: &[Flash], start_s: f64, interval: Option<Interval>) -> Vec<usize> {
-    let Some(Interval { flash_s, frame_s }) = interval else {
+fn ticks(flashes: &[Flash], start_s: f64, interval: Option<FlashInterval>) -> Vec<usize> {
+    let Some(FlashInterval { flash_s, frame_s }) = interval else {
         return (0..flashes.len()).collect();
     };
     let mut chosen: Vec<(i64, f64, usize)> = Vec::new();
@@ -289,7 +289,7 @@ fn svg(measurement: &Measurement, jpeg: &[u8], impacts: &[ImpactMark]) -> String
     for (centre, label) in impact_labels(impacts, 22.0 * unit) {
         draw_impact(&mut text, centre, &label, radius_px, unit, height);
     }
-    if let Some(scale) = places::uniform_scale(&measurement.arcs) {
+    if let Some(scale) = drawing_geometry::uniform_scale(&measurement.arcs) {
         draw_scale_bar(&mut text, scale, unit, (width, height));
     }
     text.push_str("</svg>\n");
@@ -369,7 +369,7 @@ fn draw_impact(text: &mut String, centre: PixelPoint, label: &str, radius_px: f6
 
 /// A round length at the top left, where a ball that bounces on the floor seldom is.
 fn draw_scale_bar(text: &mut String, metres_per_pixel: f64, unit: f64, (width, height): (f64, f64)) {
-    let length_m = places::round_below(0.25 * width * metres_per_pixel);
+    let length_m = drawing_geometry::round_below(0.25 * width * metres_per_pixel);
     let length_px = length_m / metres_per_pixel;
     let (left, top) = (14.0 * unit, 30.0 * unit);
     if top > 0.5 * height {
@@ -404,11 +404,11 @@ fn draw_scale_bar(text: &mut String, metres_per_pixel: f64, unit: f64, (width, h
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     fn chosen(measurement: &Measurement) -> Vec<Flash> {
         let all = flashes(measurement, measurement.strobe.as_ref().unwrap());
-        let choice = choose(&all, &places::impacts(measurement));
+        let choice = choose(&all, &drawing_geometry::impacts(measurement));
         choice
             .balls
             .iter()
@@ -418,10 +418,14 @@ mod tests {
 
     #[test]
     fn successive_discs_stay_apart_and_those_at_the_impacts_are_shown() {
-        for measurement in [fake::two_bounces(), fake::leftward(), fake::vertical_drop()] {
+        for measurement in [
+            test_measurements::two_bounces(),
+            test_measurements::leftward(),
+            test_measurements::vertical_drop(),
+        ] {
             let shown = chosen(&measurement);
             assert!((6..60).contains(&shown.len()), "{}", shown.len());
-            let marks = places::impacts(&measurement);
+            let marks = drawing_geometry::impacts(&measurement);
             for pair in shown.windows(2) {
                 assert!(pair[0].time_s < pair[1].time_s);
                 // Of a vertical drop all impacts are in one place, and all stay.
@@ -439,13 +443,13 @@ mod tests {
     #[test]
     fn impacts_in_one_place_share_a_mark() {
         let labels = |m: &Measurement| -> Vec<String> {
-            impact_labels(&places::impacts(m), 22.0)
+            impact_labels(&drawing_geometry::impacts(m), 22.0)
                 .into_iter()
                 .map(|(_, label)| label)
                 .collect()
         };
-        assert_eq!(labels(&fake::two_bounces()), ["1", "2"]);
-        let mut drop = fake::vertical_drop();
+        assert_eq!(labels(&test_measurements::two_bounces()), ["1", "2"]);
+        let mut drop = test_measurements::vertical_drop();
         assert_eq!(labels(&drop), ["1, 2"]);
         drop.bounces.push(drop.bounces[1].clone());
         assert_eq!(labels(&drop), ["1–3"]);
@@ -453,7 +457,7 @@ mod tests {
 
     #[test]
     fn instants_are_even_where_discs_are_clear() {
-        let shown = chosen(&fake::two_bounces());
+        let shown = chosen(&test_measurements::two_bounces());
         let steps: Vec<f64> = shown.windows(2).map(|p| p[1].time_s - p[0].time_s).collect();
         let mut sorted = steps.clone();
         sorted.sort_by(f64::total_cmp);
@@ -467,7 +471,7 @@ mod tests {
 
     #[test]
     fn a_ball_is_laid_in_within_its_outline_only() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let strobe = measurement.strobe.as_ref().unwrap();
         let picture = composite(strobe, &[50]);
         let ball = &strobe.balls[50];
@@ -491,7 +495,7 @@ mod tests {
 
     #[test]
     fn a_cut_out_beyond_the_border_is_cut_off() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let mut strobe = measurement.strobe.unwrap();
         strobe.balls[0].corner_px = (-10, -12);
         strobe.balls[0].centre = PixelPoint::new(2.0, 1.0);
@@ -502,7 +506,7 @@ mod tests {
 
     #[test]
     fn the_picture_is_small_complete_and_well_formed() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let picture = strobe_picture(&measurement).unwrap().unwrap();
         assert!(picture.svg.len() < 1_000_000, "{}", picture.svg.len());
         assert_eq!(picture.svg.matches(r#"class="arc""#).count(), 3);
@@ -519,8 +523,8 @@ mod tests {
 
     #[test]
     fn without_material_there_is_no_picture_and_bad_material_is_an_error() {
-        assert_eq!(strobe_picture(&fake::rejected()).unwrap(), None);
-        let mut measurement = fake::two_bounces();
+        assert_eq!(strobe_picture(&test_measurements::rejected()).unwrap(), None);
+        let mut measurement = test_measurements::two_bounces();
         measurement.strobe.as_mut().unwrap().background.data.pop();
         assert!(matches!(
             strobe_picture(&measurement),
@@ -530,7 +534,7 @@ mod tests {
 
     #[test]
     fn without_any_ball_the_scene_is_shown_empty() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         measurement.strobe.as_mut().unwrap().balls.clear();
         let picture = strobe_picture(&measurement).unwrap().unwrap();
         assert_eq!((picture.shown, picture.interval_s), (0, None));

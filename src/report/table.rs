@@ -250,11 +250,11 @@ pub(super) fn line(text: &mut String, name: &str, content: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     #[test]
     fn every_measured_number_stands_with_its_uncertainty() {
-        let text = table(&fake::two_bounces());
+        let text = table(&test_measurements::two_bounces());
         for expected in [
             "gravity     9.806 ± 0.011 m/s²",
             "0.7804 ± 0.0013",
@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     fn columns_line_up() {
-        let text = table(&fake::two_bounces());
+        let text = table(&test_measurements::two_bounces());
         let column = |line: &str| line.char_indices().filter(|(_, c)| *c == '±').count();
         let rows: Vec<&str> = text.lines().filter(|line| column(line) == 2).collect();
         assert!(rows.len() >= 8, "{text}");
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn a_rejected_recording_prints_its_reason() {
-        for measurement in [fake::rejected(), fake::nothing_seen()] {
+        for measurement in [test_measurements::rejected(), test_measurements::nothing_seen()] {
             let text = table(&measurement);
             assert!(text.contains("REJECTED"), "{text}");
             assert!(!text.contains("gravity"), "{text}");
@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn many_bounces_are_broken_into_blocks() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         let bounce = measurement.bounces[0].clone();
         measurement.bounces = vec![bounce; 7];
         let text = table(&measurement);
@@ -308,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_top_view_shows_the_azimuth() {
-        let text = table(&fake::top_view());
+        let text = table(&test_measurements::top_view());
         assert!(text.contains("azimuth"), "{text}");
         assert!(text.contains("12.03 ± 0.23°"), "{text}");
     }

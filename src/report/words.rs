@@ -14,12 +14,12 @@ pub(super) const NO_VALUE: &str = "—";
 pub fn format_quantity(quantity: Option<Quantity>, unit: &str) -> String {
     match written(quantity) {
         None => NO_VALUE.to_owned(),
-        Some(Written {
+        Some(WrittenQuantity {
             value,
             uncertainty,
             power: None,
         }) => with_unit(format!("{value} ± {uncertainty}"), unit),
-        Some(Written {
+        Some(WrittenQuantity {
             value,
             uncertainty,
             power: Some(power),
@@ -32,7 +32,7 @@ pub fn format_quantity(quantity: Option<Quantity>, unit: &str) -> String {
 
 /// The parts of a quantity as it is written, for columns that line up at the ±.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Written {
+pub(super) struct WrittenQuantity {
     /// The value's digits.
     pub value: String,
     /// The uncertainty's digits, or "?".
@@ -42,7 +42,7 @@ pub(super) struct Written {
 }
 
 /// A value and its uncertainty as digits; `None` where there is no (finite) value.
-pub(super) fn written(quantity: Option<Quantity>) -> Option<Written> {
+pub(super) fn written(quantity: Option<Quantity>) -> Option<WrittenQuantity> {
     let Quantity {
         value,
         std_uncertainty,
@@ -60,7 +60,7 @@ pub(super) fn written(quantity: Option<Quantity>) -> Option<Written> {
         } else {
             2 - leading_digit(value.abs(), 2)
         };
-        return Some(Written {
+        return Some(WrittenQuantity {
             value: rounded(value, places),
             uncertainty: "?".to_owned(),
             power,
@@ -75,14 +75,14 @@ pub(super) fn written(quantity: Option<Quantity>) -> Option<Written> {
         };
     let places = 1 - leading_digit(std, 1);
     Some(if places <= most {
-        Written {
+        WrittenQuantity {
             value: rounded(value, places),
             uncertainty: rounded(std, places),
             power,
         }
     } else {
         let exponent = leading_digit(std, 1);
-        Written {
+        WrittenQuantity {
             value: rounded(value, most),
             uncertainty: format!("10{}", superscript(exponent)),
             power,

@@ -4,7 +4,7 @@
 //! behind them, floors are dashed lines with their names, the default setting is ringed, bars are quartiles, and what
 //! failed is a cross at the edge.
 
-use super::plots::{ARC, FINE, GRID, IMPACT, INK, PlotError};
+use super::track_plots::{ARC, FINE, GRID, IMPACT, INK, PlotError};
 use super::words::superscript;
 use crate::cost::{Diagram, Run};
 use plotters::coord::Shift;
@@ -30,7 +30,7 @@ const DOTTED: u32 = 15;
 const FLOOR_LINE: u32 = 11;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
+type LogPanel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
 
 /// A logarithmic axis; values are decimal logarithms.
 struct LogAxis {
@@ -184,7 +184,7 @@ fn draw(area: &Area<'_>, diagram: &Diagram, runs: &[Run], caption: &str) -> Resu
         style,
     ))?;
     let (main, legend) = below.split_horizontally((WIDTH - LEGEND_WIDTH) * FINE);
-    let Some(view) = View::of(diagram, runs) else {
+    let Some(view) = LogRanges::of(diagram, runs) else {
         let style = ("sans-serif", 15 * FINE).into_font().color(&INK);
         let at = (80 * FINE as i32, 120 * FINE as i32);
         main.draw(&Text::new("nothing was measured".to_owned(), at, style))?;
@@ -201,12 +201,12 @@ fn draw(area: &Area<'_>, diagram: &Diagram, runs: &[Run], caption: &str) -> Resu
 }
 
 /// What is seen of a diagram, in decimal logarithms.
-struct View {
+struct LogRanges {
     work: Range<f64>,
     error: Range<f64>,
 }
 
-impl View {
+impl LogRanges {
     /// Room for every point, its bars and the floors; `None` without points.
     fn of(diagram: &Diagram, runs: &[Run]) -> Option<Self> {
         let all = || diagram.curves.iter().flat_map(|c| &c.runs);
@@ -232,7 +232,7 @@ impl View {
         })
     }
 
-    fn panel<'a, 'b>(&self, area: &'a Area<'b>, diagram: &Diagram) -> Result<Panel<'a, 'b>, PlotError> {
+    fn panel<'a, 'b>(&self, area: &'a Area<'b>, diagram: &Diagram) -> Result<LogPanel<'a, 'b>, PlotError> {
         let mut chart = ChartBuilder::on(area)
             .margin_top(8 * FINE)
             .margin_right(6 * FINE)
@@ -258,7 +258,7 @@ impl View {
     /// A staircase: what can be had for a given work.
     fn draw_front(
         &self,
-        panel: &mut Panel<'_, '_>,
+        panel: &mut LogPanel<'_, '_>,
         diagram: &Diagram,
         runs: &[Run],
     ) -> Result<(), PlotError> {
@@ -282,7 +282,7 @@ impl View {
         Ok(())
     }
 
-    fn draw_floors(&self, panel: &mut Panel<'_, '_>, diagram: &Diagram) -> Result<(), PlotError> {
+    fn draw_floors(&self, panel: &mut LogPanel<'_, '_>, diagram: &Diagram) -> Result<(), PlotError> {
         let style = ("sans-serif", 15 * FINE)
             .into_font()
             .style(FontStyle::Italic)
@@ -304,28 +304,28 @@ impl View {
 
     fn draw_curve(
         &self,
-        panel: &mut Panel<'_, '_>,
+        panel: &mut LogPanel<'_, '_>,
         number: usize,
         diagram: &Diagram,
         indices: &[usize],
         runs: &[Run],
     ) -> Result<(), PlotError> {
-        let look = Look::of(number);
+        let style = CurveStyle::of(number);
         let placed: Vec<(usize, (f64, f64))> = indices
             .iter()
             .filter_map(|&i| Some((i, logarithms(runs[i].place(&diagram.error, &diagram.work)?))))
             .collect();
         let line = placed.iter().map(|(_, at)| *at);
-        panel.draw_series(LineSeries::new(line, look.ink.stroke_width(look.line)))?;
+        panel.draw_series(LineSeries::new(line, style.ink.stroke_width(style.line)))?;
         for (i, at) in placed {
             if let Some(spread) = runs[i].work(diagram.work.name)
                 && spread.q3 > spread.q1
                 && spread.q1 > 0.0
             {
                 let ends = [(spread.q1.log10(), at.1), (spread.q3.log10(), at.1)];
-                panel.draw_series([PathElement::new(ends, look.ink.stroke_width(9))])?;
+                panel.draw_series([PathElement::new(ends, style.ink.stroke_width(9))])?;
             }
-            panel.plotting_area().draw(&look.marker(at))?;
+            panel.plotting_area().draw(&style.marker(at))?;
             if runs[i].is_default {
                 panel.draw_series([Circle::new(at, 90, INK.stroke_width(12))])?;
             }
@@ -336,7 +336,7 @@ impl View {
     /// At the upper edge, above the work that it took; at the right one if that is not known.
     fn draw_failures(
         &self,
-        panel: &mut Panel<'_, '_>,
+        panel: &mut LogPanel<'_, '_>,
         diagram: &Diagram,
         runs: &[Run],
     ) -> Result<(), PlotError> {
@@ -383,8 +383,8 @@ fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Range<f64>> {
 
 /// How a curve looks.
 #[derive(Clone, Copy)]
-struct Look {
-    shape: Shape,
+struct CurveStyle {
+    shape: MarkerShape,
     filled: bool,
     /// Width of the line, and so its dashes.
     line: u32,
@@ -392,7 +392,7 @@ struct Look {
 }
 
 #[derive(Clone, Copy)]
-enum Shape {
+enum MarkerShape {
     Disc,
     Triangle,
     Square,
@@ -400,15 +400,15 @@ enum Shape {
     Flipped,
 }
 
-impl Look {
+impl CurveStyle {
     /// Of the curve with this number: shape, filling and dashes differ, ink only helps.
     fn of(number: usize) -> Self {
-        const SHAPES: [Shape; 5] = [
-            Shape::Disc,
-            Shape::Triangle,
-            Shape::Square,
-            Shape::Diamond,
-            Shape::Flipped,
+        const SHAPES: [MarkerShape; 5] = [
+            MarkerShape::Disc,
+            MarkerShape::Triangle,
+            MarkerShape::Square,
+            MarkerShape::Diamond,
+            MarkerShape::Flipped,
         ];
         Self {
             shape: SHAPES[number % 5],
@@ -438,16 +438,16 @@ impl Look {
     /// Around the place of the point, in units of the drawing; none for a circle.
     fn outline(self) -> Vec<(i32, i32)> {
         match self.shape {
-            Shape::Disc => Vec::new(),
-            Shape::Triangle => vec![(0, -SIZE), (SIZE, SIZE * 4 / 5), (-SIZE, SIZE * 4 / 5)],
-            Shape::Flipped => vec![(0, SIZE), (SIZE, -SIZE * 4 / 5), (-SIZE, -SIZE * 4 / 5)],
-            Shape::Square => vec![
+            MarkerShape::Disc => Vec::new(),
+            MarkerShape::Triangle => vec![(0, -SIZE), (SIZE, SIZE * 4 / 5), (-SIZE, SIZE * 4 / 5)],
+            MarkerShape::Flipped => vec![(0, SIZE), (SIZE, -SIZE * 4 / 5), (-SIZE, -SIZE * 4 / 5)],
+            MarkerShape::Square => vec![
                 (-SIZE * 4 / 5, -SIZE * 4 / 5),
                 (SIZE * 4 / 5, -SIZE * 4 / 5),
                 (SIZE * 4 / 5, SIZE * 4 / 5),
                 (-SIZE * 4 / 5, SIZE * 4 / 5),
             ],
-            Shape::Diamond => vec![(0, -SIZE * 5 / 4), (SIZE, 0), (0, SIZE * 5 / 4), (-SIZE, 0)],
+            MarkerShape::Diamond => vec![(0, -SIZE * 5 / 4), (SIZE, 0), (0, SIZE * 5 / 4), (-SIZE, 0)],
         }
     }
 }
@@ -464,10 +464,10 @@ fn draw_legend(area: &Area<'_>, diagram: &Diagram, runs: &[Run]) -> Result<(), P
         area.draw(&Text::new(what.to_owned(), at, text.clone()))
     };
     for (i, curve) in diagram.curves.iter().enumerate() {
-        let look = Look::of(i);
+        let style = CurveStyle::of(i);
         let ends = [(LEFT, y), (LEFT + LINE, y)];
-        area.draw(&PathElement::new(ends, look.ink.stroke_width(look.line)))?;
-        area.draw(&look.marker((LEFT + LINE / 2, y)))?;
+        area.draw(&PathElement::new(ends, style.ink.stroke_width(style.line)))?;
+        area.draw(&style.marker((LEFT + LINE / 2, y)))?;
         word(y, &curve.name)?;
         y += ROW;
     }
@@ -492,19 +492,19 @@ fn draw_legend(area: &Area<'_>, diagram: &Diagram, runs: &[Run]) -> Result<(), P
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::stats::{Errors, Spread};
-    use crate::cost::{Curve, Floor, Measure};
+    use crate::cost::stats::{ErrorStatistics, Quartiles};
+    use crate::cost::{ErrorFloor, Metric, SettingCurve};
 
     fn diagram() -> (Diagram, Vec<Run>) {
         let run = |work: Option<[f64; 2]>, error: Option<f64>| Run {
             settings: Vec::new(),
             errors: error
-                .and_then(|e| Errors::of(&[e]))
+                .and_then(|e| ErrorStatistics::of(&[e]))
                 .map(|e| ("e", e))
                 .into_iter()
                 .collect(),
             work: work
-                .and_then(|w| Spread::of(&w))
+                .and_then(|w| Quartiles::of(&w))
                 .map(|s| ("s", s))
                 .into_iter()
                 .collect(),
@@ -518,7 +518,7 @@ mod tests {
             run(Some([90.0, 110.0]), None),
             run(None, None),
         ];
-        let measure = |name, unit| Measure {
+        let measure = |name, unit| Metric {
             name,
             words: "a < b",
             unit,
@@ -527,13 +527,13 @@ mod tests {
             title: "error < work".to_owned(),
             error: measure("e", "px"),
             work: measure("s", "s"),
-            floors: vec![Floor {
+            floors: vec![ErrorFloor {
                 name: "bound".to_owned(),
                 error: 0.005,
             }],
             alternatives: true,
             overview: false,
-            curves: vec![Curve {
+            curves: vec![SettingCurve {
                 name: "one".to_owned(),
                 runs: vec![0, 1, 2, 3],
             }],
@@ -592,7 +592,7 @@ mod tests {
     #[test]
     fn no_two_of_thirty_curves_look_alike() {
         let looks: std::collections::HashSet<(u32, bool, u32)> = (0..30)
-            .map(Look::of)
+            .map(CurveStyle::of)
             .map(|l| (l.shape as u32, l.filled, l.line))
             .collect();
         assert_eq!(looks.len(), 30);

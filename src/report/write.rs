@@ -1,11 +1,11 @@
 //! Files that appear whole or not at all.
 //!
-//! A file is written under a passing name in its own folder, forced to the disk, and renamed: whoever looks sees the
+//! A file is written under a temporary name in its own folder, forced to the disk, and renamed: whoever looks sees the
 //! old file or the new one, never half of one, and a failure leaves nothing behind.
 
 use super::{cost_json, cost_page, csv, json, page, series_json, series_page};
-use crate::cost::Report;
-use crate::cost::whole::Check;
+use crate::cost::CostReport;
+use crate::cost::recordings::Check;
 use crate::pipeline::Measurement;
 use crate::rebound::fit::{Series, SeriesFit};
 use std::fs;
@@ -151,11 +151,11 @@ pub fn check_output_dir(dir: &Path) -> Result<NewFolders, WriteError> {
     Ok(folders)
 }
 
-/// A passing name in `dir` for a file that is made elsewhere, such as the overlay; gone when it is dropped.
+/// A temporary name in `dir` for a file that is made elsewhere, such as the overlay; gone when it is dropped.
 ///
 /// # Errors
 /// See [`WriteError`].
-pub fn passing_name(dir: &Path) -> Result<TempPath, WriteError> {
+pub fn temporary_name(dir: &Path) -> Result<TempPath, WriteError> {
     temporary_in(dir)
         .map(NamedTempFile::into_temp_path)
         .map_err(|source| WriteError::new(dir, source))
@@ -182,7 +182,7 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<(), WriteError> {
 }
 
 /// Writes `<stem>.result.json`, `<stem>.points.csv` and `<stem>.report.html` into `dir`, and gives `overlay`, made
-/// under a [`passing_name`] there, its own as `<stem>.overlay.mp4`: all of them, or none.
+/// under a [`temporary_name`] there, its own as `<stem>.overlay.mp4`: all of them, or none.
 ///
 /// # Errors
 /// See [`WriteError`].
@@ -223,18 +223,18 @@ pub fn rename(from: &Path, to: &Path) -> Result<(), WriteError> {
     fs::rename(from, to).map_err(|source| WriteError::new(to, source))
 }
 
-/// Takes away what writers that were killed have left in `dir` under passing names. Only for a folder in which nobody
+/// Takes away what writers that were killed have left in `dir` under temporary names. Only for a folder in which nobody
 /// else is writing.
 ///
 /// # Errors
 /// See [`WriteError`].
-pub fn clear_passing_names(dir: &Path) -> Result<(), WriteError> {
+pub fn clear_temporary_files(dir: &Path) -> Result<(), WriteError> {
     let refused = |source| WriteError::new(dir, source);
     for entry in fs::read_dir(dir).map_err(refused)? {
         let entry = entry.map_err(refused)?;
         let name = entry.file_name();
         let name = name.as_encoded_bytes();
-        if name.starts_with(PASSING.0.as_bytes()) && name.ends_with(PASSING.1.as_bytes()) {
+        if name.starts_with(TEMPORARY.0.as_bytes()) && name.ends_with(TEMPORARY.1.as_bytes()) {
             fs::remove_file(entry.path()).map_err(refused)?;
         }
     }
@@ -272,7 +272,11 @@ pub fn write_fit(series: &Series, fit: &SeriesFit, dir: &Path) -> Result<FitPath
 ///
 /// # Errors
 /// See [`WriteError`].
-pub fn write_cost(report: &Report, check: Option<&Check>, dir: &Path) -> Result<[PathBuf; 4], WriteError> {
+pub fn write_cost(
+    report: &CostReport,
+    check: Option<&Check>,
+    dir: &Path,
+) -> Result<[PathBuf; 4], WriteError> {
     let paths = ["cost.html", "cost.svg", "cost.json", "cost.csv"].map(|name| dir.join(name));
     let page = cost_page::cost_html(report, check).map_err(|e| contents(&paths[0], e))?;
     let svg = cost_page::cost_svg(report).map_err(|e| contents(&paths[1], e))?;
@@ -353,7 +357,7 @@ fn place_together(staged: Vec<(TempPath, &Path)>) -> Result<(), WriteError> {
     Ok(())
 }
 
-/// `bytes` on the disk under a passing name beside `path`.
+/// `bytes` on the disk under a temporary name beside `path`.
 fn stage(path: &Path, bytes: &[u8]) -> Result<TempPath, WriteError> {
     refuse_folder(path)?;
     let refused = |source| WriteError::new(path, source);
@@ -380,12 +384,12 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// What passing names begin and end with.
-const PASSING: (&str, &str) = (".track-", ".tmp");
+/// What temporary names begin and end with.
+const TEMPORARY: (&str, &str) = (".track-", ".tmp");
 
 fn temporary_in(dir: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(PASSING.0).suffix(PASSING.1);
+    builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;
@@ -405,7 +409,7 @@ fn sync_folder(dir: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     fn names(dir: &Path) -> Vec<String> {
         let mut names: Vec<String> = fs::read_dir(dir)
@@ -505,16 +509,28 @@ mod tests {
     #[test]
     fn an_overlay_appears_with_the_reports_or_not_at_all() {
         let dir = tempfile::tempdir().unwrap();
-        let overlay = passing_name(dir.path()).unwrap();
+        let overlay = temporary_name(dir.path()).unwrap();
         fs::write(&overlay, "moving pictures").unwrap();
-        let paths = write_reports(&fake::two_bounces(), dir.path(), "clip", Some(overlay)).unwrap();
+        let paths = write_reports(
+            &test_measurements::two_bounces(),
+            dir.path(),
+            "clip",
+            Some(overlay),
+        )
+        .unwrap();
         assert_eq!(names(dir.path()).len(), 4);
         assert_eq!(fs::read(paths.overlay_mp4.unwrap()).unwrap(), b"moving pictures");
 
         let dir = tempfile::tempdir().unwrap();
         fs::create_dir(dir.path().join("clip.overlay.mp4")).unwrap();
-        let overlay = passing_name(dir.path()).unwrap();
-        let error = write_reports(&fake::two_bounces(), dir.path(), "clip", Some(overlay)).unwrap_err();
+        let overlay = temporary_name(dir.path()).unwrap();
+        let error = write_reports(
+            &test_measurements::two_bounces(),
+            dir.path(),
+            "clip",
+            Some(overlay),
+        )
+        .unwrap_err();
         assert!(matches!(error, WriteError::IsAFolder { .. }), "{error:?}");
         assert_eq!(names(dir.path()), ["clip.overlay.mp4"]);
     }
@@ -551,7 +567,7 @@ mod tests {
     #[test]
     fn all_reports_appear_together() {
         let dir = tempfile::tempdir().unwrap();
-        let paths = write_reports(&fake::two_bounces(), dir.path(), "clip", None).unwrap();
+        let paths = write_reports(&test_measurements::two_bounces(), dir.path(), "clip", None).unwrap();
         assert_eq!(
             names(dir.path()),
             ["clip.points.csv", "clip.report.html", "clip.result.json"]
@@ -574,7 +590,7 @@ mod tests {
     fn when_one_report_cannot_be_placed_none_is() {
         let dir = tempfile::tempdir().unwrap();
         fs::create_dir(dir.path().join("clip.report.html")).unwrap();
-        let error = write_reports(&fake::rejected(), dir.path(), "clip", None).unwrap_err();
+        let error = write_reports(&test_measurements::rejected(), dir.path(), "clip", None).unwrap_err();
         assert!(matches!(error, WriteError::IsAFolder { .. }), "{error:?}");
         assert_eq!(names(dir.path()), ["clip.report.html"]);
     }

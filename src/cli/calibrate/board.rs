@@ -10,8 +10,8 @@ use crate::calibration::board::{
 use crate::calibration::{Calibration, Rectification};
 use crate::frames;
 use crate::geometry::{PixelPoint, PlanePoint};
-use crate::report::board::{Board, board_json, table, warnings};
-use crate::report::marks::{Ink, Shape, marks_png};
+use crate::report::board::{BoardReport, board_json, table, warnings};
+use crate::report::marked_frame::{MarkColour, MarkShape, marks_png};
 use crate::report::write;
 use anyhow::{Context, bail};
 use clap::Args;
@@ -83,7 +83,7 @@ pub(super) fn run(args: &BoardArgs) -> anyhow::Result<Status> {
         Some(lens) => with_lens(args, &pattern, lens)?,
         None => with_pictures(args, pattern)?,
     };
-    let board = Board {
+    let board = BoardReport {
         views: &made.views,
         lens: made.lens.as_ref(),
         plane: made.plane.as_ref(),
@@ -305,11 +305,11 @@ fn marked(args: &BoardArgs, made: &BoardOutcome, still: &StillFrame) -> anyhow::
     let (width, height) = (still.luma.width as f64, still.luma.height as f64);
     let mut shapes = grid(&map, width, height);
     for (mark, ink) in [
-        (args.floor, Ink::Green),
-        (args.edge, Ink::Blue),
-        (args.origin, Ink::Green),
+        (args.floor, MarkColour::Green),
+        (args.edge, MarkColour::Blue),
+        (args.origin, MarkColour::Green),
     ] {
-        shapes.extend(mark.map(|at| Shape::Ring { at, ink }));
+        shapes.extend(mark.map(|at| MarkShape::Ring { at, ink }));
     }
     if let Some(view) = made
         .views
@@ -317,7 +317,10 @@ fn marked(args: &BoardArgs, made: &BoardOutcome, still: &StillFrame) -> anyhow::
         .find(|v| Some(&v.name) == plane_name(args).as_ref())
     {
         let corners = view.places();
-        shapes.extend(corners.map(|at| Shape::Cross { at, ink: Ink::Red }));
+        shapes.extend(corners.map(|at| MarkShape::Cross {
+            at,
+            ink: MarkColour::Red,
+        }));
     }
     marks_png(&still.luma, &shapes).context("the picture of the marks could not be drawn")
 }
@@ -327,7 +330,7 @@ fn plane_name(args: &BoardArgs) -> Option<String> {
 }
 
 /// Lines of the plane every 1, 2 or 5 × 10ⁿ m, and its axes at the origin.
-fn grid(map: &Rectification, width: f64, height: f64) -> Vec<Shape> {
+fn grid(map: &Rectification, width: f64, height: f64) -> Vec<MarkShape> {
     let rim = (0..=8).flat_map(|i| {
         let part = f64::from(i) / 8.0;
         [
@@ -364,9 +367,9 @@ fn grid(map: &Rectification, width: f64, height: f64) -> Vec<Shape> {
                 ))
             })
             .collect();
-        shapes.push(Shape::Line {
+        shapes.push(MarkShape::Line {
             points,
-            ink: Ink::White,
+            ink: MarkColour::White,
             fine: true,
         });
     };
@@ -380,10 +383,10 @@ fn grid(map: &Rectification, width: f64, height: f64) -> Vec<Shape> {
     ticks(z).for_each(|t| line((x.0, t), (x.1, t)));
     let at = |right: f64, up: f64| map.pixel_from_plane(PlanePoint::new(right, up));
     if let (Some(from), Some(right), Some(up)) = (at(0.0, 0.0), at(2.0 * step, 0.0), at(0.0, 2.0 * step)) {
-        for (to, ink, name) in [(right, Ink::Blue, "x"), (up, Ink::Green, "z")] {
-            shapes.push(Shape::Arrow { from, to, ink });
+        for (to, ink, name) in [(right, MarkColour::Blue, "x"), (up, MarkColour::Green, "z")] {
+            shapes.push(MarkShape::Arrow { from, to, ink });
             let text = format!("{name} = {} m", 2.0 * step);
-            shapes.push(Shape::Label { at: to, text, ink });
+            shapes.push(MarkShape::Label { at: to, text, ink });
         }
     }
     shapes

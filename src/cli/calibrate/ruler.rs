@@ -7,7 +7,7 @@ use crate::calibration::ruler::{
 use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence, View};
 use crate::frames::{self, Luma};
 use crate::geometry::{PixelPoint, PlanePoint};
-use crate::report::marks::{Ink, Shape, marks_png};
+use crate::report::marked_frame::{MarkColour, MarkShape, marks_png};
 use crate::report::table::format_quantity;
 use anyhow::{Context, bail};
 use clap::{ArgAction, Args, ValueEnum};
@@ -295,45 +295,45 @@ fn place(mark: &PictureMark) -> String {
     }
 }
 
-fn picture(frame: &Luma, shapes: &[Shape]) -> anyhow::Result<Vec<u8>> {
+fn picture(frame: &Luma, shapes: &[MarkShape]) -> anyhow::Result<Vec<u8>> {
     marks_png(frame, shapes).context("the picture of the marks could not be drawn")
 }
 
 /// The marks as they were meant.
-fn shapes(ruled: &RulerCalibration, width: usize, height: usize) -> anyhow::Result<Vec<Shape>> {
+fn shapes(ruled: &RulerCalibration, width: usize, height: usize) -> anyhow::Result<Vec<MarkShape>> {
     let map = ruled.calibration.rectification()?;
     let at = |role: MarkRole| ruled.marks.iter().find(|m| m.role == role).map(|m| m.at);
     let mut shapes = Vec::new();
     if let (Some(from), Some(to)) = (at(MarkRole::From), at(MarkRole::To)) {
-        shapes.push(Shape::Line {
+        shapes.push(MarkShape::Line {
             points: vec![from, to],
-            ink: Ink::Orange,
+            ink: MarkColour::Orange,
             fine: true,
         });
         if let Scale::Ruler { length_m, .. } = ruled.calibration.scale {
             let middle = PixelPoint::new(0.5 * (from.u_px + to.u_px), 0.5 * (from.v_px + to.v_px));
             let text = format!("{length_m} m");
-            shapes.push(Shape::Label {
+            shapes.push(MarkShape::Label {
                 at: middle,
                 text,
-                ink: Ink::Orange,
+                ink: MarkColour::Orange,
             });
         }
     }
     if let (Some(from), Some(to)) = (at(MarkRole::LineFrom), at(MarkRole::LineTo)) {
-        shapes.push(Shape::Line {
+        shapes.push(MarkShape::Line {
             points: vec![from, to],
-            ink: Ink::Green,
+            ink: MarkColour::Green,
             fine: true,
         });
     }
     let reach = (width as f64).hypot(height as f64);
     for (role, across, ink) in [
-        (MarkRole::Floor, true, Ink::Green),
-        (MarkRole::Edge, false, Ink::Blue),
+        (MarkRole::Floor, true, MarkColour::Green),
+        (MarkRole::Edge, false, MarkColour::Blue),
     ] {
         if let Some(points) = at(role).and_then(|p| through(&map, p, across, reach)) {
-            shapes.push(Shape::Line {
+            shapes.push(MarkShape::Line {
                 points,
                 ink,
                 fine: true,
@@ -342,15 +342,15 @@ fn shapes(ruled: &RulerCalibration, width: usize, height: usize) -> anyhow::Resu
     }
     for mark in &ruled.marks {
         let ink = match mark.role {
-            MarkRole::From | MarkRole::To => Ink::Orange,
-            MarkRole::Floor | MarkRole::Origin | MarkRole::LineFrom | MarkRole::LineTo => Ink::Green,
-            MarkRole::Edge => Ink::Blue,
+            MarkRole::From | MarkRole::To => MarkColour::Orange,
+            MarkRole::Floor | MarkRole::Origin | MarkRole::LineFrom | MarkRole::LineTo => MarkColour::Green,
+            MarkRole::Edge => MarkColour::Blue,
         };
-        shapes.push(Shape::Ring { at: mark.at, ink });
+        shapes.push(MarkShape::Ring { at: mark.at, ink });
         if mark.snapped.is_some() {
-            shapes.push(Shape::Cross {
+            shapes.push(MarkShape::Cross {
                 at: mark.given,
-                ink: Ink::White,
+                ink: MarkColour::White,
             });
         }
         if mark.role == MarkRole::LineTo {
@@ -358,7 +358,7 @@ fn shapes(ruled: &RulerCalibration, width: usize, height: usize) -> anyhow::Resu
             continue;
         }
         let text = mark.role.option()[2..].replace('-', " ");
-        shapes.push(Shape::Label {
+        shapes.push(MarkShape::Label {
             at: mark.at,
             text,
             ink,
@@ -382,14 +382,14 @@ fn through(map: &Rectification, mark: PixelPoint, across: bool, reach: f64) -> O
     Some(points.collect())
 }
 
-fn up_arrow(map: &Rectification, width: usize, height: usize) -> Option<Shape> {
+fn up_arrow(map: &Rectification, width: usize, height: usize) -> Option<MarkShape> {
     let (w, h) = (width as f64, height as f64);
     let from = PixelPoint::new(0.93 * w, 0.25 * h);
     let foot = map.plane_from_pixel(from)?;
     let to = map.pixel_from_plane(PlanePoint::new(foot.right, foot.up + 0.15 * w.min(h)))?;
-    Some(Shape::Arrow {
+    Some(MarkShape::Arrow {
         from,
         to,
-        ink: Ink::Green,
+        ink: MarkColour::Green,
     })
 }

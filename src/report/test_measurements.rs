@@ -28,9 +28,9 @@ const LAUNCH_M_S: f64 = 1.3;
 const INERTIA: f64 = 0.4;
 
 /// Gaussian noise without a dependency: a linear congruential generator and the sum of twelve.
-struct Noise(u64);
+struct TestNoise(u64);
 
-impl Noise {
+impl TestNoise {
     fn next(&mut self) -> f64 {
         (0..12)
             .map(|_| {
@@ -47,7 +47,7 @@ impl Noise {
 
 /// A free flight: starts at `time_s`, `x_m`, `z_m` (of the centre above its lowest place) with these velocities.
 #[derive(Clone, Copy)]
-struct Flight {
+struct FreeFall {
     time_s: f64,
     end_s: f64,
     x_m: f64,
@@ -58,7 +58,7 @@ struct Flight {
     spin: f64,
 }
 
-impl Flight {
+impl FreeFall {
     fn at(&self, time_s: f64) -> (f64, f64) {
         let t = time_s - self.time_s;
         (self.x_m + self.vx * t, self.z_m + self.vz * t - 0.5 * G * t * t)
@@ -66,9 +66,9 @@ impl Flight {
 }
 
 /// Three flights with an impact between each.
-fn flights() -> Vec<Flight> {
+fn flights() -> Vec<FreeFall> {
     let fall_s = (2.0 * DROP_M / G).sqrt();
-    let mut flights = vec![Flight {
+    let mut flights = vec![FreeFall {
         time_s: 0.0125,
         end_s: 0.0125 + fall_s,
         x_m: 0.0,
@@ -84,7 +84,7 @@ fn flights() -> Vec<Flight> {
         // Friction at its limit, or what stops the slip, whichever is less: the second bounce leaves rolling.
         let slip = last.vx - last.spin;
         let impulse = (INERTIA / (1.0 + INERTIA) * slip).min(FRICTION * (1.0 + RESTITUTION) * down);
-        flights.push(Flight {
+        flights.push(FreeFall {
             time_s: last.end_s,
             end_s: last.end_s + 2.0 * up / G,
             x_m: last.at(last.end_s).0,
@@ -111,7 +111,7 @@ fn q(value: f64, std: f64) -> Option<Quantity> {
 }
 
 fn track_points() -> Vec<TrackPoint> {
-    let mut noise = Noise(7);
+    let mut noise = TestNoise(7);
     let flights = flights();
     let frames = (flights[2].end_s * RATE_HZ) as usize;
     (0..=frames)
@@ -187,7 +187,7 @@ fn bounces() -> Vec<Bounce> {
         .map(|pair| {
             let (before, after) = (pair[0], pair[1]);
             let down = before.vz - G * (before.end_s - before.time_s);
-            let sideways = |flight: &Flight| flight.vx - flight.spin;
+            let sideways = |flight: &FreeFall| flight.vx - flight.spin;
             Bounce {
                 time_s: q(after.time_s, 0.000_04),
                 x_m: q(after.x_m, 0.000_31),
@@ -227,7 +227,7 @@ fn bounces() -> Vec<Bounce> {
 
 /// The scene: a wall lit from the left with a lab bench below, and grain.
 fn background() -> Luma {
-    let mut noise = Noise(99);
+    let mut noise = TestNoise(99);
     let mut data = Vec::with_capacity(WIDTH * HEIGHT);
     for v in 0..HEIGHT {
         for u in 0..WIDTH {

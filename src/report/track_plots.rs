@@ -3,7 +3,7 @@
 //! SVG by plotters. It places everything on whole units, so the drawing is made `FINE` times larger than it is meant
 //! and the page scales it down. Shapes and dashes carry the meaning; colour only helps, so that grey print loses nothing.
 
-use super::places;
+use super::drawing_geometry;
 use crate::pipeline::{ArcTrace, Measurement, PointUse, TrackPoint, View};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
@@ -66,7 +66,7 @@ pub struct Plot {
 /// # Errors
 /// See [`PlotError`].
 pub fn coordinate_plot(measurement: &Measurement, coordinate: Coordinate) -> Result<Option<Plot>, PlotError> {
-    let Some(data) = Data::of(measurement, coordinate) else {
+    let Some(data) = CoordinateData::of(measurement, coordinate) else {
         return Ok(None);
     };
     let residuals = data.residual_reach.is_some();
@@ -96,11 +96,11 @@ pub fn coordinate_plot(measurement: &Measurement, coordinate: Coordinate) -> Res
 }
 
 /// What is drawn, in the units of the axes.
-struct Data {
+struct CoordinateData {
     symbol: &'static str,
     unit: &'static str,
     residual_unit: &'static str,
-    points: Vec<Point>,
+    points: Vec<TimePoint>,
     /// Polylines.
     arcs: Vec<Vec<(f64, f64)>>,
     impacts: Vec<(usize, f64)>,
@@ -114,7 +114,7 @@ struct Data {
     every: usize,
 }
 
-struct Point {
+struct TimePoint {
     time_s: f64,
     value: f64,
     used: bool,
@@ -122,7 +122,7 @@ struct Point {
     std: Option<f64>,
 }
 
-impl Data {
+impl CoordinateData {
     fn of(measurement: &Measurement, coordinate: Coordinate) -> Option<Self> {
         let all = &measurement.track.points;
         let scaled = all.iter().any(|point| point.world.is_some());
@@ -135,14 +135,14 @@ impl Data {
         };
         // Residual units a pixel.
         let per_pixel = if scaled {
-            places::metres_per_pixel(all).map(|m| 1e3 * m)
+            drawing_geometry::metres_per_pixel(all).map(|m| 1e3 * m)
         } else {
             Some(1.0)
         };
-        let read = Reading { coordinate, scaled };
+        let read = CoordinateReader { coordinate, scaled };
         let every = all.len().div_ceil(MAX_POINTS).max(1);
         let drawn = all.iter().step_by(every);
-        let points: Vec<Point> = drawn
+        let points: Vec<TimePoint> = drawn
             .filter_map(|point| read.point(point, &measurement.arcs, per_pixel))
             .collect();
         let arcs: Vec<Vec<(f64, f64)>> = measurement.arcs.iter().map(|arc| read.polyline(arc)).collect();
@@ -161,7 +161,7 @@ impl Data {
             time,
             value,
             residual_reach: reach(&points, band),
-            impacts: places::impacts(measurement)
+            impacts: drawing_geometry::impacts(measurement)
                 .iter()
                 .map(|mark| (mark.number, mark.time_s))
                 .collect(),
@@ -176,7 +176,7 @@ impl Data {
     }
 }
 
-impl Data {
+impl CoordinateData {
     /// Radius of a dot, in units of the drawing: smaller where dots would run into each other.
     fn dot(&self) -> u32 {
         if self.points.len() > 120 { 16 } else { 22 }
@@ -185,14 +185,14 @@ impl Data {
 
 /// How a coordinate is read off the points and the arcs.
 #[derive(Clone, Copy)]
-struct Reading {
+struct CoordinateReader {
     coordinate: Coordinate,
     scaled: bool,
 }
 
-impl Reading {
-    fn point(self, point: &TrackPoint, arcs: &[ArcTrace], per_pixel: Option<f64>) -> Option<Point> {
-        Some(Point {
+impl CoordinateReader {
+    fn point(self, point: &TrackPoint, arcs: &[ArcTrace], per_pixel: Option<f64>) -> Option<TimePoint> {
+        Some(TimePoint {
             time_s: point.time_s,
             value: self.value(point)?,
             used: matches!(point.use_, PointUse::Used(_)),
@@ -220,11 +220,12 @@ impl Reading {
                 let PointUse::Used(index) = point.use_ else {
                     return None;
                 };
-                let fitted =
-                    places::on_arc(arcs.get(index)?, point.time_s, |sample| match self.coordinate {
+                let fitted = drawing_geometry::on_arc(arcs.get(index)?, point.time_s, |sample| {
+                    match self.coordinate {
                         Coordinate::Along => sample.pixel.u_px,
                         Coordinate::Up => sample.pixel.v_px,
-                    })?;
+                    }
+                })?;
                 self.value(point)? - fitted
             }
         };
@@ -267,7 +268,7 @@ pub(super) fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Ran
 
 /// Half the height of the residual panel: room for every used point and for the band. Points that were thrown out may
 /// lie beyond it; they are drawn at its edge.
-fn reach(points: &[Point], band: Option<f64>) -> Option<f64> {
+fn reach(points: &[TimePoint], band: Option<f64>) -> Option<f64> {
     let largest = points
         .iter()
         .filter(|point| point.used)
@@ -324,7 +325,7 @@ impl ValueFormatter<f64> for Axis {
 pub(super) type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-fn main_panel(area: &Area<'_>, data: &Data, time_axis: bool) -> Result<(), PlotError> {
+fn main_panel(area: &Area<'_>, data: &CoordinateData, time_axis: bool) -> Result<(), PlotError> {
     let label = format!("{} / {}", data.symbol, data.unit);
     let mut panel = time_panel(area, data, data.value.clone(), 6, &label, time_axis)?;
     draw_impacts(&mut panel, data, &data.value, true)?;
@@ -338,7 +339,7 @@ fn main_panel(area: &Area<'_>, data: &Data, time_axis: bool) -> Result<(), PlotE
     Ok(())
 }
 
-fn residual_panel(area: &Area<'_>, data: &Data, reach: f64) -> Result<(), PlotError> {
+fn residual_panel(area: &Area<'_>, data: &CoordinateData, reach: f64) -> Result<(), PlotError> {
     let label = format!("residual / {}", data.residual_unit);
     let mut panel = time_panel(area, data, -reach..reach, 4, &label, true)?;
     let time = &data.time;
@@ -382,7 +383,7 @@ fn residual_panel(area: &Area<'_>, data: &Data, reach: f64) -> Result<(), PlotEr
 }
 
 /// What a panel shows, and how much room its labels take in screen pixels.
-pub(super) struct Axes<'a> {
+pub(super) struct PanelAxes<'a> {
     pub x: Range<f64>,
     pub y: Range<f64>,
     /// About how many on the ordinate.
@@ -395,8 +396,8 @@ pub(super) struct Axes<'a> {
     pub below: u32,
 }
 
-/// Axes, ticks at round numbers and their labels.
-pub(super) fn panel<'a, 'b>(area: &'a Area<'b>, axes: Axes<'_>) -> Result<Panel<'a, 'b>, PlotError> {
+/// PanelAxes, ticks at round numbers and their labels.
+pub(super) fn panel<'a, 'b>(area: &'a Area<'b>, axes: PanelAxes<'_>) -> Result<Panel<'a, 'b>, PlotError> {
     let below = if axes.x_label.is_some() { axes.below } else { 0 };
     let mut chart = ChartBuilder::on(area)
         .margin_top(axes.above * FINE)
@@ -424,13 +425,13 @@ pub(super) fn panel<'a, 'b>(area: &'a Area<'b>, axes: Axes<'_>) -> Result<Panel<
 
 fn time_panel<'a, 'b>(
     area: &'a Area<'b>,
-    data: &Data,
+    data: &CoordinateData,
     y: Range<f64>,
     ticks: usize,
     y_label: &str,
     time_axis: bool,
 ) -> Result<Panel<'a, 'b>, PlotError> {
-    let axes = Axes {
+    let axes = PanelAxes {
         x: data.time.clone(),
         y,
         ticks,
@@ -445,7 +446,7 @@ fn time_panel<'a, 'b>(
 
 fn draw_impacts(
     panel: &mut Panel<'_, '_>,
-    data: &Data,
+    data: &CoordinateData,
     value: &Range<f64>,
     numbered: bool,
 ) -> Result<(), PlotError> {
@@ -488,11 +489,11 @@ fn round_ticks(range: &Range<f64>, wanted: usize) -> (Vec<f64>, usize) {
         return (vec![low], 3);
     }
     // One step up from the round number below, unless that one is it.
-    let below = places::round_below(raw);
+    let below = drawing_geometry::round_below(raw);
     let step = if below >= raw * (1.0 - 1e-9) {
         below
     } else {
-        places::round_below(2.5 * below)
+        drawing_geometry::round_below(2.5 * below)
     };
     let first = (low / step).ceil() as i64;
     let last = (high / step).floor() as i64;
@@ -515,7 +516,7 @@ fn number(value: f64, decimals: usize) -> String {
 }
 
 /// The drawing without its own size, so that the page gives it one, and with a name for those who cannot see it.
-fn for_a_page(svg: &str, height: u32, data: &Data) -> String {
+fn for_a_page(svg: &str, height: u32, data: &CoordinateData) -> String {
     let size = format!(r#"width="{}" height="{}""#, WIDTH * FINE, height * FINE);
     let name = format!(
         r#"class="plot" role="img" aria-label="{} against time""#,
@@ -527,7 +528,7 @@ fn for_a_page(svg: &str, height: u32, data: &Data) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     fn plot(measurement: &Measurement, coordinate: Coordinate) -> Plot {
         coordinate_plot(measurement, coordinate).unwrap().unwrap()
@@ -554,7 +555,7 @@ mod tests {
 
     #[test]
     fn every_point_is_drawn_by_its_shape() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let used = measurement
             .track
             .points
@@ -576,11 +577,11 @@ mod tests {
 
     #[test]
     fn without_a_scale_pixels_are_drawn_and_rows_run_down() {
-        let measurement = fake::no_scale();
+        let measurement = test_measurements::no_scale();
         let plot = plot(&measurement, Coordinate::Up);
         assert_eq!((plot.symbol, plot.residuals), ("v", true));
         assert!(plot.svg.contains("v / px") && plot.svg.contains("residual / px"));
-        let data = Data::of(&measurement, Coordinate::Up).unwrap();
+        let data = CoordinateData::of(&measurement, Coordinate::Up).unwrap();
         assert!(data.value.start > data.value.end);
         let rms = (data
             .points
@@ -595,24 +596,24 @@ mod tests {
 
     #[test]
     fn a_top_view_draws_y() {
-        assert_eq!(plot(&fake::top_view(), Coordinate::Up).symbol, "y");
+        assert_eq!(plot(&test_measurements::top_view(), Coordinate::Up).symbol, "y");
     }
 
     #[test]
     fn without_arcs_there_are_no_residuals_and_without_points_no_plot() {
-        assert!(!plot(&fake::rejected(), Coordinate::Along).residuals);
+        assert!(!plot(&test_measurements::rejected(), Coordinate::Along).residuals);
         assert_eq!(
-            coordinate_plot(&fake::nothing_seen(), Coordinate::Along).unwrap(),
+            coordinate_plot(&test_measurements::nothing_seen(), Coordinate::Along).unwrap(),
             None
         );
-        let mut single = fake::rejected();
+        let mut single = test_measurements::rejected();
         single.track.points.truncate(1);
         assert!(plot(&single, Coordinate::Up).svg.contains("<svg"));
     }
 
     #[test]
     fn a_long_track_is_thinned() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         let points = measurement.track.points.clone();
         measurement.track.points = points.iter().cycle().take(20_000).cloned().collect();
         let plot = plot(&measurement, Coordinate::Along);
@@ -622,7 +623,7 @@ mod tests {
 
     #[test]
     fn a_thrown_out_point_far_off_does_not_flatten_the_rest() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         let outlier = measurement
             .track
             .points
@@ -630,13 +631,13 @@ mod tests {
             .find(|p| p.frame == 97)
             .unwrap();
         outlier.residual_m.as_mut().unwrap().x_m = 4.0;
-        let data = Data::of(&measurement, Coordinate::Along).unwrap();
+        let data = CoordinateData::of(&measurement, Coordinate::Along).unwrap();
         assert!(data.residual_reach.unwrap() < 0.5, "mm");
     }
 
     #[test]
     fn values_that_are_not_finite_are_left_out() {
-        let mut measurement = fake::two_bounces();
+        let mut measurement = test_measurements::two_bounces();
         measurement.track.points[5].world.as_mut().unwrap().x_m = f64::NAN;
         measurement.track.points[6].time_s = f64::NAN;
         assert!(!plot(&measurement, Coordinate::Along).svg.contains("NaN"));

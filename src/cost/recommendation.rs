@@ -1,22 +1,22 @@
 //! The cheapest setting that was measured to reach wanted errors. Nothing is interpolated: a setting between two that were
 //! run is not one that was run.
 
-use super::whole::{LIGHT, QUANTITIES, SECONDS, STORAGE};
-use super::{Measure, Run, Section};
+use super::recording_metrics::{LIGHT, QUANTITIES, SECONDS, STORAGE};
+use super::study::{Metric, Run, Subject};
 use std::str::FromStr;
 
 /// A quantity and how large its error may be.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Want {
+pub struct Requirement {
     /// One of [`QUANTITIES`].
-    pub quantity: Measure,
+    pub quantity: Metric,
     /// In its unit, for 95 % of the recordings.
     pub at_most: f64,
 }
 
 /// What can be wrong with a want.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum WantError {
+pub enum RequirementError {
     /// No equals sign.
     #[error("{found:?} is not NAME=VALUE; write for example restitution=0.002")]
     NotAPair {
@@ -47,11 +47,11 @@ pub enum WantError {
     },
 }
 
-impl FromStr for Want {
-    type Err = WantError;
+impl FromStr for Requirement {
+    type Err = RequirementError;
 
-    fn from_str(text: &str) -> Result<Self, WantError> {
-        let (name, value) = text.split_once('=').ok_or_else(|| WantError::NotAPair {
+    fn from_str(text: &str) -> Result<Self, RequirementError> {
+        let (name, value) = text.split_once('=').ok_or_else(|| RequirementError::NotAPair {
             found: text.to_owned(),
         })?;
         let name = name.trim();
@@ -59,7 +59,7 @@ impl FromStr for Want {
             let known: Vec<&str> = QUANTITIES.iter().map(|q| q.name).collect();
             let alike = |known: &&&str| strsim::jaro_winkler(&name.to_lowercase(), known);
             let nearest = known.iter().max_by(|a, b| alike(a).total_cmp(&alike(b)));
-            return Err(WantError::Unknown {
+            return Err(RequirementError::Unknown {
                 found: name.to_owned(),
                 nearest: nearest.map_or("", |n| n).to_owned(),
                 known: known.join(", "),
@@ -67,7 +67,7 @@ impl FromStr for Want {
         };
         match value.trim().parse::<f64>() {
             Ok(at_most) if at_most > 0.0 && at_most.is_finite() => Ok(Self { quantity, at_most }),
-            _ => Err(WantError::Impossible {
+            _ => Err(RequirementError::Impossible {
                 quantity: quantity.name,
                 found: value.trim().to_owned(),
                 example: example(quantity.name),
@@ -88,8 +88,8 @@ fn example(quantity: &str) -> f64 {
 
 /// What is wanted where nobody says.
 #[must_use]
-pub fn usual() -> Vec<Want> {
-    vec![Want {
+pub fn default_requirements() -> Vec<Requirement> {
+    vec![Requirement {
         quantity: QUANTITIES[0],
         at_most: example(QUANTITIES[0].name),
     }]
@@ -99,7 +99,7 @@ pub fn usual() -> Vec<Want> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recommendation {
     /// What was wanted.
-    pub wants: Vec<Want>,
+    pub requirements: Vec<Requirement>,
     /// Index into the runs of the section `whole`; `None` where no run reaches all that is wanted.
     pub chosen: Option<usize>,
     /// Cheaper runs that reached it on the recordings they were chosen by but not on new ones, and why not.
@@ -118,8 +118,8 @@ const MOST_REFUSED: usize = 12;
 /// # Errors
 /// Those of `holds`.
 pub fn recommend<E>(
-    whole: &Section,
-    wants: &[Want],
+    whole: &Subject,
+    requirements: &[Requirement],
     mut holds: impl FnMut(usize) -> Result<Option<String>, E>,
 ) -> Result<Recommendation, E> {
     let seconds = |i: usize| {
@@ -130,7 +130,7 @@ pub fn recommend<E>(
     let reaches = |i: &usize| {
         let run = &whole.runs[*i];
         run.failed.is_none()
-            && wants.iter().all(|w| {
+            && requirements.iter().all(|w| {
                 run.error(w.quantity.name)
                     .is_some_and(|e| e.bound_95 <= w.at_most)
             })
@@ -148,11 +148,11 @@ pub fn recommend<E>(
         }
     }
     let words = match chosen {
-        Some(i) => reached(whole, wants, i) + &refused(whole, &set_aside),
-        None => missed(whole, wants) + &refused(whole, &set_aside),
+        Some(i) => reached(whole, requirements, i) + &refused(whole, &set_aside),
+        None => missed(whole, requirements) + &refused(whole, &set_aside),
     };
     Ok(Recommendation {
-        wants: wants.to_vec(),
+        requirements: requirements.to_vec(),
         chosen,
         set_aside,
         words,
@@ -160,7 +160,7 @@ pub fn recommend<E>(
 }
 
 /// What was said of the settings that new recordings refused.
-fn refused(whole: &Section, set_aside: &[(usize, String)]) -> String {
+fn refused(whole: &Subject, set_aside: &[(usize, String)]) -> String {
     let Some((i, why)) = set_aside.first() else {
         return String::new();
     };
@@ -180,8 +180,8 @@ fn settings(run: &Run) -> String {
     each.join(", ")
 }
 
-fn listed(wants: &[Want]) -> String {
-    wants
+fn listed(requirements: &[Requirement]) -> String {
+    requirements
         .iter()
         .map(|w| {
             let unit = if w.quantity.unit.is_empty() { "" } else { " " };
@@ -194,10 +194,10 @@ fn listed(wants: &[Want]) -> String {
         .join(", ")
 }
 
-fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
+fn reached(whole: &Subject, requirements: &[Requirement], chosen: usize) -> String {
     let run = &whole.runs[chosen];
     let of = |name: &str| run.setting(name).unwrap_or_default();
-    let found: Vec<String> = wants
+    let found: Vec<String> = requirements
         .iter()
         .filter_map(|w| {
             let e = run.error(w.quantity.name)?;
@@ -215,7 +215,7 @@ fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
         "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s. Measured on {recordings} recordings: \
          {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.3} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \
          were measured which also held on new recordings, every one of them; none is interpolated.",
-        listed(wants),
+        listed(requirements),
         of("accuracy"),
         of("frame_rate_hz"),
         of("picture"),
@@ -225,13 +225,13 @@ fn reached(whole: &Section, wants: &[Want], chosen: usize) -> String {
     )
 }
 
-fn missed(whole: &Section, wants: &[Want]) -> String {
+fn missed(whole: &Subject, requirements: &[Requirement]) -> String {
     let mut words = format!(
         "For {}: none of the {} settings that were measured reaches it.",
-        listed(wants),
+        listed(requirements),
         whole.runs.len()
     );
-    for want in wants {
+    for want in requirements {
         let best = whole
             .runs
             .iter()
@@ -252,23 +252,22 @@ fn missed(whole: &Section, wants: &[Want]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Section;
-    use super::super::stats::{Errors, Spread};
+    use super::super::stats::{ErrorStatistics, Quartiles};
     use super::*;
 
     fn run(seconds: f64, errors: &[f64], failed: bool) -> Run {
         Run {
             settings: vec![("accuracy", "fast".to_owned()), ("picture", "half".to_owned())],
-            errors: vec![("restitution", Errors::of(errors).unwrap())],
-            work: vec![(SECONDS.name, Spread::exact(seconds))],
+            errors: vec![("restitution", ErrorStatistics::of(errors).unwrap())],
+            work: vec![(SECONDS.name, Quartiles::exact(seconds))],
             counts: Vec::new(),
             failed: failed.then(|| "one was rejected".to_owned()),
             is_default: false,
         }
     }
 
-    fn section(runs: Vec<Run>) -> Section {
-        Section {
+    fn section(runs: Vec<Run>) -> Subject {
+        Subject {
             name: "whole",
             title: "",
             words: Vec::new(),
@@ -288,12 +287,12 @@ mod tests {
             run(0.6, &good, false),
             run(0.4, &good, false),
         ];
-        let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
+        let requirements: Vec<Requirement> = vec!["restitution=0.002".parse().unwrap()];
         let all_hold = |_| Ok::<_, std::convert::Infallible>(None);
-        let found = recommend(&section(runs), &wants, all_hold).unwrap();
+        let found = recommend(&section(runs), &requirements, all_hold).unwrap();
         assert_eq!(found.chosen, Some(3));
         assert!(found.words.contains("--accuracy fast"), "{}", found.words);
-        let strict: Vec<Want> = vec!["restitution=1e-6".parse().unwrap()];
+        let strict: Vec<Requirement> = vec!["restitution=1e-6".parse().unwrap()];
         let found = recommend(&section(vec![run(0.4, &good, false)]), &strict, all_hold).unwrap();
         assert_eq!(found.chosen, None);
         assert!(found.words.contains("none of the 1 settings") && found.words.contains("The best"));
@@ -302,10 +301,10 @@ mod tests {
     #[test]
     fn few_errors_are_not_believed() {
         // Three errors just below what is wanted say little of the next hundred.
-        let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
+        let requirements: Vec<Requirement> = vec!["restitution=0.002".parse().unwrap()];
         let few = recommend(
             &section(vec![run(0.1, &[0.0015, -0.0012, 0.0014], false)]),
-            &wants,
+            &requirements,
             |_| Ok::<_, std::convert::Infallible>(None),
         )
         .unwrap();
@@ -314,7 +313,7 @@ mod tests {
 
     #[test]
     fn what_new_recordings_refuse_is_set_aside() {
-        let wants: Vec<Want> = vec!["restitution=0.002".parse().unwrap()];
+        let requirements: Vec<Requirement> = vec!["restitution=0.002".parse().unwrap()];
         let runs = vec![
             run(0.6, &[1e-4; 20], false),
             run(0.1, &[1e-4; 20], false),
@@ -323,11 +322,11 @@ mod tests {
         let lucky = |i: usize| {
             Ok::<_, std::convert::Infallible>((i == 1).then(|| "restitution off by 6.4e-3".to_owned()))
         };
-        let found = recommend(&section(runs.clone()), &wants, lucky).unwrap();
+        let found = recommend(&section(runs.clone()), &requirements, lucky).unwrap();
         assert_eq!(found.chosen, Some(2));
         assert_eq!(found.set_aside.len(), 1);
         assert!(found.words.contains("off by 6.4e-3"), "{}", found.words);
-        let none = recommend(&section(runs), &wants, |_| {
+        let none = recommend(&section(runs), &requirements, |_| {
             Ok::<_, std::convert::Infallible>(Some("no".to_owned()))
         });
         assert_eq!(none.unwrap().chosen, None);
@@ -335,7 +334,7 @@ mod tests {
 
     #[test]
     fn a_want_that_makes_no_sense_says_what_would() {
-        let error = |text: &str| text.parse::<Want>().unwrap_err().to_string();
+        let error = |text: &str| text.parse::<Requirement>().unwrap_err().to_string();
         assert!(error("nonsense=1").contains("Known: restitution, friction"));
         assert!(error("restitition=0.1").contains("did you mean \"restitution\""));
         assert!(error("frictoin=0.1").contains("did you mean \"friction\""));
@@ -350,6 +349,6 @@ mod tests {
             assert!(error(bad).contains("not a number above 0"), "{bad}");
         }
         assert!(error("restitution").contains("NAME=VALUE"));
-        assert_eq!("x0_m = 0.0005".parse::<Want>().unwrap().at_most, 0.0005);
+        assert_eq!("x0_m = 0.0005".parse::<Requirement>().unwrap().at_most, 0.0005);
     }
 }

@@ -14,7 +14,7 @@ const SHIFT: i32 = 4;
 
 /// A colour that shows on grey.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ink {
+pub enum MarkColour {
     /// The ruler.
     Orange,
     /// The floor, and "up".
@@ -27,7 +27,7 @@ pub enum Ink {
     White,
 }
 
-impl Ink {
+impl MarkColour {
     fn bgr(self) -> Scalar {
         let [b, g, r] = match self {
             Self::Orange => [0, 176, 255],
@@ -42,13 +42,13 @@ impl Ink {
 
 /// What is drawn, in pixels of the frame.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Shape {
+pub enum MarkShape {
     /// A line through points; those that are nowhere are left out.
     Line {
         /// The points.
         points: Vec<PixelPoint>,
         /// Its colour.
-        ink: Ink,
+        ink: MarkColour,
         /// Thinner and broken off nowhere: a line of a grid.
         fine: bool,
     },
@@ -59,21 +59,21 @@ pub enum Shape {
         /// Its head.
         to: PixelPoint,
         /// Its colour.
-        ink: Ink,
+        ink: MarkColour,
     },
     /// A small cross.
     Cross {
         /// Where.
         at: PixelPoint,
         /// Its colour.
-        ink: Ink,
+        ink: MarkColour,
     },
     /// A ring around a point, which stays free.
     Ring {
         /// Where.
         at: PixelPoint,
         /// Its colour.
-        ink: Ink,
+        ink: MarkColour,
     },
     /// A word beside a point.
     Label {
@@ -82,7 +82,7 @@ pub enum Shape {
         /// The word; plain ASCII, as OpenCV has no other letters.
         text: String,
         /// Its colour.
-        ink: Ink,
+        ink: MarkColour,
     },
 }
 
@@ -90,7 +90,7 @@ pub enum Shape {
 ///
 /// # Errors
 /// What OpenCV says.
-pub fn marks_png(frame: &Luma, shapes: &[Shape]) -> opencv::Result<Vec<u8>> {
+pub fn marks_png(frame: &Luma, shapes: &[MarkShape]) -> opencv::Result<Vec<u8>> {
     let mut canvas = Canvas::new(frame)?;
     for shape in shapes {
         canvas.draw(shape)?;
@@ -140,7 +140,7 @@ impl Canvas {
         Point::new(fixed(p.u_px), fixed(p.v_px))
     }
 
-    fn line(&mut self, places: &[Point], ink: Ink, thick: i32) -> opencv::Result<()> {
+    fn line(&mut self, places: &[Point], ink: MarkColour, thick: i32) -> opencv::Result<()> {
         // Dark beneath, so that it shows on bright ground too.
         for (colour, thick) in [(Scalar::all(20.0), thick + 2), (ink.bgr(), thick)] {
             for pair in places.windows(2) {
@@ -158,14 +158,14 @@ impl Canvas {
         Ok(())
     }
 
-    fn draw(&mut self, shape: &Shape) -> opencv::Result<()> {
+    fn draw(&mut self, shape: &MarkShape) -> opencv::Result<()> {
         match shape {
-            Shape::Line { points, ink, fine } => {
+            MarkShape::Line { points, ink, fine } => {
                 let thick = if *fine { 1 } else { self.stroke };
                 let places: Vec<Point> = points.iter().map(|p| self.place(*p)).collect();
                 self.line(&places, *ink, thick)
             }
-            Shape::Arrow { from, to, ink } => {
+            MarkShape::Arrow { from, to, ink } => {
                 let (a, b) = (self.place(*from), self.place(*to));
                 self.line(&[a, b], *ink, self.stroke)?;
                 let (dx, dy) = (f64::from(b.x - a.x), f64::from(b.y - a.y));
@@ -181,14 +181,14 @@ impl Canvas {
                 }
                 Ok(())
             }
-            Shape::Cross { at, ink } => {
+            MarkShape::Cross { at, ink } => {
                 let (p, arm) = (self.place(*at), (3 * self.stroke) << SHIFT);
                 let (a, b) = (Point::new(p.x - arm, p.y - arm), Point::new(p.x + arm, p.y + arm));
                 self.line(&[a, b], *ink, 1)?;
                 let (a, b) = (Point::new(p.x - arm, p.y + arm), Point::new(p.x + arm, p.y - arm));
                 self.line(&[a, b], *ink, 1)
             }
-            Shape::Ring { at, ink } => {
+            MarkShape::Ring { at, ink } => {
                 let (p, radius) = (self.place(*at), (7 * self.stroke) << SHIFT);
                 for (colour, thick) in [(Scalar::all(20.0), self.stroke + 2), (ink.bgr(), self.stroke)] {
                     imgproc::circle(
@@ -203,11 +203,11 @@ impl Canvas {
                 }
                 Ok(())
             }
-            Shape::Label { at, text, ink } => self.label(*at, text, *ink),
+            MarkShape::Label { at, text, ink } => self.label(*at, text, *ink),
         }
     }
 
-    fn label(&mut self, at: PixelPoint, text: &str, ink: Ink) -> opencv::Result<()> {
+    fn label(&mut self, at: PixelPoint, text: &str, ink: MarkColour) -> opencv::Result<()> {
         let size = 0.5 * f64::from(self.stroke);
         let font = imgproc::FONT_HERSHEY_SIMPLEX;
         let mut base = 0;
@@ -255,28 +255,28 @@ mod tests {
         };
         let p = PixelPoint::new;
         let shapes = [
-            Shape::Line {
+            MarkShape::Line {
                 points: vec![p(-1e9, 20.0), p(300.0, 1e12), p(f64::NAN, 3.0)],
-                ink: Ink::Green,
+                ink: MarkColour::Green,
                 fine: false,
             },
-            Shape::Arrow {
+            MarkShape::Arrow {
                 from: p(10.0, 10.0),
                 to: p(10.0, 10.0),
-                ink: Ink::Blue,
+                ink: MarkColour::Blue,
             },
-            Shape::Cross {
+            MarkShape::Cross {
                 at: p(500.0, -3.0),
-                ink: Ink::Red,
+                ink: MarkColour::Red,
             },
-            Shape::Ring {
+            MarkShape::Ring {
                 at: p(100.0, 100.0),
-                ink: Ink::Orange,
+                ink: MarkColour::Orange,
             },
-            Shape::Label {
+            MarkShape::Label {
                 at: p(319.0, 239.0),
                 text: "launch edge".into(),
-                ink: Ink::White,
+                ink: MarkColour::White,
             },
         ];
         let png = marks_png(&frame, &shapes).unwrap();

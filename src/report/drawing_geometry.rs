@@ -111,11 +111,11 @@ pub(super) fn round_below(limit: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fake;
+    use crate::report::test_measurements;
 
     #[test]
     fn impacts_lie_where_the_arcs_meet() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let marks = impacts(&measurement);
         assert_eq!(marks.iter().map(|mark| mark.number).collect::<Vec<_>>(), [1, 2]);
         let joint = measurement.arcs[1].samples[0].pixel;
@@ -124,18 +124,21 @@ mod tests {
 
     #[test]
     fn the_scale_is_found_from_the_points() {
-        let measurement = fake::two_bounces();
+        let measurement = test_measurements::two_bounces();
         let scale = metres_per_pixel(&measurement.track.points).unwrap();
         assert!((scale / 0.0009 - 1.0).abs() < 1e-6, "{scale}");
         assert!((uniform_scale(&measurement.arcs).unwrap() / 0.0009 - 1.0).abs() < 1e-9);
-        assert_eq!(metres_per_pixel(&fake::no_scale().track.points), None);
+        assert_eq!(
+            metres_per_pixel(&test_measurements::no_scale().track.points),
+            None
+        );
         assert_eq!(metres_per_pixel(&[]), None);
-        assert_eq!(uniform_scale(&fake::no_scale().arcs), None);
+        assert_eq!(uniform_scale(&test_measurements::no_scale().arcs), None);
     }
 
     #[test]
     fn a_value_between_samples_follows_the_parabola() {
-        let arc = &fake::two_bounces().arcs[1];
+        let arc = &test_measurements::two_bounces().arcs[1];
         let (first, last) = (arc.samples[0], arc.samples[32]);
         let time_s = first.time_s + 0.377 * (last.time_s - first.time_s);
         let t = time_s - first.time_s;

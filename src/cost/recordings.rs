@@ -16,74 +16,16 @@
 //! E = C N² / (t S) with C = 250 lx s: at f/2 and ISO 800, 1.25 lx s over the exposure.
 
 use super::centres::level_name;
-use super::render::{Rendered, decode, folder, render};
-use super::stats::{Errors, Spread};
-use super::want::Want;
-use super::{CostError, Curve, Diagram, Measure, Run, Section, Watch};
+use super::recommendation::Requirement;
+use super::recording_metrics::{DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE};
+use super::rendering::{Rendered, decode, folder, render};
+use super::stats::{ErrorStatistics, Quartiles};
+use super::study::{CostError, Diagram, Run, SettingCurve, Stopwatch, Subject};
 use crate::detect::centre::Accuracy;
 use crate::pipeline::{Measurement, Outcome, PointUse, measure};
 use crate::simulate::Scene;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
-
-/// What is compared with the truth: of the first bounce, and the distances.
-pub const QUANTITIES: [Measure; 6] = [
-    Measure {
-        name: "restitution",
-        words: "rms error of e",
-        unit: "",
-    },
-    Measure {
-        name: "friction",
-        words: "rms error of μ",
-        unit: "",
-    },
-    Measure {
-        name: "incident_angle_deg",
-        words: "rms error of the incident angle",
-        unit: "°",
-    },
-    Measure {
-        name: "rebound_angle_deg",
-        words: "rms error of the rebound angle",
-        unit: "°",
-    },
-    Measure {
-        name: "x0_m",
-        words: "rms error of x0",
-        unit: "m",
-    },
-    Measure {
-        name: "x_m",
-        words: "rms error of x",
-        unit: "m",
-    },
-];
-
-/// Time of a whole measurement, decoding included.
-pub const SECONDS: Measure = Measure {
-    name: "measure_s",
-    words: "time a recording",
-    unit: "s",
-};
-/// Time of decoding alone.
-pub const DECODING: Measure = Measure {
-    name: "decode_s",
-    words: "decoding a recording",
-    unit: "s",
-};
-/// Illuminance at the ball.
-pub const LIGHT: Measure = Measure {
-    name: "light_lx",
-    words: "light at f/2, ISO 800",
-    unit: "lx",
-};
-/// Size of the file.
-pub const STORAGE: Measure = Measure {
-    name: "storage_mb",
-    words: "storage a recording",
-    unit: "MB",
-};
 
 /// C N² / S at f/2 and ISO 800, lx s.
 const LIGHT_LX_S: f64 = 250.0 * 4.0 / 800.0;
@@ -99,7 +41,7 @@ const NEW_SEEDS: u64 = 1_000_000;
 
 /// What a user chooses.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setting {
+pub struct RecordingSetting {
     /// How centres are found.
     pub accuracy: Accuracy,
     /// Frames a second.
@@ -110,7 +52,7 @@ pub struct Setting {
     pub exposure_s: f64,
 }
 
-impl Setting {
+impl RecordingSetting {
     /// What the program and its scenes take by themselves.
     pub const DEFAULT: Self = Self {
         accuracy: Accuracy::Standard,
@@ -146,7 +88,7 @@ impl Setting {
 
 /// What is run.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct RecordingPlan {
     /// Levels of accuracy.
     pub accuracies: Vec<Accuracy>,
     /// Frames a second.
@@ -159,7 +101,7 @@ pub struct Plan {
     pub recordings: u64,
 }
 
-impl Plan {
+impl RecordingPlan {
     /// Minutes.
     #[must_use]
     pub fn full() -> Self {
@@ -185,13 +127,13 @@ impl Plan {
     }
 
     /// The cameras, in an order of their own; the accuracies come on top.
-    fn cameras(&self) -> Vec<Setting> {
+    fn cameras(&self) -> Vec<RecordingSetting> {
         let mut cameras = Vec::new();
         for &exposure_s in &self.exposures_s {
             for &reduction in &self.reductions {
                 for &frame_rate_hz in &self.frame_rates_hz {
                     if exposure_s * frame_rate_hz <= 1.0 {
-                        cameras.push(Setting {
+                        cameras.push(RecordingSetting {
                             accuracy: Accuracy::Standard,
                             frame_rate_hz,
                             reduction,
@@ -212,7 +154,7 @@ impl Plan {
 }
 
 /// Of one pass over a recording of the camera, in the units of [`super::centres`].
-fn cost(camera: &Setting) -> f64 {
+fn cost(camera: &RecordingSetting) -> f64 {
     let pixels = 1.0 / (camera.reduction * camera.reduction) as f64;
     (0.1 + 0.9 * pixels) * (1.0 + 6.0 * camera.frame_rate_hz / 240.0)
 }
@@ -220,8 +162,8 @@ fn cost(camera: &Setting) -> f64 {
 /// A scene with all that a user does not choose drawn from `seed`, seen by the camera of `setting`.
 ///
 /// # Errors
-/// None for the settings of a [`Plan`]; see [`crate::simulate::SceneError`].
-pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
+/// None for the settings of a [`RecordingPlan`]; see [`crate::simulate::SceneError`].
+pub fn scene(setting: &RecordingSetting, seed: u64) -> Result<Scene, CostError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut between = |low: f64, high: f64| low + (high - low) * (random.next_u64() as f64 / u64::MAX as f64);
     let (drop_m, speed_m_s) = (between(0.08, 0.14), between(0.7, 1.2));
@@ -250,7 +192,7 @@ pub fn scene(setting: &Setting, seed: u64) -> Result<Scene, CostError> {
 }
 
 /// A recording measured once.
-struct Trial {
+struct MeasuredRecording {
     seconds: f64,
     decode_s: f64,
     megabytes: f64,
@@ -262,8 +204,13 @@ struct Trial {
 }
 
 /// Measures a recording and compares it with its truth.
-fn try_one(accuracy: Accuracy, recording: &Rendered, decode_s: f64, watch: &Watch<'_>) -> Trial {
-    let (measured, seconds) = watch.timed(|| {
+fn try_one(
+    accuracy: Accuracy,
+    recording: &Rendered,
+    decode_s: f64,
+    stopwatch: &Stopwatch<'_>,
+) -> MeasuredRecording {
+    let (measured, seconds) = stopwatch.timed(|| {
         measure(
             &recording.video,
             &recording.calibration,
@@ -287,7 +234,7 @@ fn try_one(accuracy: Accuracy, recording: &Rendered, decode_s: f64, watch: &Watc
             (errors, used.count(), failed)
         }
     };
-    Trial {
+    MeasuredRecording {
         seconds,
         decode_s,
         megabytes: recording.bytes as f64 / 1e6,
@@ -340,19 +287,24 @@ fn compare(m: &Measurement, recording: &Rendered) -> Result<[Option<f64>; 6], St
 }
 
 /// All recordings of a setting in one run.
-fn summed(setting: &Setting, trials: &[Trial]) -> Run {
+fn summed(setting: &RecordingSetting, trials: &[MeasuredRecording]) -> Run {
     let errors = QUANTITIES.iter().enumerate().filter_map(|(i, q)| {
         let of: Vec<f64> = trials.iter().filter_map(|t| t.errors[i]).collect();
-        Some((q.name, Errors::of(&of)?))
+        Some((q.name, ErrorStatistics::of(&of)?))
     });
-    let spread = |of: fn(&Trial) -> f64| Spread::of(&trials.iter().map(of).collect::<Vec<_>>());
+    let spread =
+        |of: fn(&MeasuredRecording) -> f64| Quartiles::of(&trials.iter().map(of).collect::<Vec<_>>());
     let work = [
         (SECONDS.name, spread(|t| t.seconds)),
         (DECODING.name, spread(|t| t.decode_s)),
-        (LIGHT.name, Some(Spread::exact(LIGHT_LX_S / setting.exposure_s))),
+        (
+            LIGHT.name,
+            Some(Quartiles::exact(LIGHT_LX_S / setting.exposure_s)),
+        ),
         (STORAGE.name, spread(|t| t.megabytes)),
     ];
-    let mean = |of: fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / trials.len().max(1) as f64;
+    let mean =
+        |of: fn(&MeasuredRecording) -> f64| trials.iter().map(of).sum::<f64>() / trials.len().max(1) as f64;
     let failures: Vec<&str> = trials.iter().filter_map(|t| t.failed.as_deref()).collect();
     Run {
         settings: setting.named(),
@@ -370,30 +322,30 @@ fn summed(setting: &Setting, trials: &[Trial]) -> Run {
                 trials.len()
             )
         }),
-        is_default: *setting == Setting::DEFAULT,
+        is_default: *setting == RecordingSetting::DEFAULT,
     }
 }
 
 /// Renders and measures `seeds` with the camera of `camera` at each accuracy: the trials by accuracy.
 fn measure_all(
-    camera: &Setting,
+    camera: &RecordingSetting,
     accuracies: &[Accuracy],
     seeds: impl Iterator<Item = u64>,
-    watch: &mut Watch<'_>,
-) -> Result<Vec<Vec<Trial>>, CostError> {
+    stopwatch: &mut Stopwatch<'_>,
+) -> Result<Vec<Vec<MeasuredRecording>>, CostError> {
     let dir = folder()?;
     let scenes = seeds
         .map(|seed| scene(camera, seed))
         .collect::<Result<Vec<_>, _>>()?;
     let recordings = render(&scenes, dir.path())?;
-    watch.advance(2.0 * cost(camera) * scenes.len() as f64);
-    let mut trials: Vec<Vec<Trial>> = accuracies.iter().map(|_| Vec::new()).collect();
+    stopwatch.advance(2.0 * cost(camera) * scenes.len() as f64);
+    let mut trials: Vec<Vec<MeasuredRecording>> = accuracies.iter().map(|_| Vec::new()).collect();
     for recording in &recordings {
-        let (decoded, decode_s) = watch.timed(|| decode(&recording.video));
+        let (decoded, decode_s) = stopwatch.timed(|| decode(&recording.video));
         decoded?;
         for (accuracy, trials) in accuracies.iter().zip(&mut trials) {
-            trials.push(try_one(*accuracy, recording, decode_s, watch));
-            watch.advance(cost(camera));
+            trials.push(try_one(*accuracy, recording, decode_s, stopwatch));
+            stopwatch.advance(cost(camera));
         }
     }
     Ok(trials)
@@ -403,18 +355,21 @@ fn measure_all(
 ///
 /// # Errors
 /// See [`CostError`].
-pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<(Section, Vec<Setting>), CostError> {
-    watch.start("whole recordings");
+pub fn run(
+    plan: &RecordingPlan,
+    stopwatch: &mut Stopwatch<'_>,
+) -> Result<(Subject, Vec<RecordingSetting>), CostError> {
+    stopwatch.start("whole recordings");
     let (mut runs, mut settings) = (Vec::new(), Vec::new());
     for camera in plan.cameras() {
-        let trials = measure_all(&camera, &plan.accuracies, 1..=plan.recordings, watch)?;
+        let trials = measure_all(&camera, &plan.accuracies, 1..=plan.recordings, stopwatch)?;
         for (accuracy, trials) in plan.accuracies.iter().zip(&trials) {
             let setting = camera.with(*accuracy);
             runs.push(summed(&setting, trials));
             settings.push(setting);
         }
     }
-    let section = Section {
+    let section = Subject {
         name: "whole",
         title: "Whole recordings",
         words: vec![
@@ -439,12 +394,12 @@ pub fn run(plan: &Plan, watch: &mut Watch<'_>) -> Result<(Section, Vec<Setting>)
 }
 
 /// For each quantity: against time, light and storage.
-fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
-    let exposure_s = middle(&plan.exposures_s, Setting::DEFAULT.exposure_s);
+fn diagrams(plan: &RecordingPlan, settings: &[RecordingSetting]) -> Vec<Diagram> {
+    let exposure_s = middle(&plan.exposures_s, RecordingSetting::DEFAULT.exposure_s);
     // The largest picture there is.
     let largest = plan.reductions.iter().copied().min().unwrap_or(1);
     let ms = |s: f64| format!("{} ms", (1e4 * s).round() / 10.0);
-    let matching = |what: &dyn Fn(&Setting) -> bool| -> Vec<usize> {
+    let matching = |what: &dyn Fn(&RecordingSetting) -> bool| -> Vec<usize> {
         settings
             .iter()
             .enumerate()
@@ -455,13 +410,13 @@ fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
     let mut by_time = Vec::new();
     for &reduction in &plan.reductions {
         for &accuracy in &plan.accuracies {
-            let like = Setting {
+            let like = RecordingSetting {
                 accuracy,
                 reduction,
                 exposure_s,
-                ..Setting::DEFAULT
+                ..RecordingSetting::DEFAULT
             };
-            by_time.push(Curve {
+            by_time.push(SettingCurve {
                 name: format!("{}, {}", like.picture(), level_name(accuracy)),
                 runs: matching(&|s| {
                     s.accuracy == accuracy && s.reduction == reduction && s.exposure_s == exposure_s
@@ -469,21 +424,21 @@ fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
             });
         }
     }
-    let by_light = plan.frame_rates_hz.iter().map(|&rate| Curve {
+    let by_light = plan.frame_rates_hz.iter().map(|&rate| SettingCurve {
         name: format!("{rate} Hz"),
         runs: matching(&|s| {
             s.accuracy == Accuracy::Standard && s.reduction == largest && s.frame_rate_hz == rate
         }),
     });
-    let by_light: Vec<Curve> = by_light.collect();
+    let by_light: Vec<SettingCurve> = by_light.collect();
     let mut by_storage = Vec::new();
     for &exposure in &plan.exposures_s {
         for &reduction in &plan.reductions {
-            let like = Setting {
+            let like = RecordingSetting {
                 reduction,
-                ..Setting::DEFAULT
+                ..RecordingSetting::DEFAULT
             };
-            by_storage.push(Curve {
+            by_storage.push(SettingCurve {
                 name: format!("{}, {}", like.picture(), ms(exposure)),
                 runs: matching(&|s| {
                     s.accuracy == Accuracy::Standard && s.reduction == reduction && s.exposure_s == exposure
@@ -512,9 +467,9 @@ fn diagrams(plan: &Plan, settings: &[Setting]) -> Vec<Diagram> {
                 LIGHT,
                 format!(
                     "against light; standard, {} picture, along a curve the exposure",
-                    Setting {
+                    RecordingSetting {
                         reduction: largest,
-                        ..Setting::DEFAULT
+                        ..RecordingSetting::DEFAULT
                     }
                     .picture()
                 ),
@@ -567,51 +522,56 @@ const TRIAL_SEEDS: u64 = 500_000;
 /// And on so many: what holds on all of them fails on more than one in twenty only with a luck of one in five.
 const TRIALS: u64 = 30;
 
-/// Why `setting` does not reach all of `wants` on every one of some new recordings; `None` if it does.
+/// Why `setting` does not reach all of `requirements` on every one of some new recordings; `None` if it does.
 ///
 /// # Errors
 /// See [`CostError`].
 pub fn refusal(
-    setting: &Setting,
-    wants: &[Want],
-    watch: &mut Watch<'_>,
+    setting: &RecordingSetting,
+    requirements: &[Requirement],
+    stopwatch: &mut Stopwatch<'_>,
 ) -> Result<Option<String>, CostError> {
     /// Rendered at a time: the first miss ends it.
     const AT_ONCE: u64 = 6;
-    watch.start_more("trying the recommendation", cost(setting) * TRIALS as f64 * 3.0);
+    stopwatch.start_more("trying the recommendation", cost(setting) * TRIALS as f64 * 3.0);
     for first in (0..TRIALS).step_by(AT_ONCE as usize) {
         let seeds = (first..first + AT_ONCE).map(|i| TRIAL_SEEDS + i);
-        let trials = measure_all(setting, &[setting.accuracy], seeds, watch)?;
-        if let Some(why) = trials.iter().flatten().find_map(|trial| miss(trial, wants)) {
+        let trials = measure_all(setting, &[setting.accuracy], seeds, stopwatch)?;
+        if let Some(why) = trials
+            .iter()
+            .flatten()
+            .find_map(|trial| miss(trial, requirements))
+        {
             return Ok(Some(why));
         }
     }
     Ok(None)
 }
 
-/// Measures `recordings` new ones at `setting` and counts how many reach all of `wants`.
+/// Measures `recordings` new ones at `setting` and counts how many reach all of `requirements`.
 ///
 /// # Errors
 /// See [`CostError`].
 pub fn check(
-    setting: &Setting,
-    wants: &[Want],
+    setting: &RecordingSetting,
+    requirements: &[Requirement],
     recordings: u64,
-    watch: &mut Watch<'_>,
+    stopwatch: &mut Stopwatch<'_>,
 ) -> Result<Check, CostError> {
     /// Rendered at a time: what a temporary folder has to hold.
     const AT_ONCE: u64 = 8;
-    watch.start("checking the recommendation");
-    watch.total = cost(setting) * recordings as f64 * 3.0;
-    watch.done = 0.0;
+    stopwatch.restart(
+        "checking the recommendation",
+        cost(setting) * recordings as f64 * 3.0,
+    );
     let (mut inside, mut first_miss) = (0, None);
     for first in (0..recordings).step_by(AT_ONCE as usize) {
         let seeds = (first..(first + AT_ONCE).min(recordings)).map(|i| NEW_SEEDS + i);
-        for trial in measure_all(setting, &[setting.accuracy], seeds, watch)?
+        for trial in measure_all(setting, &[setting.accuracy], seeds, stopwatch)?
             .into_iter()
             .flatten()
         {
-            match miss(&trial, wants) {
+            match miss(&trial, requirements) {
                 None => inside += 1,
                 Some(why) => {
                     first_miss.get_or_insert(why);
@@ -628,8 +588,8 @@ pub fn check(
 }
 
 /// Why a trial does not reach what was wanted.
-fn miss(trial: &Trial, wants: &[Want]) -> Option<String> {
-    wants.iter().find_map(|want| {
+fn miss(trial: &MeasuredRecording, requirements: &[Requirement]) -> Option<String> {
+    requirements.iter().find_map(|want| {
         let i = QUANTITIES.iter().position(|q| *q == want.quantity)?;
         match trial.errors[i] {
             None => Some(trial.failed.clone().unwrap_or_default()),
@@ -645,17 +605,17 @@ mod tests {
 
     #[test]
     fn an_exposure_longer_than_a_frame_is_left_out() {
-        let cameras = Plan::full().cameras();
+        let cameras = RecordingPlan::full().cameras();
         assert!(cameras.iter().all(|c| c.exposure_s * c.frame_rate_hz <= 1.0));
-        assert!(cameras.contains(&Setting::DEFAULT));
+        assert!(cameras.contains(&RecordingSetting::DEFAULT));
         // 6 rates with two exposures, 4 with the longest, at three sizes.
         assert_eq!(cameras.len(), (6 + 6 + 4) * 3);
     }
 
     #[test]
     fn scenes_differ_by_seed_and_are_the_same_at_every_size() {
-        let full = Setting::DEFAULT;
-        let half = Setting { reduction: 2, ..full };
+        let full = RecordingSetting::DEFAULT;
+        let half = RecordingSetting { reduction: 2, ..full };
         let (a, b, c) = (
             scene(&full, 1).unwrap(),
             scene(&full, 2).unwrap(),
@@ -672,17 +632,20 @@ mod tests {
 
     #[test]
     fn every_run_of_a_plan_is_in_a_diagram_of_each_kind_or_in_the_table_only() {
-        let plan = Plan::full();
-        let settings: Vec<Setting> = plan
+        let plan = RecordingPlan::full();
+        let settings: Vec<RecordingSetting> = plan
             .cameras()
             .into_iter()
             .flat_map(|c| plan.accuracies.iter().map(move |a| c.with(*a)))
             .collect();
         let diagrams = diagrams(&plan, &settings);
         assert_eq!(diagrams.len(), 18);
-        let default = settings.iter().position(|s| *s == Setting::DEFAULT).unwrap();
+        let default = settings
+            .iter()
+            .position(|s| *s == RecordingSetting::DEFAULT)
+            .unwrap();
         for d in &diagrams {
-            let holds = |curve: &Curve| curve.runs.contains(&default);
+            let holds = |curve: &SettingCurve| curve.runs.contains(&default);
             assert_eq!(d.curves.iter().filter(|c| holds(c)).count(), 1, "{}", d.title);
             assert!(d.curves.iter().all(|c| !c.runs.is_empty()));
         }

@@ -1,6 +1,6 @@
 //! Scenes to recordings in a temporary folder, as many at once as there are cores: nothing is timed meanwhile.
 
-use super::CostError;
+use super::study::CostError;
 use crate::calibration::Calibration;
 use crate::frames::{self, FrameError};
 use crate::simulate::truth::Truth;
