@@ -144,7 +144,10 @@ impl Verdict<'_> {
 /// A figure, what was found, what is true, and how far it may be off.
 fn check(what: &str, found: Option<f64>, truth: f64, most: f64) {
     let found = found.unwrap_or_else(|| panic!("{what} is not there"));
-    println!("{what}: {found:.5}, {:+.5} (limit {most})", found - truth);
+    println!(
+        "| {what} | {found:.5} | {truth:.5} | {:+.5} | {most} |",
+        found - truth
+    );
     assert!((found - truth).abs() < most, "{what}: {found} against {truth}");
 }
 
@@ -165,6 +168,7 @@ fn val_figs_3_and_4_coefficients_through_batch_and_fit() {
         .code(0);
     println!("{}", String::from_utf8_lossy(&assert.get_output().stdout));
     let fit: Value = serde_json::from_slice(&fs::read(out.join("fit.json")).unwrap()).unwrap();
+    println!("| group, coefficient | found | truth | off by | the test's limit |\n|---|---|---|---|---|");
     let of = |name: &str| {
         Verdict(
             fit["groups"]

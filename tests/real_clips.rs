@@ -47,7 +47,7 @@ fn measured_with(clip: &str, calibration: &Calibration) -> Option<Measurement> {
         &mut |_| (),
     )
     .unwrap();
-    println!("{clip}: {}", summary(&measurement));
+    println!("| {clip} | {} |", summary(&measurement));
     Some(measurement)
 }
 

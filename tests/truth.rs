@@ -106,6 +106,7 @@ fn rendered_recordings_are_measured_within_the_figures_asked_for() {
         busy(scene(9, &grips, 0.3, 0.7, 0.0)),
     ];
     let (mut inside, mut all) = (0, 0);
+    let mut worst: Vec<(&str, f64, f64)> = Vec::new();
     for (i, s) in scenes.iter().enumerate() {
         let r = Rendered::new(s);
         let m = measured(&r.video, &r.calibration);
@@ -126,7 +127,15 @@ fn rendered_recordings_are_measured_within_the_figures_asked_for() {
             );
             inside += usize::from(pull.abs() < 1.96);
             all += 1;
+            match worst.iter_mut().find(|w| w.0 == name) {
+                Some(w) => w.1 = w.1.max(error.abs()),
+                None => worst.push((name, error.abs(), most)),
+            }
         }
+    }
+    println!("\n| quantity | worst error | the test's limit |\n|---|---|---|");
+    for (name, error, most) in worst {
+        println!("| {name} | {error:.6} | {most} |");
     }
     assert!(
         inside * 100 >= all * 88,
