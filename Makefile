@@ -4,6 +4,7 @@
 #     make test     all tests
 #     make figures  makes the tables and pictures of docs/accuracy.md anew (half an hour)
 #     make golden   writes the golden results anew and says what moved
+#     make schemas  writes docs/schemas/ from the types
 #     make lint     format, clippy, documentation: as CI does
 #     make build    the program, target/debug/track
 #     make setup    what a build needs, and nothing else
@@ -21,7 +22,7 @@ TRACK := cargo run --locked --quiet --bin track --
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball
 
-.PHONY: demo test figures golden lint build setup
+.PHONY: demo test figures golden schemas lint build setup
 
 demo: build
 	$(TRACK) simulate $(SCENE) --out demo
@@ -39,6 +40,9 @@ figures: demo
 # After a change that is meant to move numbers; look at the difference before it is committed.
 golden: setup
 	TRACK_GOLDEN=refresh cargo test --locked --test golden -- --nocapture | grep -E '^moved|^test result' || true
+
+schemas: setup
+	TRACK_SCHEMAS=refresh cargo test --locked --test schemas
 
 lint:
 	@scripts/setup.sh --lint

@@ -20,6 +20,7 @@
 //! | [`cost`] | accuracy against time: scenes with known truth, measured at many settings | [`cost::Report`] |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
 //! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::Finished`] |
+//! | [`schemas`] | JSON Schemas of all files that are read or written, from their types | `docs/schemas/` |
 //! | [`cli`] | a file a command; the only place that prints or draws progress | |
 //!
 //! # Conventions
@@ -45,4 +46,8 @@ pub mod pipeline;
 pub mod quantity;
 pub mod rebound;
 pub mod report;
+pub mod schemas;
 pub mod simulate;
+mod version;
+
+pub use version::Build;

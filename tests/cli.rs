@@ -198,7 +198,8 @@ fn help_and_version_are_results() {
                 .and(contains("--calib")),
         );
     }
-    let version = format!("track {}\n", env!("CARGO_PKG_VERSION"));
+    let build = track::Build::THIS;
+    let version = format!("track {} ({})\n", build.version, build.commit);
     track()
         .arg("--version")
         .assert()
@@ -681,6 +682,7 @@ fn the_json_holds_the_contract_and_the_truth() {
     holds_the_contract(&result);
     assert_eq!(result["schema"], "track.result/1");
     assert_eq!(result["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(result["commit"], track::Build::THIS.commit);
     assert_eq!(result["status"], "measured");
     assert_eq!(result["reason"], Value::Null);
     assert_eq!(result["video"]["width_px"], 320);
@@ -711,6 +713,7 @@ fn holds_the_contract(result: &Value) {
         &[
             "schema",
             "version",
+            "commit",
             "status",
             "reason",
             "video",

@@ -1,10 +1,11 @@
 //! What a result depends on. A result whose key is the one of today need not be measured again.
 //!
 //! The key holds SHA-256 digests of the recording and of its calibration, the settings that have a part in the result, and
-//! the program's version; times of files and their places have none in it, so a copied or touched recording is not measured
+//! the program's version and commit: another build may measure another result. Times of files and their places have none in it, so a copied or touched recording is not measured
 //! again.
 
 use super::{LaunchSpin, Recording};
+use crate::Build;
 use crate::detect::centre::Accuracy;
 use crate::frames::pictures_in;
 use serde_json::{Value, json};
@@ -24,10 +25,16 @@ pub struct Key(Value);
 impl Key {
     /// Of a recording as it is now. `None` where it cannot be read through; then its process will tell why.
     pub fn of(recording: &Recording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
+        Self::of_build(Build::THIS, recording, calib, accuracy)
+    }
+
+    /// As `build` of the program makes it.
+    fn of_build(build: Build, recording: &Recording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
         let changes = &recording.changes;
         Some(Self(json!({
             "schema": SCHEMA,
-            "version": env!("CARGO_PKG_VERSION"),
+            "version": build.version,
+            "commit": build.commit,
             "input_sha256": of_recording(&recording.video).ok()?,
             "calibration_sha256": of_bytes(calib),
             "settings": {
@@ -156,6 +163,19 @@ mod tests {
         ] {
             let changed = Recording { changes, ..r.clone() };
             assert_ne!(key(&changed, "{}", Accuracy::Standard), first, "{changes:?}");
+        }
+        for build in [
+            Build {
+                version: "0.0.1",
+                ..Build::THIS
+            },
+            Build {
+                commit: "0123456789ab",
+                ..Build::THIS
+            },
+        ] {
+            let built = Key::of_build(build, &r, b"{}", Accuracy::Standard).unwrap();
+            assert_ne!(built, first, "{build:?}");
         }
         fs::write(&video, "frame5").unwrap();
         assert_ne!(key(&r, "{}", Accuracy::Standard), first);

@@ -13,13 +13,14 @@ use clap::{Parser, Subcommand, ValueEnum};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::LazyLock;
 
 /// Measures a bouncing ball in a lab video: impacts, angles, restitution, friction, spin, distances, and what two
 /// rebound models make of them.
 #[derive(Debug, Parser)]
 #[command(
     name = "track",
-    version,
+    version = version(),
     about,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true
@@ -69,6 +70,12 @@ enum Effects {
     All,
     /// None beyond the parabola, the rigid impact and the disc.
     None,
+}
+
+/// What `--version` says behind the name.
+fn version() -> &'static str {
+    static TEXT: LazyLock<String> = LazyLock::new(|| crate::Build::THIS.to_string());
+    &TEXT
 }
 
 /// How a command ended.

@@ -292,6 +292,8 @@ pub fn board_json(board: &BoardReport<'_>) -> Value {
     });
     json!({
         "schema": "track.board/1",
+        "version": crate::Build::THIS.version,
+        "commit": crate::Build::THIS.commit,
         "calib": board.calibration.to_json(),
         "lens": lens,
         "plane": plane,

@@ -1,5 +1,6 @@
 //! `cost.json` and `cost.csv`: every run with its errors, its work and its counts; schema `track.cost/1`.
 
+use crate::Build;
 use crate::cost::recordings::Check;
 use crate::cost::stats::{ErrorStatistics, Quartiles};
 use crate::cost::{CostReport, Diagram, Metric, Run, Subject};
@@ -28,7 +29,8 @@ pub fn cost_json(report: &CostReport, check: Option<&Check>) -> Value {
     let chosen = recommendation.chosen.zip(report.section("whole"));
     json!({
         "schema": SCHEMA,
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": Build::THIS.version,
+        "commit": Build::THIS.commit,
         "quick": report.quick,
         "took_s": report.took_s,
         "machine": {

@@ -4,6 +4,7 @@
 //! `null` too, as JSON has no word for it.
 
 use super::words;
+use crate::Build;
 use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, EERegime, FloorSource, MuERegime,
     Preferred, Readings, XSource,
@@ -31,7 +32,8 @@ pub fn result_json(measurement: &Measurement) -> Value {
         .collect();
     json!({
         "schema": SCHEMA,
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": Build::THIS.version,
+        "commit": Build::THIS.commit,
         "status": status,
         "reason": reason,
         "video": video(&measurement.video),
@@ -237,6 +239,7 @@ mod tests {
             [
                 "schema",
                 "version",
+                "commit",
                 "status",
                 "reason",
                 "video",
@@ -317,7 +320,8 @@ mod tests {
         assert_eq!(keys(&result["warnings"][0]), ["code", "message"]);
         assert_eq!(keys(&result["x0_m"]), ["value", "std_uncertainty"]);
         assert_eq!(result["schema"], "track.result/1");
-        assert_eq!(result["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(result["version"], Build::THIS.version);
+        assert_eq!(result["commit"], Build::THIS.commit);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! A parameter that the data do not determine is `null`, and `not_determined` says why. Angles are degrees here.
 
 use super::json::quantity;
+use crate::Build;
 use crate::rebound::fit::{
     CourtPace, Estimate, Fitted, GroupFit, ModelFit, Note, Parameter, SeriesFit, Weights,
 };
@@ -17,7 +18,8 @@ pub const SCHEMA: &str = "track.fit/1";
 pub fn fit_json(fit: &SeriesFit) -> Value {
     json!({
         "schema": SCHEMA,
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": Build::THIS.version,
+        "commit": Build::THIS.commit,
         "series": fit.name,
         "columns": fit.set.name(),
         "weights": match fit.weights {

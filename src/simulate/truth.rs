@@ -12,19 +12,24 @@ use super::effects::Plane;
 use super::effects::{Decision, Unit};
 use super::flight::Impact;
 use super::{Recording, frame_times_s};
+use crate::Build;
 use crate::geometry::PixelPoint;
 use crate::rebound::{Regime, azimuth_rad};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The schema written.
 pub const SCHEMA: &str = "track.truth/1";
 
 /// All of it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Truth {
     /// [`SCHEMA`].
     pub schema: &'static str,
+    /// The program that rendered it.
+    #[serde(flatten)]
+    pub build: Build,
     /// One line for each effect.
     pub effects: Vec<EffectTruth>,
     /// How the ball leaves the bench; `null` where it is not seen on one.
@@ -42,7 +47,7 @@ pub struct Truth {
 }
 
 /// Whether an effect was simulated. An estimate is in px or in grey levels; the other pair is `null`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EffectTruth {
     /// Its name.
     pub name: &'static str,
@@ -61,7 +66,7 @@ pub struct EffectTruth {
 }
 
 /// The launch from a bench, with the keys of a result's launch as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct LaunchTruth {
     /// When the ball's centre is above the edge, s.
     pub time_s: f64,
@@ -76,7 +81,7 @@ pub struct LaunchTruth {
 }
 
 /// Velocity and angle before or after an impact.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct LegTruth {
     /// Along the launch, m/s.
     pub vx_m_s: f64,
@@ -90,7 +95,7 @@ pub struct LegTruth {
 
 /// An impact, with the keys of a result's bounces as plain numbers. `null` where a quantity does not exist: a ratio to
 /// a velocity of 0.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct BounceTruth {
     /// First touch, s.
     pub time_s: f64,
@@ -126,7 +131,7 @@ pub struct BounceTruth {
 }
 
 /// The ball's centre in a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct CentreTruth {
     /// From 0.
     pub frame: usize,
@@ -155,6 +160,7 @@ impl Truth {
         let floor = recording.trajectory().floor();
         Self {
             schema: SCHEMA,
+            build: Build::THIS,
             effects: recording.decisions().iter().map(effect).collect(),
             launch: launch(recording),
             floor_slope_deg: floor.slope_rad().to_degrees(),

@@ -1,0 +1,49 @@
+//! JSON Schemas of the files that the program reads and writes, generated from their types.
+//!
+//! They stand in `docs/schemas/`; `tests/schemas.rs` checks that they are those of the types, `make schemas` writes them.
+
+use crate::simulate::truth::{self, Truth};
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde_json::{Value, json};
+
+/// The schema of a kind of file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileSchema {
+    /// The value of the file's key `schema`, such as `track.truth/1`.
+    pub id: &'static str,
+    /// The JSON Schema (draft 2020-12).
+    pub schema: Value,
+}
+
+impl FileSchema {
+    /// The name of its file in `docs/schemas/`: `truth.schema.json` for `track.truth/1`.
+    #[must_use]
+    pub fn file_name(&self) -> String {
+        let kind = self.id.trim_start_matches("track.");
+        format!("{}.schema.json", kind.split('/').next().unwrap_or(kind))
+    }
+}
+
+/// Those of all files. A new kind of file is a new line here.
+#[must_use]
+pub fn all() -> Vec<FileSchema> {
+    vec![written::<Truth>(truth::SCHEMA)]
+}
+
+/// A file that the program writes: every key is there.
+fn written<T: JsonSchema>(id: &'static str) -> FileSchema {
+    of_type::<T>(id, SchemaSettings::draft2020_12().for_serialize())
+}
+
+fn of_type<T: JsonSchema>(id: &'static str, settings: SchemaSettings) -> FileSchema {
+    let generated = settings.into_generator().into_root_schema_for::<T>().to_value();
+    // What the file is stands first; keys that are there already keep their place.
+    let mut schema =
+        json!({"$schema": generated["$schema"], "title": id, "description": generated["description"]});
+    if let (Some(all), Value::Object(generated)) = (schema.as_object_mut(), generated) {
+        all.extend(generated.into_iter().filter(|(key, _)| key != "title"));
+    }
+    schema["properties"]["schema"] = json!({"const": id});
+    FileSchema { id, schema }
+}
