@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use noise::Noise;
 use track::calibration::{Calibration, Scale, ScaleEvidence};
 use track::flight::drag::DragLaw;
-use track::flight::planar::{ARCS, DRAG, GRAVITY, Planar};
+use track::flight::planar::{ARCS, DRAG, GRAVITY, PlanarArcs};
 use track::geometry::PixelPoint;
 use track::impact::relations::ImpactVelocities;
 use track::rebound::{Motion, Regime, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
@@ -504,7 +504,7 @@ fn parabolas_their_meeting_and_their_return() {
                 &a[3] - &(g * &dt),
             )
         };
-        let planar = Planar {
+        let planar = PlanarArcs {
             parameters: &p,
             times: &times,
             law: DragLaw::default(),
@@ -515,7 +515,7 @@ fn parabolas_their_meeting_and_their_return() {
         height.compare(&inputs, m.h, |x| at(x).1);
         rise.compare(&inputs, m.vh, |x| at(x).2);
         // Least distance of the two: −(D · V)/V² from any time on.
-        meets.compare(&inputs, planar.meeting(0, 1).unwrap().0, |x| {
+        meets.compare(&inputs, planar.intersection(0, 1).unwrap().0, |x| {
             let zero = x[ARCS + 8].clone();
             let ((r, h, v), (s, k, w)) = (from(x, 0, &zero), from(x, 1, &zero));
             let (dr, dh, dvr, dvh) = (s - r, k - h, &x[ARCS + 5] - &x[ARCS + 1], w - v);

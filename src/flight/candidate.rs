@@ -8,7 +8,7 @@ use super::segment::{self, Fall, Gravity, own_gravity};
 use super::{median, overhead};
 
 /// A track that may be the ball's.
-pub(super) struct Candidate {
+pub(super) struct TrackCandidate {
     pub(super) track: Track,
     pub(super) gravity: Gravity,
     pub(super) evidence: f64,
@@ -16,7 +16,7 @@ pub(super) struct Candidate {
     span: (f64, f64),
 }
 
-impl Candidate {
+impl TrackCandidate {
     pub(super) fn new(spots: &[Spot], track: &Track, forces: Forces, leaning: bool) -> Option<Self> {
         let sigma = segment_sigma(spots, track, forces);
         let samples = samples_of(spots, track, sigma);
@@ -24,7 +24,7 @@ impl Candidate {
             return Some(Self {
                 track: track.clone(),
                 gravity: Gravity::NONE,
-                evidence: overhead::find::evidence(spots, track, sigma, known)?,
+                evidence: overhead::search::evidence(spots, track, sigma, known)?,
                 span: (samples.first()?.t, samples.last()?.t),
             });
         }
@@ -43,13 +43,13 @@ impl Candidate {
             });
         }
         let found = segment::arcs(&samples, Fall::Free { leaning });
-        let falling_beyond = |sigma: f64| -> Vec<Curved> {
+        let falling_beyond = |sigma: f64| -> Vec<CurvedArc> {
             let curved = found.iter().filter(|a| a.len() >= 5).filter_map(|a| {
                 let part = &samples[a.clone()];
                 let (own, std) = own_gravity(part)?;
                 let duration = part[part.len() - 1].t - part[0].t;
                 let sagitta = own.down * duration * duration / 8.0;
-                (sagitta > SAGITTA_SIGMAS * sigma).then_some(Curved {
+                (sagitta > SAGITTA_SIGMAS * sigma).then_some(CurvedArc {
                     own,
                     std,
                     points: a.len(),
@@ -79,8 +79,9 @@ impl Candidate {
             .down;
         let agree = agreeing(centre);
         let information: f64 = agree.iter().map(|a| 1.0 / (a.std * a.std)).sum();
-        let mean =
-            |of: fn(&Curved) -> f64| agree.iter().map(|a| of(a) / (a.std * a.std)).sum::<f64>() / information;
+        let mean = |of: fn(&CurvedArc) -> f64| {
+            agree.iter().map(|a| of(a) / (a.std * a.std)).sum::<f64>() / information
+        };
         let gravity = Gravity {
             down: mean(|a| a.own.down),
             across: if leaning { mean(|a| a.own.across) } else { 0.0 },
@@ -113,7 +114,7 @@ impl Candidate {
 }
 
 /// An arc whose own curve shows a fall.
-struct Curved {
+struct CurvedArc {
     own: Gravity,
     /// Of both components.
     std: f64,
@@ -126,14 +127,14 @@ struct Curved {
 pub(super) fn with_continuations(
     spots: &[Spot],
     tracks: &[Track],
-    best: &Candidate,
+    best: &TrackCandidate,
     forces: Forces,
     leaning: bool,
 ) -> Track {
     let mut whole = best.track.clone();
     match forces {
         Forces::Fall(_) | Forces::FallWithDrag(..) => {}
-        Forces::Overhead(_) => return overhead::find::with_continuations(spots, tracks, whole),
+        Forces::Overhead(_) => return overhead::search::with_continuations(spots, tracks, whole),
         Forces::None => return whole,
     }
     let radius = {
@@ -144,7 +145,7 @@ pub(super) fn with_continuations(
     for track in tracks.iter().filter(|t| t.len() >= 5 && **t != best.track) {
         let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
         let alike = (median(&mut radii) / radius - 1.0).abs() < 0.25;
-        let Some(other) = Candidate::new(spots, track, forces, leaning).filter(|_| alike) else {
+        let Some(other) = TrackCandidate::new(spots, track, forces, leaning).filter(|_| alike) else {
             continue;
         };
         let (from, to) = other.span;

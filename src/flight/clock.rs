@@ -68,8 +68,8 @@ mod tests {
     use super::*;
     use crate::geometry::PlanePoint;
 
-    /// A bouncing ball at the times of its frames, which are given the times `told`.
-    fn clip(taken: impl Fn(usize) -> f64, told: impl Fn(usize) -> f64) -> Vec<Spot> {
+    /// A bouncing ball at the times of its frames, which are given the times `stamped`.
+    fn clip(taken: impl Fn(usize) -> f64, stamped: impl Fn(usize) -> f64) -> Vec<Spot> {
         (0..60)
             .map(|frame| {
                 let t = taken(frame);
@@ -78,7 +78,7 @@ mod tests {
                     coded: crate::frames::Coded::Whole,
                     id: frame,
                     frame,
-                    time_s: told(frame),
+                    time_s: stamped(frame),
                     place: PlanePoint::new(300.0 * t, 4000.0 * 0.5 * phase * (0.5 - phase)),
                     std: 0.05,
                     radius: 8.0,

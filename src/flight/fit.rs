@@ -5,21 +5,21 @@
 //! ```
 //!
 //! a, the acceleration along r, is what gravity has there where "up" of the picture is not quite the plane's: the fall leans
-//! by atan(a/g). What is known of that beforehand is a prior of a ([`Upright`]).
+//! by atan(a/g). What is known of that beforehand is a prior of a ([`VerticalPrior`]).
 //!
-//! with place and velocity of arc k at its mean time t_k ([`Planar`]). Without drag (β = 0) that is the exact parabola and
+//! with place and velocity of arc k at its mean time t_k ([`PlanarArcs`]). Without drag (β = 0) that is the exact parabola and
 //! the fit is linear. With drag (β = ρ C_D π R² / 2m) the fit is Gauss-Newton; drag is a small part, so three steps settle
 //! it. β comes with a prior, and with the way it changes with the speed, where the ball's mass and size are known; otherwise
 //! it is the same at all speeds, and anything from none to that of a light ball.
 //!
 //! Weighted least squares by QR of the whitened rows; times are centred, so nothing is lost at late times. The
-//! covariance is that of the QR, times the excess of the residuals over the stated uncertainties (never below 1).
+//! covariance is that of the QR, times the reduced chi squared (never below 1).
 
 use super::drag::{Drag, DragLaw, USUAL_LIGHT_DRAG};
 use super::overhead::{self, Overhead};
-use super::planar::Planar;
+use super::planar::PlanarArcs;
 pub use super::planar::{ACROSS, ARCS, DRAG, GRAVITY, Motion};
-use super::segment::{Gravity, Sample};
+use super::segment::{Gravity, TrackSample};
 use nalgebra::{DMatrix, DVector};
 
 /// A point for the fit.
@@ -28,20 +28,20 @@ pub struct FitPoint {
     /// The arc it belongs to.
     pub arc: usize,
     /// Time, place, weight.
-    pub sample: Sample,
+    pub sample: TrackSample,
 }
 
 /// How well the direction of "up" is known without the fall: the standard uncertainty of the angle by which the fall may lean,
 /// rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Upright {
+pub struct VerticalPrior {
     /// rad; infinite where only the fall tells, 0 where the fall is taken not to lean unless it does by more than is tolerated.
     pub std_rad: f64,
     /// A fall that leans by less does not contradict what is known, rad.
     pub tolerated_rad: f64,
 }
 
-impl Upright {
+impl VerticalPrior {
     /// Nothing is known: the fall alone tells.
     pub const UNKNOWN: Self = Self {
         std_rad: f64::INFINITY,
@@ -50,14 +50,14 @@ impl Upright {
 
     /// A camera that stands level, as far as rough centres tell: while arcs are looked for, so that what is no ball's path does not
     /// pass for one that leans.
-    pub const AS_IT_STANDS: Self = Self {
+    pub const LEVEL_CAMERA: Self = Self {
         std_rad: 0.0,
         tolerated_rad: 0.035,
     };
 
     /// Known to a standard uncertainty.
     #[must_use]
-    pub const fn to(std_rad: f64) -> Self {
+    pub const fn known_to(std_rad: f64) -> Self {
         Self {
             std_rad,
             tolerated_rad: 0.0,
@@ -69,9 +69,9 @@ impl Upright {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Forces {
     /// Gravity is fitted; drag where the flight shows it.
-    Fall(Upright),
+    Fall(VerticalPrior),
     /// Gravity is fitted; this is known of drag.
-    FallWithDrag(Upright, Drag),
+    FallWithDrag(VerticalPrior, Drag),
     /// None that shows: a top view from far away.
     None,
     /// Towards the floor, which a camera above sees by perspective.
@@ -87,16 +87,16 @@ impl Forces {
 
     /// What is known of "up" where gravity acts in the plane.
     #[must_use]
-    pub fn upright(&self) -> Option<Upright> {
+    pub fn vertical(&self) -> Option<VerticalPrior> {
         match self {
             Self::Fall(upright) | Self::FallWithDrag(upright, _) => Some(*upright),
             Self::None | Self::Overhead(_) => None,
         }
     }
 
-    /// The same with another knowledge of "up".
+    /// The same with another prior of "up".
     #[must_use]
-    pub fn with_upright(self, upright: Upright) -> Self {
+    pub fn with_vertical(self, upright: VerticalPrior) -> Self {
         match self {
             Self::Fall(_) => Self::Fall(upright),
             Self::FallWithDrag(_, drag) => Self::FallWithDrag(upright, drag),
@@ -107,7 +107,7 @@ impl Forces {
     /// The same where nothing is known of the ball's drag: none to that of a light ball of this `radius`, plane units.
     /// Without that a lean of the fall would take the place of what drag does along the path.
     #[must_use]
-    pub fn of_a_ball(self, radius: f64) -> Self {
+    pub fn with_unknown_drag(self, radius: f64) -> Self {
         match self {
             Self::Fall(upright) if radius > 0.0 => {
                 Self::FallWithDrag(upright, Drag::unknown(USUAL_LIGHT_DRAG / radius))
@@ -133,12 +133,12 @@ pub struct ArcFit {
     pub times: Vec<f64>,
     /// g, β, the acceleration along r, then r, vr, h, vh of each arc at its mean time.
     pub parameters: DVector<f64>,
-    /// Their covariance, excess included.
+    /// Their covariance, reduced chi squared and autocorrelation inflation included.
     pub covariance: DMatrix<f64>,
-    /// Root mean square residual over stated uncertainty.
-    pub excess: f64,
+    /// Reduced chi, √(χ²/ν): root mean square residual over stated uncertainty.
+    pub reduced_chi: f64,
     /// (1 + ρ)/(1 − ρ) for the correlation ρ of successive residuals, 1 where it does not show; in the covariance.
-    pub persistence: f64,
+    pub autocorrelation_inflation: f64,
     /// The forces that were assumed.
     pub forces: Forces,
 }
@@ -160,9 +160,9 @@ impl ArcFit {
     /// "up" counts unless the fall contradicts it.
     #[must_use]
     pub fn new(points: &[FitPoint], arcs: usize, forces: Forces) -> Option<Self> {
-        let free = || Self::as_known(points, arcs, forces.with_upright(Upright::UNKNOWN));
+        let free = || Self::as_known(points, arcs, forces.with_vertical(VerticalPrior::UNKNOWN));
         let known = || Self::as_known(points, arcs, forces);
-        match forces.upright() {
+        match forces.vertical() {
             Some(upright) if upright.std_rad.is_finite() => {
                 let seen = free().filter(|f| f.lean_contradicts(upright));
                 seen.or_else(known)
@@ -191,7 +191,7 @@ impl ArcFit {
                 let dragged = Self::with(points, arcs, forces, Some(&plain));
                 let shows = |f: &Self| {
                     let std = f.covariance[(DRAG, DRAG)].max(0.0).sqrt();
-                    f.drag() > DRAG_SIGMAS * std && f.excess < plain.excess
+                    f.drag() > DRAG_SIGMAS * std && f.reduced_chi < plain.reduced_chi
                 };
                 Some(dragged.filter(shows).unwrap_or(plain))
             }
@@ -203,13 +203,13 @@ impl ArcFit {
         let times = mean_times(points, arcs)?;
         let drag = plain.is_some();
         let mut parameters = plain.map_or_else(|| DVector::zeros(ARCS + 4 * arcs), |p| p.parameters.clone());
-        let stands = forces.upright().is_none_or(|u| u.std_rad == 0.0);
+        let stands = forces.vertical().is_none_or(|u| u.std_rad == 0.0);
         let held = [!forces.falls(), !drag, stands];
         let mut covariance = None;
         let mut chi2 = f64::NAN;
         // Linear without drag: one step is the solution, the second shows that nothing moves.
         // A prior of the lean goes with gravity, which the first step finds.
-        let rounds = match (drag, forces.upright()) {
+        let rounds = match (drag, forces.vertical()) {
             (true, _) => 8,
             (false, Some(upright)) if upright.std_rad.is_finite() => 2,
             (false, _) => 1,
@@ -232,22 +232,22 @@ impl ArcFit {
         }
         let fitted = ARCS + 4 * arcs - held.iter().filter(|&&h| h).count();
         let freedom = rows.saturating_sub(fitted);
-        let excess = if freedom > 0 {
+        let reduced_chi = if freedom > 0 {
             (chi2 / freedom as f64).sqrt()
         } else {
             1.0
         };
-        let persistence = persistence(points, &right);
-        let mut covariance = covariance? * (excess.max(1.0).powi(2) * persistence);
+        let autocorrelation_inflation = autocorrelation_inflation(points, &right);
+        let mut covariance = covariance? * (reduced_chi.max(1.0).powi(2) * autocorrelation_inflation);
         for (i, _) in held.iter().enumerate().filter(|(_, h)| **h) {
             covariance[(i, i)] = 0.0;
         }
-        excess.is_finite().then_some(Self {
+        reduced_chi.is_finite().then_some(Self {
             times,
             parameters,
             covariance,
-            excess,
-            persistence,
+            reduced_chi,
+            autocorrelation_inflation,
             forces,
         })
     }
@@ -303,7 +303,7 @@ impl ArcFit {
     }
 
     /// Whether the lean of these points contradicts what is `known` of "up".
-    fn lean_contradicts(&self, known: Upright) -> bool {
+    fn lean_contradicts(&self, known: VerticalPrior) -> bool {
         let std = self.lean_std_rad().hypot(known.std_rad);
         // What stands out as much as that is no chance, however small it is.
         let tolerated = known.tolerated_rad.min(CERTAIN_SIGMAS * std);
@@ -342,8 +342,8 @@ impl ArcFit {
 
     /// The motion of any parameters of this fit's layout, seen from the side.
     #[must_use]
-    pub fn planar<'a>(&'a self, parameters: &'a [f64]) -> Planar<'a> {
-        Planar {
+    pub fn planar<'a>(&'a self, parameters: &'a [f64]) -> PlanarArcs<'a> {
+        PlanarArcs {
             parameters,
             times: &self.times,
             law: self.forces.drag_law(),
@@ -381,8 +381,8 @@ impl ArcFit {
             return None;
         }
         match &self.forces {
-            Forces::Overhead(_) => Some(parameters[overhead::Layout::new(self.arcs()).impact(k)]),
-            _ => self.planar(parameters).meeting(k, k + 1).map(|m| m.0),
+            Forces::Overhead(_) => Some(parameters[overhead::OverheadLayout::new(self.arcs()).impact(k)]),
+            _ => self.planar(parameters).intersection(k, k + 1).map(|m| m.0),
         }
     }
 }
@@ -399,7 +399,7 @@ pub fn lean_rad(parameters: &[f64]) -> f64 {
 
 /// Factor on a covariance for errors that last from point to point (a codec's, a lamp's): (1 + ρ)/(1 − ρ) with ρ the
 /// correlation of successive residuals of one arc; 1 where it does not show.
-pub(super) fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
+pub(super) fn autocorrelation_inflation(points: &[FitPoint], residuals: &DVector<f64>) -> f64 {
     let (mut product, mut square, mut pairs) = (0.0, 0.0, 0.0);
     for (i, w) in points.windows(2).enumerate() {
         if w[0].arc == w[1].arc {
@@ -415,7 +415,7 @@ pub(super) fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 
         return 1.0;
     }
     // Chance alone gives 1/√pairs; the fit itself takes a little correlation away.
-    let rho = (product / square).clamp(0.0, MOST_PERSISTENT);
+    let rho = (product / square).clamp(0.0, MOST_CORRELATED);
     if rho < 1.0 / f64::sqrt(pairs) {
         1.0
     } else {
@@ -425,7 +425,7 @@ pub(super) fn persistence(points: &[FitPoint], residuals: &DVector<f64>) -> f64 
 
 /// A path that is no parabola (perspective, a drifting camera) leaves residuals that hang together over a whole arc; at
 /// this correlation some 60 points count for one.
-const MOST_PERSISTENT: f64 = 0.97;
+const MOST_CORRELATED: f64 = 0.97;
 
 /// Mean time of each arc's points; `None` when one has fewer than two.
 pub(super) fn mean_times(points: &[FitPoint], arcs: usize) -> Option<Vec<f64>> {
@@ -448,7 +448,7 @@ fn system(
     held: [bool; ARCS],
 ) -> (DMatrix<f64>, DVector<f64>) {
     let priors = priors(parameters, forces, held);
-    let planar = Planar {
+    let planar = PlanarArcs {
         parameters: parameters.as_slice(),
         times,
         law: forces.drag_law(),
@@ -501,7 +501,7 @@ fn priors(parameters: &DVector<f64>, forces: Forces, held: [bool; ARCS]) -> Vec<
     {
         priors.push((DRAG, drag.beta, drag.std));
     }
-    let lean = forces.upright().map(|u| u.std_rad * parameters[GRAVITY].abs());
+    let lean = forces.vertical().map(|u| u.std_rad * parameters[GRAVITY].abs());
     // Before gravity is known there is no scale for it; the round that follows has it.
     if let Some(std) = lean.filter(|&std| std > 0.0 && std.is_finite() && !held[ACROSS]) {
         priors.push((ACROSS, 0.0, std));

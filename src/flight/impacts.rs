@@ -1,15 +1,15 @@
 //! The flight from its fit: how long each arc lasts, the impacts where arcs meet, and the spots in contact then.
 
+use super::extra_variance::ExtraVariance;
 use super::fit::{ArcFit, Forces};
 use super::linking::{Spot, Track};
-use super::scatter::Extra;
-use super::{Flight, FlightPoint, SpotUse, meeting, overhead};
+use super::{Flight, FlightPoint, SpotUse, impact_test, overhead};
 
-pub(super) fn finish(
+pub(super) fn flight_from_fit(
     spots: &[Spot],
     track: &Track,
     mut uses: Vec<SpotUse>,
-    (fit, extra): (ArcFit, Extra),
+    (fit, extra): (ArcFit, ExtraVariance),
     interval_s: f64,
 ) -> Flight {
     let mut spans = vec![(f64::INFINITY, f64::NEG_INFINITY); fit.arcs()];
@@ -24,7 +24,7 @@ pub(super) fn finish(
         .collect();
     for (&i, u) in track.iter().zip(&mut uses) {
         let near = |t: &f64| (spots[i].time_s - t).abs() < 1.5 * interval_s;
-        if matches!(u, SpotUse::Off(_) | SpotUse::NotFree) && impacts.iter().flatten().any(near) {
+        if matches!(u, SpotUse::Outlier(_) | SpotUse::NotFree) && impacts.iter().flatten().any(near) {
             *u = SpotUse::Contact;
         }
     }
@@ -65,7 +65,7 @@ fn goes_elsewhere(uses: &[SpotUse], k: usize) -> bool {
 /// The impact in which arcs `k` and `k + 1` meet, as its forces have it.
 fn impact_after(fit: &ArcFit, spans: &[(f64, f64)], k: usize, interval_s: f64) -> Option<f64> {
     match &fit.forces {
-        Forces::Overhead(known) => overhead::meeting::impact_between(fit, known, spans, k, interval_s),
-        _ => meeting::impact_between(fit, spans, k, k + 1, interval_s),
+        Forces::Overhead(known) => overhead::impact_test::impact_between(fit, known, spans, k, interval_s),
+        _ => impact_test::impact_between(fit, spans, k, k + 1, interval_s),
     }
 }

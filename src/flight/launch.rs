@@ -9,20 +9,20 @@
 //!
 //! so that line and arc part at t_e, the vertex of the arc where the bench is level, and meet there: gap = 0. A gap that stands
 //! out is a ball that was not simply released: it tipped round the edge (slower than √(g R)), was pushed over a step, or
-//! left a hand. Then the edge is not told.
+//! left a hand. Then the place of the edge is not reported.
 //!
 //! Assumed: the bench is straight, and the ball follows it for three frames or more at a steady y; its speed along the
 //! bench may change. What does not look like that before the first arc (a rise, a hand's curve) is no bench, and there
 //! is no launch.
 
 use super::fit::{ACROSS, GRAVITY, lean_rad};
-use super::set_aside::variance;
+use super::outliers::variance;
 use super::{Flight, FlightPoint, SpotUse};
 use crate::quantity::Quantity;
 
 /// Where and when line and arc part.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Launch {
+pub struct PlaneLaunch {
     /// t_e, s.
     pub time_s: f64,
     /// First time at which the ball was seen on the line, s.
@@ -59,7 +59,7 @@ const LEVEL_RAD: f64 = 0.15;
 /// A ball that moves less than this along the line, in its radii, is held.
 const LEAST_MOVED_RADII: f64 = 0.15;
 
-impl Launch {
+impl PlaneLaunch {
     /// Whether the ball moved along the line; else it was held, and let go.
     #[must_use]
     pub fn is_rolled(&self) -> bool {
@@ -69,7 +69,7 @@ impl Launch {
 
 /// The launch before the first arc of `flight`; `None` where no straight line leads into it.
 #[must_use]
-pub fn find(flight: &Flight) -> Option<Launch> {
+pub fn find(flight: &Flight) -> Option<PlaneLaunch> {
     let fit = &flight.fit;
     let p = fit.parameters.as_slice();
     let size = p[GRAVITY].hypot(p[ACROSS]);
@@ -77,7 +77,7 @@ pub fn find(flight: &Flight) -> Option<Launch> {
         return None;
     }
     let (sin, cos) = lean_rad(p).sin_cos();
-    let fall = Axes { sin, cos };
+    let fall = FallAxes { sin, cos };
     // First guess: the vertex of the arc; then where its y changes as the line's does.
     let mut rate = 0.0;
     let mut found = None;
@@ -91,7 +91,7 @@ pub fn find(flight: &Flight) -> Option<Launch> {
     let time_s = parting_time(flight, &fall, size, rate)?;
     let there = fit.motion(0, time_s);
     let on_line = line.at(time_s);
-    let launch = Launch {
+    let launch = PlaneLaunch {
         time_s,
         from_s: line.from_s,
         rate: line.rate,
@@ -106,7 +106,7 @@ pub fn find(flight: &Flight) -> Option<Launch> {
 }
 
 /// When the y of the first arc changes at `rate`.
-fn parting_time(flight: &Flight, fall: &Axes, size: f64, rate: f64) -> Option<f64> {
+fn parting_time(flight: &Flight, fall: &FallAxes, size: f64, rate: f64) -> Option<f64> {
     let mut t = flight.fit.times[0];
     // Exact at once without drag, which is a small part.
     for _ in 0..4 {
@@ -119,12 +119,12 @@ fn parting_time(flight: &Flight, fall: &Axes, size: f64, rate: f64) -> Option<f6
 }
 
 /// Along the fall and across it.
-struct Axes {
+struct FallAxes {
     sin: f64,
     cos: f64,
 }
 
-impl Axes {
+impl FallAxes {
     /// y: along the common acceleration.
     fn down(&self, r: f64, h: f64) -> f64 {
         r * self.sin - h * self.cos
@@ -136,7 +136,7 @@ impl Axes {
 }
 
 /// A straight line in y against time.
-struct Line {
+struct BenchLine {
     from_s: f64,
     middle_s: f64,
     /// y at the middle, and its standard uncertainty.
@@ -146,7 +146,7 @@ struct Line {
     radius: f64,
 }
 
-impl Line {
+impl BenchLine {
     /// y at a time, with its standard uncertainty.
     fn at(&self, t: f64) -> (f64, f64) {
         let dt = t - self.middle_s;
@@ -155,7 +155,7 @@ impl Line {
 }
 
 /// The line that leads to `time_s`.
-fn line_before(flight: &Flight, fall: &Axes, time_s: f64) -> Option<Line> {
+fn line_before(flight: &Flight, fall: &FallAxes, time_s: f64) -> Option<BenchLine> {
     let lost_s = LOST_S.max(LOST_FRAMES * flight.interval_s);
     let mut run: Vec<&FlightPoint> = Vec::new();
     let mut last_s = time_s;
@@ -178,7 +178,7 @@ fn line_before(flight: &Flight, fall: &Axes, time_s: f64) -> Option<Line> {
 }
 
 /// The line through `run`, where its points lie on one and not on the first arc.
-fn straight(flight: &Flight, fall: &Axes, run: &[&FlightPoint]) -> Option<Line> {
+fn straight(flight: &Flight, fall: &FallAxes, run: &[&FlightPoint]) -> Option<BenchLine> {
     let (first, last) = (run.first()?, run.last()?);
     if run.len() < LEAST_POINTS {
         return None;
@@ -199,12 +199,12 @@ fn straight(flight: &Flight, fall: &Axes, run: &[&FlightPoint]) -> Option<Line> 
     });
     let freedom = run.len().saturating_sub(2).max(1) as f64;
     // Errors that last from frame to frame make a line of few points better than it is.
-    let scatter = (off_line / freedom).max(1.0) * flight.fit.persistence.max(1.0);
+    let scatter = (off_line / freedom).max(1.0) * flight.fit.autocorrelation_inflation.max(1.0);
     let is_line = off_line < MOST_SCATTER * MOST_SCATTER * freedom && off_arc - off_line > LEAST_EVIDENCE;
     let q = |value: f64, information: f64| Quantity::new(value, (scatter / information).sqrt());
     let (y, rate) = (q(mean, all)?, q(rate, spread)?);
     let along = |p: &FlightPoint| fall.along(p.spot.place.right, p.spot.place.up);
-    is_line.then_some(Line {
+    is_line.then_some(BenchLine {
         from_s: first.spot.time_s,
         middle_s,
         y: (y.value, y.std_uncertainty?),

@@ -4,7 +4,7 @@
 //! 2. [`segment`]: each track is cut into arcs with free parabolas. The arcs of a flight share one fall; a hand, a
 //!    person, a swinging cloth do not. The track with the most evidence of one common fall is the ball's (`candidate`).
 //! 3. With that fall the track is cut again (`cut`), and arcs that are one flight are joined (`join`, `chain`).
-//! 4. [`fit`]: all arcs together, with one gravity. Points that do not fit are set aside with the reason (`set_aside`).
+//! 4. [`fit`]: all arcs together, with one gravity. Outliers are left out, with the reason (`outliers`).
 //!    What moves straight in between (on a bench, on the floor) is no arc; where it leads into the first one the ball was
 //!    launched ([`launch`]).
 //! 5. Two arcs that meet between the last point of one and the first of the next are an impact (`meeting`, `impacts`).
@@ -13,37 +13,37 @@
 //! In a top view from far away nothing falls: arcs are straight lines, and the longest track of such lines is the
 //! ball's. From a camera whose height is known they bend; that is [`overhead`].
 
+mod arc_ends;
+mod arc_search;
+mod arc_selection;
 mod candidate;
-mod chain;
 pub mod clock;
-mod cut;
 pub mod drag;
-mod ends;
+pub mod dropped_frames;
+pub mod duplicate_frames;
+pub mod extra_variance;
 pub mod fit;
+mod impact_test;
 mod impacts;
-mod join;
-mod judge;
 pub mod launch;
 pub mod linking;
-mod meeting;
+mod merge_arcs;
+mod outliers;
 pub mod overhead;
 pub mod planar;
-pub mod repeats;
+mod plausibility;
 mod samples;
-pub mod scatter;
 pub mod segment;
-mod set_aside;
 pub mod shake;
-pub mod skips;
 
 use crate::quantity;
-use candidate::{Candidate, with_continuations};
-use cut::build;
+use arc_search::build;
+use candidate::{TrackCandidate, with_continuations};
+use extra_variance::ExtraVariance;
 use fit::{ArcFit, FitPoint, Forces};
-use launch::Launch;
+use launch::PlaneLaunch;
 use linking::{Spot, Track};
-use scatter::Extra;
-use set_aside::{fit_point, settled, variance};
+use outliers::{fit_point, refitted, variance};
 
 /// The flight found.
 #[derive(Debug, Clone)]
@@ -53,7 +53,7 @@ pub struct Flight {
     /// The fitted arcs.
     pub fit: ArcFit,
     /// What centres scatter by beyond their own uncertainty.
-    pub extra: Extra,
+    pub extra: ExtraVariance,
     /// First and last time of a used point of each arc, s.
     pub spans: Vec<(f64, f64)>,
     /// Between arcs k and k + 1: the impact, or `None` where they do not meet (a catch, a gap too long).
@@ -61,7 +61,7 @@ pub struct Flight {
     /// Frame interval, s.
     pub interval_s: f64,
     /// Where the ball left a bench that it was seen moving along, before the first arc.
-    pub launch: Option<Launch>,
+    pub launch: Option<PlaneLaunch>,
 }
 
 /// A spot of the track and what became of it.
@@ -83,7 +83,7 @@ pub enum SpotUse {
     /// At the time of an impact: the ball touches the floor.
     Contact,
     /// Off its arc by this many plane units.
-    Off(f64),
+    Outlier(f64),
 }
 
 /// Why there is no flight.
@@ -133,7 +133,7 @@ fn find_leaning(spots: &[Spot], forces: Forces, leaning: bool) -> Result<Flight,
     let best = tracks
         .iter()
         .filter(|t| t.len() >= 4)
-        .filter_map(|t| Candidate::new(spots, t, forces, leaning))
+        .filter_map(|t| TrackCandidate::new(spots, t, forces, leaning))
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
         .ok_or(NoFlight::NothingFalls { longest })?;
     let interval_s = interval(&best.track.iter().map(|&i| spots[i].time_s).collect::<Vec<_>>());
@@ -195,7 +195,7 @@ impl Flight {
 
     /// How many times more the used centres scatter than their own pixels tell.
     #[must_use]
-    pub fn excess(&self) -> f64 {
+    pub fn scatter_ratio(&self) -> f64 {
         let mut ratios: Vec<f64> = self
             .points
             .iter()
@@ -207,7 +207,7 @@ impl Flight {
 
     /// Mean speed over the ends and middles of the arcs, plane units/s.
     #[must_use]
-    pub fn usual_speed(&self) -> f64 {
+    pub fn mean_speed(&self) -> f64 {
         let speeds: Vec<f64> = self
             .spans
             .iter()
@@ -229,7 +229,7 @@ impl Flight {
             .collect()
     }
 
-    /// The same points, each in use moved by what `shift` says of it and its arc (along right and up, plane units), with the
+    /// The same points, each in use moved by the `shift` of it and its arc (along right and up, plane units), with the
     /// arcs and the centres' scatter found anew. `None` where the points do not determine them.
     #[must_use]
     pub fn moved(&self, shift: impl Fn(&Spot, usize) -> (f64, f64)) -> Option<Self> {
@@ -241,13 +241,13 @@ impl Flight {
                 p.spot.place.up += up;
             }
         }
-        self.settled(points, self.fit.forces)
+        self.refitted(points, self.fit.forces)
     }
 
     /// The same points under other `forces`; `None` where they do not determine the arcs.
     #[must_use]
     pub fn under(&self, forces: Forces) -> Option<Self> {
-        let mut flight = self.settled(self.points.clone(), forces)?;
+        let mut flight = self.refitted(self.points.clone(), forces)?;
         for (k, impact) in flight.impacts.iter_mut().enumerate() {
             let p = flight.fit.parameters.as_slice();
             *impact = impact.and_then(|_| flight.fit.impact_time(p, k));
@@ -256,11 +256,11 @@ impl Flight {
         Some(flight)
     }
 
-    fn settled(&self, points: Vec<FlightPoint>, forces: Forces) -> Option<Self> {
+    fn refitted(&self, points: Vec<FlightPoint>, forces: Forces) -> Option<Self> {
         let spots: Vec<Spot> = points.iter().map(|p| p.spot).collect();
         let uses: Vec<SpotUse> = points.iter().map(|p| p.use_).collect();
         let track: Track = (0..spots.len()).collect();
-        let (fit, extra) = settled(&spots, &track, &uses, self.fit.arcs(), forces, self.extra)?;
+        let (fit, extra) = refitted(&spots, &track, &uses, self.fit.arcs(), forces, self.extra)?;
         Some(Self {
             points,
             fit,

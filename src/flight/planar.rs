@@ -28,7 +28,7 @@ pub const ARCS: usize = 3;
 /// The arcs of a parameter vector: g (down along h), β, the acceleration along r, then r, vr, h, vh of each arc at its mean
 /// time.
 #[derive(Debug, Clone, Copy)]
-pub struct Planar<'a> {
+pub struct PlanarArcs<'a> {
     /// The parameters; there may be more behind them.
     pub parameters: &'a [f64],
     /// Mean time of each arc, s.
@@ -37,7 +37,7 @@ pub struct Planar<'a> {
     pub law: DragLaw,
 }
 
-impl Planar<'_> {
+impl PlanarArcs<'_> {
     /// r, vr, h, vh of arc `k` at its mean time.
     fn arc(&self, k: usize) -> &[f64] {
         &self.parameters[ARCS + 4 * k..ARCS + 4 * k + 4]
@@ -151,12 +151,12 @@ impl Planar<'_> {
     /// With one gravity and no drag the difference of two arcs is linear in time, so the time of least distance is a
     /// quotient, without a root; drag is settled by repeating it.
     #[must_use]
-    pub fn meeting(&self, a: usize, b: usize) -> Option<(f64, f64)> {
+    pub fn intersection(&self, a: usize, b: usize) -> Option<(f64, f64)> {
         let mut t = 0.5 * (self.times[a] + self.times[b]);
         let rounds = if self.parameters[DRAG] == 0.0 { 1 } else { 6 };
         let mut gap = f64::NAN;
         for _ in 0..rounds {
-            let (step, apart) = closest(&self.motion(a, t), &self.motion(b, t))?;
+            let (step, apart) = closest_approach(&self.motion(a, t), &self.motion(b, t))?;
             gap = apart;
             t += step;
         }
@@ -190,7 +190,7 @@ pub fn speed(vr: f64, vh: f64) -> f64 {
 
 /// In how long two straight motions are closest, and their distance then. `None` when they have the same velocity.
 #[must_use]
-pub fn closest(p: &Motion, q: &Motion) -> Option<(f64, f64)> {
+pub fn closest_approach(p: &Motion, q: &Motion) -> Option<(f64, f64)> {
     let (dr, dh) = (q.r - p.r, q.h - p.h);
     let (dvr, dvh) = (q.vr - p.vr, q.vh - p.vh);
     let speed2 = dvr * dvr + dvh * dvh;

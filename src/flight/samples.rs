@@ -4,7 +4,7 @@
 use super::fit::Forces;
 use super::linking::{Spot, Track};
 use super::median;
-use super::segment::Sample;
+use super::segment::TrackSample;
 
 /// Segmentation asks for impacts, not for precision: residuals below this part of the radius are not worth a cut
 /// (drag over a long arc, a drifting hand-held camera).
@@ -19,18 +19,11 @@ pub(super) const SAGITTA_SIGMAS: f64 = 6.0;
 /// Where centres scatter by less than segmentation asks for, a curve may be lower by this part, too.
 pub(super) const FINE_PART: f64 = 0.25;
 
-pub(super) fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<Sample> {
+pub(super) fn samples_of(spots: &[Spot], track: &Track, sigma: f64) -> Vec<TrackSample> {
     let weight = 1.0 / (sigma * sigma);
     track
         .iter()
-        .map(|&i| Sample {
-            t: spots[i].time_s,
-            r: spots[i].place.right,
-            h: spots[i].place.up,
-            weight,
-            near: 0.0,
-            near_weight: 0.0,
-        })
+        .map(|&i| TrackSample::of_spot(&spots[i], weight))
         .collect()
 }
 
@@ -74,7 +67,7 @@ fn scatter_seen(spots: &[Spot], track: &Track) -> Option<f64> {
 
 /// Whether an arc is long enough to show the common fall.
 pub(super) fn shows_fall(
-    samples: &[Sample],
+    samples: &[TrackSample],
     range: &std::ops::Range<usize>,
     gravity: f64,
     sigma: f64,

@@ -7,11 +7,12 @@
 //!
 //! Sums run over times and places relative to the arc's first point, so that no digits are lost at late times.
 
+use super::linking::Spot;
 use super::overhead::{self, Overhead};
 
 /// A point of a track: time, place along r (right) and h (up), 1/σ² of each coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
+pub struct TrackSample {
     /// s.
     pub t: f64,
     /// Plane units.
@@ -20,10 +21,31 @@ pub struct Sample {
     pub h: f64,
     /// 1 / plane units².
     pub weight: f64,
-    /// Of a camera above: how near the ball is by its apparent radius, 1 − r0/r, camera heights. Not looked at elsewhere.
-    pub near: f64,
+    /// ζ by the apparent radius r, 1 − r0/r, camera heights: only a camera near above uses it.
+    pub zeta: f64,
     /// 1 / camera heights².
-    pub near_weight: f64,
+    pub zeta_weight: f64,
+}
+
+impl TrackSample {
+    /// A point of the plane at `time_s` that says nothing of its height above it.
+    #[must_use]
+    pub const fn new(time_s: f64, (r, h): (f64, f64), weight: f64) -> Self {
+        Self {
+            t: time_s,
+            r,
+            h,
+            weight,
+            zeta: 0.0,
+            zeta_weight: 0.0,
+        }
+    }
+
+    /// A spot's time and place with a weight.
+    #[must_use]
+    pub const fn of_spot(spot: &Spot, weight: f64) -> Self {
+        Self::new(spot.time_s, (spot.place.right, spot.place.up), weight)
+    }
 }
 
 /// The acceleration of a free fall as the plane shows it, plane units/s².
@@ -101,60 +123,62 @@ const LEVEL_PART: f64 = 0.2;
 
 /// What a stretch of a track is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Motion {
+pub enum StretchKind {
     /// Free fall.
     Falling,
     /// At constant velocity, where other stretches fall: on a bench, on the floor.
     Straight,
 }
 
-/// A part of a track with one motion: a half-open range of its samples.
+/// A part of a track with one kind of motion: a half-open range of its samples.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Stretch {
     /// Which samples.
     pub range: std::ops::Range<usize>,
     /// How they move.
-    pub motion: Motion,
+    pub kind: StretchKind,
 }
 
 /// The stretches of a track, in time order. `samples` are in time order.
 #[must_use]
-pub fn stretches(samples: &[Sample], fall: Fall) -> Vec<Stretch> {
+pub fn stretches(samples: &[TrackSample], fall: Fall) -> Vec<Stretch> {
     divided(samples, fall).0
 }
 
 /// The arcs of a track: those of its stretches that fall.
 #[must_use]
-pub fn arcs(samples: &[Sample], fall: Fall) -> Vec<std::ops::Range<usize>> {
+pub fn arcs(samples: &[TrackSample], fall: Fall) -> Vec<std::ops::Range<usize>> {
     let falling = stretches(samples, fall)
         .into_iter()
-        .filter(|s| s.motion == Motion::Falling);
+        .filter(|s| s.kind == StretchKind::Falling);
     falling.map(|s| s.range).collect()
 }
 
 /// What the best division of a track costs: squared residuals in variances, and the prices of arcs and dropped points.
 #[must_use]
-pub fn cost(samples: &[Sample], fall: Fall) -> f64 {
+pub fn cost(samples: &[TrackSample], fall: Fall) -> f64 {
     divided(samples, fall).1
 }
 
-fn divided(samples: &[Sample], fall: Fall) -> (Vec<Stretch>, f64) {
-    let falling = |first: &Sample| FallSums {
-        sums: Sums::new(*first),
+fn divided(samples: &[TrackSample], fall: Fall) -> (Vec<Stretch>, f64) {
+    let falling = |first: &TrackSample| FallSums {
+        sums: ParabolaSums::new(*first),
         fall,
         duration: 0.0,
     };
     match fall {
-        Fall::Free { .. } => cut(samples, 5, falling),
-        Fall::Known(_) => cut(samples, 3, falling),
-        Fall::Overhead(known) => cut(samples, 4, |first| overhead::segment::Sums::new(known, first.t)),
+        Fall::Free { .. } => divide(samples, 5, falling),
+        Fall::Known(_) => divide(samples, 3, falling),
+        Fall::Overhead(known) => divide(samples, 4, |first| {
+            overhead::segment_sums::OverheadSums::new(known, first.t)
+        }),
     }
 }
 
 /// Running sums of a stretch of samples, and how badly the best arc through them fits.
 pub trait ArcSums {
     /// One more sample.
-    fn add(&mut self, sample: &Sample);
+    fn add(&mut self, sample: &TrackSample);
     /// Squared residuals of the best arc, in variances.
     fn residual(&self) -> f64;
     /// The same of the best straight stretch; `None` where arcs themselves may be straight.
@@ -164,14 +188,14 @@ pub trait ArcSums {
 }
 
 struct FallSums {
-    sums: Sums,
+    sums: ParabolaSums,
     fall: Fall,
     /// From the first sample to the last, s.
     duration: f64,
 }
 
 impl ArcSums for FallSums {
-    fn add(&mut self, sample: &Sample) {
+    fn add(&mut self, sample: &TrackSample) {
         self.sums.add(sample);
         self.duration = sample.t - self.sums.origin.t;
     }
@@ -196,10 +220,14 @@ impl ArcSums for FallSums {
     }
 }
 
-fn cut<S: ArcSums>(samples: &[Sample], least: usize, begin: impl Fn(&Sample) -> S) -> (Vec<Stretch>, f64) {
+fn divide<S: ArcSums>(
+    samples: &[TrackSample],
+    least: usize,
+    begin: impl Fn(&TrackSample) -> S,
+) -> (Vec<Stretch>, f64) {
     let n = samples.len();
     let mut best = vec![f64::INFINITY; n + 1];
-    let mut from: Vec<Option<(usize, Motion)>> = vec![None; n + 1];
+    let mut from: Vec<Option<(usize, StretchKind)>> = vec![None; n + 1];
     best[0] = 0.0;
     for i in 0..n {
         let dropped = best[i] + DROP_COST;
@@ -215,17 +243,17 @@ fn cut<S: ArcSums>(samples: &[Sample], least: usize, begin: impl Fn(&Sample) -> 
                 continue;
             }
             let mut cost = sums.residual();
-            let mut motion = Motion::Falling;
+            let mut kind = StretchKind::Falling;
             if count >= LEAST_STRAIGHT_POINTS
                 && let Some(straight) = sums.straight_residual().map(|s| s + STRAIGHT_COST)
                 && straight < cost
             {
-                (cost, motion) = (straight, Motion::Straight);
+                (cost, kind) = (straight, StretchKind::Straight);
             }
             let total = best[i] + cost + ARC_COST;
             if total < best[j + 1] {
                 best[j + 1] = total;
-                from[j + 1] = Some((i, motion));
+                from[j + 1] = Some((i, kind));
             }
             if count > 12 && cost > HOPELESS * DROP_COST * count as f64 {
                 break;
@@ -236,8 +264,8 @@ fn cut<S: ArcSums>(samples: &[Sample], least: usize, begin: impl Fn(&Sample) -> 
     let mut j = n;
     while j > 0 {
         match from[j] {
-            Some((i, motion)) => {
-                found.push(Stretch { range: i..j, motion });
+            Some((i, kind)) => {
+                found.push(Stretch { range: i..j, kind });
                 j = i;
             }
             None => j -= 1,
@@ -249,34 +277,34 @@ fn cut<S: ArcSums>(samples: &[Sample], least: usize, begin: impl Fn(&Sample) -> 
 
 /// Own fall of a stretch of samples: (g, its standard deviation), from a free parabola; `None` below 4 points.
 #[must_use]
-pub fn own_fall(samples: &[Sample]) -> Option<(f64, f64)> {
+pub fn own_fall(samples: &[TrackSample]) -> Option<(f64, f64)> {
     own_gravity(samples).map(|(g, std)| (g.down, std))
 }
 
 /// Own acceleration of a stretch of samples along both axes, and the standard deviation of each, from a free parabola;
 /// `None` below 4 points.
 #[must_use]
-pub fn own_gravity(samples: &[Sample]) -> Option<(Gravity, f64)> {
+pub fn own_gravity(samples: &[TrackSample]) -> Option<(Gravity, f64)> {
     if samples.len() < 4 {
         return None;
     }
-    Sums::of(samples)?.own_gravity()
+    ParabolaSums::of(samples)?.own_gravity()
 }
 
 /// Squared residuals of a stretch, in variances, with the best arc through it.
 #[must_use]
-pub fn misfit(samples: &[Sample], fall: Fall) -> f64 {
+pub fn misfit(samples: &[TrackSample], fall: Fall) -> f64 {
     if let Fall::Overhead(known) = fall {
-        return overhead::segment::Sums::of(known, samples).residual();
+        return overhead::segment_sums::OverheadSums::of(known, samples).residual();
     }
-    Sums::of(samples).map_or(0.0, |sums| sums.residual(fall))
+    ParabolaSums::of(samples).map_or(0.0, |sums| sums.residual(fall))
 }
 
 /// Place (r, h) at `t` of the best arc through a stretch; `None` below two times.
 #[must_use]
-pub fn place(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
+pub fn place(samples: &[TrackSample], fall: Fall, t: f64) -> Option<(f64, f64)> {
     let (vr, vh) = velocity(samples, fall, t)?;
-    let mean = |f: fn(&Sample) -> f64| samples.iter().map(f).sum::<f64>() / samples.len() as f64;
+    let mean = |f: fn(&TrackSample) -> f64| samples.iter().map(f).sum::<f64>() / samples.len() as f64;
     let (tm, rm, hm) = (mean(|s| s.t), mean(|s| s.r), mean(|s| s.h));
     let g = match fall {
         Fall::Known(g) => g,
@@ -292,8 +320,8 @@ pub fn place(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
 
 /// Velocity (r, h) at `t` of the best arc through a stretch; `None` below two times.
 #[must_use]
-pub fn velocity(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
-    let sums = Sums::of(samples)?;
+pub fn velocity(samples: &[TrackSample], fall: Fall, t: f64) -> Option<(f64, f64)> {
+    let sums = ParabolaSums::of(samples)?;
     let g = match fall {
         Fall::Known(g) => g,
         Fall::Free { leaning } => sums.own_gravity()?.0.leaning(leaning),
@@ -310,8 +338,8 @@ pub fn velocity(samples: &[Sample], fall: Fall, t: f64) -> Option<(f64, f64)> {
 }
 
 /// Weighted sums relative to the first sample.
-struct Sums {
-    origin: Sample,
+struct ParabolaSums {
+    origin: TrackSample,
     count: f64,
     t: [f64; 5],
     r: [f64; 3],
@@ -320,8 +348,8 @@ struct Sums {
     hh: f64,
 }
 
-impl Sums {
-    fn new(origin: Sample) -> Self {
+impl ParabolaSums {
+    fn new(origin: TrackSample) -> Self {
         Self {
             origin,
             count: 0.0,
@@ -334,13 +362,13 @@ impl Sums {
     }
 
     /// Of all `samples`; `None` where there are none.
-    fn of(samples: &[Sample]) -> Option<Self> {
+    fn of(samples: &[TrackSample]) -> Option<Self> {
         let mut sums = Self::new(*samples.first()?);
         samples.iter().for_each(|s| sums.add(s));
         Some(sums)
     }
 
-    fn add(&mut self, s: &Sample) {
+    fn add(&mut self, s: &TrackSample) {
         let t = s.t - self.origin.t;
         let (r, h, w) = (s.r - self.origin.r, s.h - self.origin.h, s.weight);
         self.count += 1.0;
@@ -439,7 +467,7 @@ fn linear_residual(t: &[f64; 5], y: [f64; 2], yy: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn bounce(n: usize, t0: f64) -> Vec<Sample> {
+    fn bounce(n: usize, t0: f64) -> Vec<TrackSample> {
         // 240 Hz, falls from h = 100 with v = 0, meets the floor at t = 0.4515, e = 0.8, g = 981.
         let hit = (2.0 * 100.0_f64 / 981.0).sqrt();
         (0..n)
@@ -451,14 +479,7 @@ mod tests {
                     let s = t - hit;
                     0.8 * 981.0 * hit * s - 490.5 * s * s
                 };
-                Sample {
-                    t: t + t0,
-                    r: 100.0 * t,
-                    h,
-                    weight: 400.0,
-                    near: 0.0,
-                    near_weight: 0.0,
-                }
+                TrackSample::new(t + t0, (100.0 * t, h), 400.0)
             })
             .collect()
     }
@@ -486,7 +507,7 @@ mod tests {
         // On a bench at h = 100 for 40 frames, then as `bounce`, then along the floor.
         let falls = bounce(200, 0.0);
         let end = falls[199];
-        let rolls = |i: f64, h: f64| Sample {
+        let rolls = |i: f64, h: f64| TrackSample {
             t: end.t + i / 240.0,
             r: end.r + 100.0 * i / 240.0,
             h,
@@ -494,10 +515,10 @@ mod tests {
         };
         let before = (-40..0).map(|i| rolls(f64::from(i) - 199.0, 100.0));
         let after = (1..41).map(|i| rolls(f64::from(i), 0.0));
-        let samples: Vec<Sample> = before.chain(falls).chain(after).collect();
+        let samples: Vec<TrackSample> = before.chain(falls).chain(after).collect();
         let found = stretches(&samples, Fall::Known(Gravity::upright(981.0)));
-        let kinds: Vec<Motion> = found.iter().map(|s| s.motion).collect();
-        let (f, s) = (Motion::Falling, Motion::Straight);
+        let kinds: Vec<StretchKind> = found.iter().map(|s| s.kind).collect();
+        let (f, s) = (StretchKind::Falling, StretchKind::Straight);
         assert_eq!(kinds, [s, f, f, s], "{found:?}");
         assert!((38..=46).contains(&found[0].range.end), "{found:?}");
     }

@@ -75,7 +75,7 @@ fn offsets(flight: &Flight, k: usize, since: impl Fn(f64) -> f64) -> Vec<(f64, [
     let start = impact.map_or(from, |t| t + 0.5 * flight.interval_s);
     let of_arc = |p: &&super::FlightPoint| match p.use_ {
         SpotUse::Used(arc) => arc == k,
-        SpotUse::Off(_) | SpotUse::Contact => p.spot.time_s > start && p.spot.time_s <= to,
+        SpotUse::Outlier(_) | SpotUse::Contact => p.spot.time_s > start && p.spot.time_s <= to,
         SpotUse::NotFree => false,
     };
     let off = |p: &super::FlightPoint| {
@@ -90,14 +90,14 @@ fn offsets(flight: &Flight, k: usize, since: impl Fn(f64) -> f64) -> Vec<(f64, [
 }
 
 /// How far the first points are off what the rest says.
-struct Beginning {
+struct StartOffsets {
     rms: f64,
     most: f64,
     noise: f64,
 }
 
 /// Of points in order of time from an end; `None` where the rest is too short to say.
-fn beginning(points: &[(f64, [f64; 2])]) -> Option<Beginning> {
+fn beginning(points: &[(f64, [f64; 2])]) -> Option<StartOffsets> {
     let split = points.partition_point(|p| p.0 < LASTS_S);
     let (early, late) = points.split_at(split);
     let long = late.last()?.0 - late.first()?.0 > LEAST_REST_S;
@@ -107,7 +107,7 @@ fn beginning(points: &[(f64, [f64; 2])]) -> Option<Beginning> {
     let n = late.len() as f64;
     let mean_t = late.iter().map(|p| p.0).sum::<f64>() / n;
     let spread = late.iter().map(|p| (p.0 - mean_t).powi(2)).sum::<f64>();
-    let mut left = Vec::new();
+    let mut residuals = Vec::new();
     let mut off: Vec<[f64; 2]> = vec![[0.0; 2]; early.len()];
     for axis in 0..2 {
         let mean = late.iter().map(|p| p.1[axis]).sum::<f64>() / n;
@@ -117,17 +117,17 @@ fn beginning(points: &[(f64, [f64; 2])]) -> Option<Beginning> {
             .sum::<f64>()
             / spread;
         let line = |t: f64| mean + slope * (t - mean_t);
-        left.extend(late.iter().map(|p| (p.1[axis] - line(p.0)).abs()));
+        residuals.extend(late.iter().map(|p| (p.1[axis] - line(p.0)).abs()));
         for (o, p) in off.iter_mut().zip(early) {
             // What the line itself does not know of that place counts for less.
             let unsure = (1.0 + 1.0 / n + (p.0 - mean_t).powi(2) / spread).sqrt();
             o[axis] = (p.1[axis] - line(p.0)) / unsure;
         }
     }
-    let noise = 1.4826 * median(&mut left);
+    let noise = 1.4826 * median(&mut residuals);
     let sizes: Vec<f64> = off.iter().map(|o| o[0].hypot(o[1])).collect();
     let square = sizes.iter().map(|s| s * s).sum::<f64>() / sizes.len() as f64;
-    Some(Beginning {
+    Some(StartOffsets {
         rms: (0.5 * square).sqrt(),
         most: sizes.iter().copied().fold(0.0, f64::max),
         noise,
@@ -147,22 +147,22 @@ impl Flight {
                 p.spot.std = p.spot.std.hypot(more);
             }
         }
-        self.settled(points, self.fit.forces)
+        self.refitted(points, self.fit.forces)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::fit::{Forces, Upright};
+    use crate::flight::fit::{Forces, VerticalPrior};
     use crate::flight::linking::Spot;
-    use crate::flight::tests::Noise;
+    use crate::flight::tests::LcgNoise;
     use crate::frames::Coded;
     use crate::geometry::PlanePoint;
 
     /// A ball that bounces at 0.2025 s with e = 0.8, filmed at 240 Hz for 0.45 s; the picture swings by `size` from then on.
     fn spots(size: f64, seed: u64) -> Vec<Spot> {
-        let mut random = Noise(seed);
+        let mut random = LcgNoise(seed);
         let mut noise = || 0.03 * random.normal();
         let g = 12_000.0;
         (0..108)
@@ -194,7 +194,7 @@ mod tests {
     }
 
     fn flight(size: f64, seed: u64) -> Flight {
-        crate::flight::find(&spots(size, seed), Forces::Fall(Upright::AS_IT_STANDS)).unwrap()
+        crate::flight::find(&spots(size, seed), Forces::Fall(VerticalPrior::LEVEL_CAMERA)).unwrap()
     }
 
     #[test]

@@ -1,23 +1,24 @@
-use super::fit::Upright;
+use super::fit::VerticalPrior;
 use super::linking::Spot;
 use super::*;
 use crate::geometry::PlanePoint;
 
-/// Noise that is the same every time: sums of twelve uniform numbers are normal enough for a test.
-pub(super) struct Noise(pub(super) u64);
+/// Noise that is the same every time, from a linear congruential generator.
+pub(super) struct LcgNoise(pub(super) u64);
 
-impl Noise {
+impl LcgNoise {
+    /// From 0 to 1.
+    pub(super) fn uniform(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Sums of twelve uniform numbers are normal enough for a test.
     pub(super) fn normal(&mut self) -> f64 {
-        (0..12)
-            .map(|_| {
-                self.0 = self
-                    .0
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1_442_695_040_888_963_407);
-                (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-            })
-            .sum::<f64>()
-            - 6.0
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
 }
 
@@ -26,7 +27,7 @@ impl Noise {
 fn scene(frames: usize, vx: f64, sigma: f64, hand: bool) -> Vec<Spot> {
     let g = 12_262.5;
     let hit = (2.0 * 125.0_f64 / g).sqrt();
-    let mut noise = Noise(5);
+    let mut noise = LcgNoise(5);
     let mut spots = Vec::new();
     for frame in 0..frames {
         let t = frame as f64 / 240.0;
@@ -83,7 +84,7 @@ fn spots_x(vx: f64, hit: f64, _v: f64, g: f64, start: f64) -> f64 {
 #[test]
 fn bounces_are_found_between_frames() {
     for vx in [1250.0, -1250.0, 0.0] {
-        let flight = find(&scene(160, vx, 0.04, false), Forces::Fall(Upright::UNKNOWN)).unwrap();
+        let flight = find(&scene(160, vx, 0.04, false), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
         let truth = (2.0 * 125.0_f64 / 12_262.5).sqrt();
         let first = flight.impacts[0].unwrap();
         assert!((first - truth).abs() < 2e-5, "{first} {truth}");
@@ -92,13 +93,17 @@ fn bounces_are_found_between_frames() {
         assert!((-b.vh / a.vh - 0.8).abs() < 2e-3, "{}", -b.vh / a.vh);
         assert!((b.vr - 0.9 * vx).abs() < 4.0);
         assert!(flight.impacts.len() >= 2);
-        assert!(flight.fit.excess < 1.3);
+        assert!(flight.fit.reduced_chi < 1.3);
     }
 }
 
 #[test]
 fn a_moving_hand_is_not_the_ball() {
-    let flight = find(&scene(160, 1250.0, 0.04, true), Forces::Fall(Upright::UNKNOWN)).unwrap();
+    let flight = find(
+        &scene(160, 1250.0, 0.04, true),
+        Forces::Fall(VerticalPrior::UNKNOWN),
+    )
+    .unwrap();
     assert!(flight.points.iter().all(|p| p.spot.id % 2 == 0));
 }
 
@@ -108,7 +113,7 @@ fn only_a_hand_is_no_flight() {
         .into_iter()
         .filter(|s| s.id % 2 == 1)
         .collect();
-    let found = find(&spots, Forces::Fall(Upright::AS_IT_STANDS));
+    let found = find(&spots, Forces::Fall(VerticalPrior::LEVEL_CAMERA));
     assert!(
         matches!(found, Err(NoFlight::NothingFalls { .. })),
         "{:?}",
@@ -120,20 +125,27 @@ fn only_a_hand_is_no_flight() {
 fn an_outlier_is_set_aside_with_its_distance() {
     let mut spots = scene(100, 1250.0, 0.04, false);
     spots[15].place.up += 3.0;
-    let flight = find(&spots, Forces::Fall(Upright::UNKNOWN)).unwrap();
+    let flight = find(&spots, Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
     let off = flight.points[15].use_;
-    assert!(matches!(off, SpotUse::Off(d) if (d - 3.0).abs() < 0.3), "{off:?}");
-    assert!(flight.fit.excess < 1.3);
+    assert!(
+        matches!(off, SpotUse::Outlier(d) if (d - 3.0).abs() < 0.3),
+        "{off:?}"
+    );
+    assert!(flight.fit.reduced_chi < 1.3);
 }
 
 #[test]
 fn late_times_lose_nothing() {
-    let early = find(&scene(100, 1250.0, 0.04, false), Forces::Fall(Upright::UNKNOWN)).unwrap();
+    let early = find(
+        &scene(100, 1250.0, 0.04, false),
+        Forces::Fall(VerticalPrior::UNKNOWN),
+    )
+    .unwrap();
     let mut spots = scene(100, 1250.0, 0.04, false);
     for s in &mut spots {
         s.time_s += 3600.0;
     }
-    let late = find(&spots, Forces::Fall(Upright::UNKNOWN)).unwrap();
+    let late = find(&spots, Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
     assert!((late.impacts[0].unwrap() - 3600.0 - early.impacts[0].unwrap()).abs() < 1e-9);
     assert!((late.fit.gravity() / early.fit.gravity() - 1.0).abs() < 1e-8);
 }
@@ -149,7 +161,7 @@ fn a_small_ball_that_comes_nearer_still_flies() {
             let from_axis = (s.place.right - 300.0, s.place.up - 60.0);
             s.place = PlanePoint::new(300.0 + size * from_axis.0, 60.0 + size * from_axis.1);
         }
-        let flight = find(&spots, Forces::Fall(Upright::UNKNOWN)).unwrap();
+        let flight = find(&spots, Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
         assert_eq!(flight.impacts.len(), 2, "{nearing_per_s}: {:?}", flight.spans);
         let first = flight.impacts[0].unwrap();
         assert!((first - 0.14279).abs() < 2e-4, "{nearing_per_s}: {first}");

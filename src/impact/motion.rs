@@ -10,7 +10,7 @@ use crate::calibration::{Ball, Calibration, Scale, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
 use crate::flight::fit::{ACROSS, ARCS, DRAG, Forces, GRAVITY, Motion, lean_rad};
-use crate::flight::planar::closest;
+use crate::flight::planar::closest_approach;
 use crate::geometry::PlanePoint;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
@@ -413,7 +413,7 @@ impl<'a> MeasuredMotion<'a> {
             return f64::NAN;
         };
         for _ in 0..if self.lift.acts() { 3 } else { 0 } {
-            let step = closest(&self.in_plane(p, k, t), &self.in_plane(p, k + 1, t));
+            let step = closest_approach(&self.in_plane(p, k, t), &self.in_plane(p, k + 1, t));
             t += step.map_or(0.0, |s| s.0);
         }
         t

@@ -11,7 +11,7 @@
 //! that uncertainty is [`KNOWN_SPIN_LIFT_STD`].
 
 use crate::flight::Flight;
-use crate::flight::planar::{DRAG, Motion, Planar, speed};
+use crate::flight::planar::{DRAG, Motion, PlanarArcs, speed};
 use nalgebra::DVector;
 
 /// Drag coefficient of a ball of unknown size or mass.
@@ -52,7 +52,7 @@ impl SpinLift {
 
     /// What lift adds to the motion on `arc` from the arc's mean time to `t`.
     #[must_use]
-    pub fn motion(&self, planar: &Planar<'_>, arc: usize, t: f64) -> Motion {
+    pub fn motion(&self, planar: &PlanarArcs<'_>, arc: usize, t: f64) -> Motion {
         let spin = self.spin(arc).unwrap_or(0.0);
         // What is fitted as drag has some of the lift in it, as long as that is in the points.
         let fitted = || planar.parameters[DRAG] / USUAL_DRAG;
@@ -114,7 +114,7 @@ mod tests {
         let drag = Drag::of_sphere((0.012, 0.0082), 1.0, 1.5, 0.1);
         let lift = SpinLift::new(vec![Some(0.3)]);
         let moved = |part: f64| {
-            let level = Planar {
+            let level = PlanarArcs {
                 parameters: &[9.81, part * drag.beta, 0.0, 0.0, 1.5, 0.0, 0.0],
                 times: &[0.0],
                 law: drag.law,
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn topspin_pushes_a_rising_ball_forward_and_down() {
         // g, drag, across, then r, vr, h, vh.
-        let rising = Planar {
+        let rising = PlanarArcs {
             parameters: &[9.81, 0.02, 0.0, 0.0, 1.0, 0.0, 2.0],
             times: &[0.0],
             law: DragLaw::default(),

@@ -75,7 +75,7 @@ fn scale_ratio(
 mod tests {
     use super::*;
     use crate::calibration::{Deviation, Lens};
-    use crate::flight::fit::{ARCS, Forces, GRAVITY, Upright};
+    use crate::flight::fit::{ARCS, Forces, GRAVITY, VerticalPrior};
     use crate::flight::linking::Spot;
     use crate::flight::{self};
     use nalgebra::Matrix3;
@@ -135,12 +135,12 @@ mod tests {
         let step = 0.001;
         let c = calibration(-0.2, step);
         let map = c.rectification().unwrap();
-        let flight = flight::find(&spots(&map), Forces::Fall(Upright::UNKNOWN)).unwrap();
+        let flight = flight::find(&spots(&map), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
         let wide = widened(&flight, &c, &map);
         // The same flight measured with the other lens, in its own units, brought to the first one's metres.
         let other = calibration(-0.2 + step, step);
         let there = other.rectification().unwrap();
-        let again = flight::find(&spots(&there), Forces::Fall(Upright::UNKNOWN)).unwrap();
+        let again = flight::find(&spots(&there), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
         let ratio = scale_ratio((&c, &map), (&other, &there), PixelPoint::new(400.0, 400.0)).unwrap();
         for i in [GRAVITY, ARCS + 1, ARCS + 3, ARCS + 5, ARCS + 7] {
             let added = (wide.fit.covariance[(i, i)] - flight.fit.covariance[(i, i)]).sqrt();
@@ -158,7 +158,7 @@ mod tests {
         let mut c = calibration(-0.2, 0.01);
         c.deviations.clear();
         let map = c.rectification().unwrap();
-        let flight = flight::find(&spots(&map), Forces::Fall(Upright::UNKNOWN)).unwrap();
+        let flight = flight::find(&spots(&map), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
         assert_eq!(widened(&flight, &c, &map).fit.covariance, flight.fit.covariance);
     }
 }

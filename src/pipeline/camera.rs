@@ -105,11 +105,11 @@ impl Recording<'_> {
         let camera = self.viewpoint(unit)?;
         let height_m = camera.height * unit;
         let distance = c.distance_std_m.map_or(DISTANCE_PART, |s| s / height_m);
-        let speed = flight.map_or(USUAL_SPEED_M_S / unit, Flight::usual_speed);
+        let speed = flight.map_or(USUAL_SPEED_M_S / unit, Flight::mean_speed);
         let gravity = c.gravity_std_m_s2.map_or(0.0, |s| s / c.gravity_m_s2);
         Some(Overhead {
-            foot: camera.foot,
-            foot_std: AXIS_PART * self.seen.info.width_px as f64 * self.units_per_px(),
+            nadir: camera.foot,
+            nadir_std: AXIS_PART * self.seen.info.width_px as f64 * self.units_per_px(),
             fall_per_s2: c.gravity_m_s2 / height_m,
             fall_relative_std: distance.hypot(gravity),
             height: scale.map(|_| camera.height),

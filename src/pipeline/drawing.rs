@@ -48,7 +48,7 @@ pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<Arc
 pub fn residual(flight: &Flight, p: &FlightPoint, frame: &WorldFrame) -> Option<WorldPoint> {
     let k = match p.use_ {
         SpotUse::Used(k) => k,
-        SpotUse::Off(_) | SpotUse::Contact => arc_at(flight, p.spot.time_s),
+        SpotUse::Outlier(_) | SpotUse::Contact => arc_at(flight, p.spot.time_s),
         SpotUse::NotFree => return None,
     };
     let t = p.spot.time_s;
@@ -70,7 +70,7 @@ pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
         SpotUse::Used(k) => PointUse::Used(k),
         SpotUse::NotFree => PointUse::Unused("not in free flight".to_owned()),
         SpotUse::Contact => PointUse::Unused("touches the floor".to_owned()),
-        SpotUse::Off(units) => PointUse::Unused(format!(
+        SpotUse::Outlier(units) => PointUse::Unused(format!(
             "off its arc by {:.2} mm",
             1e3 * units * frame.metres_per_unit
         )),

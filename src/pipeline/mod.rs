@@ -200,14 +200,15 @@ impl<'a> Recording<'a> {
         // A scale that rests on the recording itself has to wait for the ball.
         let scale = calibration.metres_per_unit(&ScaleEvidence::default());
         work.optics = work.optics_at(scale.ok());
-        let repeats = flight::repeats::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
+        let repeats =
+            flight::duplicate_frames::find(&work.first_spots(), &work.seen.changes, work.units_per_px());
         work.repeats = repeats.frames;
         work.base = TimeBase::new(&work.seen.stamps_s, &work.repeats, calibration.frame_rate_hz);
         if calibration.frame_rate_hz.is_none() {
             work.even_clock();
         }
         let skips = work.base.interval_s.map_or_else(Vec::new, |interval_s| {
-            pairs(&flight::skips::find(&work.first_spots(), interval_s))
+            pairs(&flight::dropped_frames::find(&work.first_spots(), interval_s))
         });
         work.base = work.base.with_skips(&skips);
         work.note_file();
@@ -301,7 +302,7 @@ impl<'a> Recording<'a> {
 }
 
 /// The first frame after each gap, and the frames missing in it.
-fn pairs(skips: &[flight::skips::Skip]) -> Vec<(usize, usize)> {
+fn pairs(skips: &[flight::dropped_frames::DroppedFrames]) -> Vec<(usize, usize)> {
     skips.iter().map(|s| (s.frame, s.missing)).collect()
 }
 

@@ -4,7 +4,7 @@ use super::refine::{self, BallCentre, BallModel};
 use super::{Recording, is_used, pairs};
 use crate::detect::centre::Accuracy;
 use crate::detect::centre::appearance::Radius;
-use crate::flight::fit::{Forces, Upright};
+use crate::flight::fit::{Forces, VerticalPrior};
 use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight};
 
@@ -21,7 +21,7 @@ impl Recording<'_> {
     /// The flight, with the time of frames that its impacts show to be missing.
     pub(super) fn find_flight(&mut self) -> Result<Flight, NoFlight> {
         let flight = self.find_flight_as_timed()?;
-        let skips = flight::skips::at_impacts(&flight);
+        let skips = flight::dropped_frames::at_impacts(&flight);
         if skips.is_empty() {
             return Ok(flight);
         }
@@ -36,7 +36,9 @@ impl Recording<'_> {
         let moved = self.find_flight_as_timed();
         // Where that is what was missing, the impacts are where they were, and their arcs meet.
         match moved {
-            Ok(moved) if moved.used() >= flight.used() && flight::skips::at_impacts(&moved).is_empty() => {
+            Ok(moved)
+                if moved.used() >= flight.used() && flight::dropped_frames::at_impacts(&moved).is_empty() =>
+            {
                 self.note_file();
                 Ok(moved)
             }
@@ -51,7 +53,7 @@ impl Recording<'_> {
     fn find_flight_as_timed(&mut self) -> Result<Flight, NoFlight> {
         let spots = self.first_spots();
         let forces = if self.falls() {
-            Forces::Fall(Upright::AS_IT_STANDS)
+            Forces::Fall(VerticalPrior::LEVEL_CAMERA)
         } else {
             self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
         };
@@ -212,9 +214,9 @@ impl Recording<'_> {
                 .overhead(scale, Some(flight))
                 .map_or(Forces::None, Forces::Overhead);
         }
-        self.drag(scale, flight.usual_speed())
-            .map_or(Forces::Fall(Upright::AS_IT_STANDS), |drag| {
-                Forces::FallWithDrag(Upright::AS_IT_STANDS, drag)
+        self.drag(scale, flight.mean_speed())
+            .map_or(Forces::Fall(VerticalPrior::LEVEL_CAMERA), |drag| {
+                Forces::FallWithDrag(VerticalPrior::LEVEL_CAMERA, drag)
             })
     }
 
@@ -222,8 +224,12 @@ impl Recording<'_> {
     /// of a ball of which nothing is said. (While arcs are looked for in rough centres, so much freedom would let them
     /// follow what is no ball's.)
     pub(super) fn with_all_unknowns(&self, flight: Flight) -> Flight {
-        let upright = Upright::to(self.calibration.upright_std_rad());
-        let forces = flight.fit.forces.with_upright(upright).of_a_ball(flight.radius());
+        let upright = VerticalPrior::known_to(self.calibration.upright_std_rad());
+        let forces = flight
+            .fit
+            .forces
+            .with_vertical(upright)
+            .with_unknown_drag(flight.radius());
         if forces == flight.fit.forces {
             return flight;
         }

@@ -7,7 +7,7 @@ use super::result::Warning;
 use crate::calibration::{Calibration, Scale, View};
 use crate::detect::centre::Accuracy;
 use crate::detect::registration::Registration;
-use crate::flight::overhead::find;
+use crate::flight::overhead::search;
 use crate::flight::shake::Shake;
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
@@ -278,10 +278,10 @@ pub fn measured(j: &WarningContext<'_>) -> Vec<Warning> {
             format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
         ));
     }
-    if j.flight.excess() > LARGE_EXCESS && j.flight.fit.persistence > LASTING {
+    if j.flight.scatter_ratio() > LARGE_EXCESS && j.flight.fit.autocorrelation_inflation > LASTING {
         out.push(warning(
             "not_a_parabola",
-            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.excess()),
+            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.scatter_ratio()),
         ));
     }
     out.extend(j.motion.may_be_soft().map(soft));
@@ -401,7 +401,7 @@ fn up_tilted(j: &WarningContext<'_>) -> Option<Warning> {
         .flight
         .fit
         .forces
-        .upright()
+        .vertical()
         .is_some_and(|u| u.std_rad.is_infinite());
     if given && alone {
         return Some(warning(
@@ -545,7 +545,7 @@ fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.
 fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
     let distance_m = j.calibration.distance_m?;
-    let seen = find::fall_seen(j.flight)?;
+    let seen = search::fall_seen(j.flight)?;
     let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
     let std = seen.std_uncertainty? / seen.value;
     let off = seen.value.ln().abs();

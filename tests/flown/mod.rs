@@ -7,10 +7,10 @@ mod noise;
 
 use noise::Noise;
 use track::calibration::{Calibration, Floor, Scale};
-use track::flight::fit::{ArcFit, FitPoint, Forces, Upright};
+use track::flight::extra_variance::ExtraVariance;
+use track::flight::fit::{ArcFit, FitPoint, Forces, VerticalPrior};
 use track::flight::linking::Spot;
-use track::flight::scatter::Extra;
-use track::flight::segment::Sample;
+use track::flight::segment::TrackSample;
 use track::flight::{self, Flight, FlightPoint, NoFlight, SpotUse};
 use track::frames::Coded;
 use track::geometry::PixelPoint;
@@ -195,17 +195,10 @@ impl Film {
             .iter()
             .map(|&(arc, s)| FitPoint {
                 arc,
-                sample: Sample {
-                    t: s.time_s,
-                    r: s.place.right,
-                    h: s.place.up,
-                    weight: 1.0 / (s.std * s.std),
-                    near: 0.0,
-                    near_weight: 0.0,
-                },
+                sample: TrackSample::of_spot(&s, 1.0 / (s.std * s.std)),
             })
             .collect();
-        let fit = ArcFit::new(&points, 2, Forces::Fall(Upright::AS_IT_STANDS))?;
+        let fit = ArcFit::new(&points, 2, Forces::Fall(VerticalPrior::LEVEL_CAMERA))?;
         let span = |arc| {
             let times = || used.iter().filter(|u| u.0 == arc).map(|u| u.1.time_s);
             (
@@ -218,7 +211,7 @@ impl Film {
             spans: vec![span(0), span(1)],
             impacts: vec![fit.impact_time(fit.parameters.as_slice(), 0)],
             fit,
-            extra: Extra::default(),
+            extra: ExtraVariance::default(),
             interval_s: 1.0 / self.rate_hz,
             points: used
                 .into_iter()
@@ -255,7 +248,7 @@ pub fn measured(
     calibration: &Calibration,
     metres_per_unit: f64,
 ) -> Result<Measured, NoFlight> {
-    let flight = flight::find(spots, Forces::Fall(Upright::AS_IT_STANDS))?;
+    let flight = flight::find(spots, Forces::Fall(VerticalPrior::LEVEL_CAMERA))?;
     Ok(of_flight(flight, calibration, metres_per_unit))
 }
 

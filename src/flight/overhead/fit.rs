@@ -1,11 +1,11 @@
 //! The arcs of a flight seen from above, fitted together with the impacts between them.
 //!
-//! Parameters by [`Layout`]. Beside the points there are rows of what is known:
+//! Parameters by [`OverheadLayout`]. Beside the points there are rows of what is known:
 //!
 //! * At the time of an impact both arcs are over one point of the floor, and their balls touch it, ζ = R/D: the one before
 //!   half a contact earlier, the one after half a contact later. That half is fitted, with a wide prior: a soft ball
 //!   takes milliseconds, a steel ball a tenth of one.
-//! * The camera's foot and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it. A
+//! * The camera's nadir and γ, each as sure as the calibration says, and drag where the ball's mass and size tell it. A
 //!   ball of unknown mass may be as light as a table tennis ball, or as heavy as the flight says. Lift is a part of drag, of
 //!   which the impacts tell something (`lift`).
 //! * Close to the floor the ball's shadow pulls its centre by a small part of its radius, the same way at every impact.
@@ -13,31 +13,31 @@
 //!   matters only where a far camera shows nothing of the fall.
 //!
 //! Levenberg-Marquardt. Each arc's points are first reduced to a few rows by QR, so that
-//! many frames cost nothing. The points' weights are lowered by the excess of their residuals, by their persistence and by
-//! what they may share before the last steps, so that the knowledge keeps its own.
+//! many frames cost nothing. Before the last steps the points' weights are lowered by the reduced chi of their residuals, by their
+//! autocorrelation and by the error that all points of an arc may share; the priors keep their weight.
 
-mod knowledge;
+mod priors;
 
-use super::lift::{self, Lift};
-use super::{Layout, Overhead, flying, seen};
+use super::lift::{self, LiftPrior};
+use super::{Overhead, OverheadLayout, flying, seen};
 use crate::flight::drag::LIGHTEST_DRAG;
-use crate::flight::fit::{ACROSS, DRAG, FitPoint, GRAVITY, mean_times, persistence, solve};
-use crate::flight::segment::Sample;
+use crate::flight::fit::{ACROSS, DRAG, FitPoint, GRAVITY, autocorrelation_inflation, mean_times, solve};
+use crate::flight::segment::TrackSample;
 use nalgebra::{DMatrix, DVector};
 
 /// The result, in the terms of [`crate::flight::fit::ArcFit`].
 #[derive(Debug, Clone)]
-pub struct Fitted {
+pub struct OverheadSolution {
     /// Mean time of each arc, s.
     pub times: Vec<f64>,
-    /// By [`Layout`].
+    /// By [`OverheadLayout`].
     pub parameters: DVector<f64>,
     /// Their covariance.
     pub covariance: DMatrix<f64>,
-    /// Root mean square residual over stated uncertainty.
-    pub excess: f64,
+    /// Reduced chi: root mean square residual over stated uncertainty.
+    pub reduced_chi: f64,
     /// Factor for errors that last from point to point.
-    pub persistence: f64,
+    pub autocorrelation_inflation: f64,
 }
 
 /// How much a centre's error (the light's side, a highlight) changes over an arc without showing in its residuals, as a
@@ -55,13 +55,13 @@ const MOST_DAMPING: f64 = 1e4;
 /// thousandth of their uncertainties.
 const SETTLED: f64 = 1e-8;
 
-/// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the foot's two, the fall's, the
+/// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the nadir's two, the fall's, the
 /// shadow's two.
 const LOCAL: usize = 15;
 
-/// Fits `arcs` arcs to `points` (in time order). `None` when an arc has too few points or the fit does not settle.
+/// Fits `arcs` arcs to `points` (in time order). `None` when an arc has too few points or the fit does not converge.
 #[must_use]
-pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead) -> Option<Fitted> {
+pub fn fit(points: &[FitPoint], arcs: usize, known: &Overhead) -> Option<OverheadSolution> {
     if let Some(drag) = known.drag {
         return fit_with(points, arcs, known, (drag.beta, drag.std), drag.beta);
     }
@@ -79,24 +79,25 @@ fn fit_with(
     known: &Overhead,
     drag: (f64, f64),
     lift_drag: f64,
-) -> Option<Fitted> {
-    let mut job = Job::new(points, arcs, known, drag)?;
-    let start = job.start()?;
-    job.take_doubts(&start, lift_drag);
-    let (settled, _) = job.settle(start)?;
-    job.take_doubts(&settled, lift_drag);
-    let residuals = job.residuals(&settled);
-    let knowledge = job.knowledge(&settled);
-    let squares = residuals.norm_squared() + knowledge.iter().map(|row| row.left * row.left).sum::<f64>();
-    let freedom = (residuals.len() + knowledge.len()).saturating_sub(settled.len());
-    let excess = if freedom > 0 {
+) -> Option<OverheadSolution> {
+    let mut problem = OverheadProblem::new(points, arcs, known, drag)?;
+    let start = problem.start()?;
+    problem.update_prior_widths(&start, lift_drag);
+    let (settled, _) = problem.minimise(start)?;
+    problem.update_prior_widths(&settled, lift_drag);
+    let residuals = problem.residuals(&settled);
+    let priors = problem.priors(&settled);
+    let squares =
+        residuals.norm_squared() + priors.iter().map(|row| row.residual * row.residual).sum::<f64>();
+    let freedom = (residuals.len() + priors.len()).saturating_sub(settled.len());
+    let reduced_chi = if freedom > 0 {
         (squares / freedom as f64).sqrt()
     } else {
         1.0
     };
-    let persistence = persistence(points, &residuals);
-    let common = excess.max(1.0).powi(2) * persistence;
-    job.weights = job
+    let autocorrelation_inflation = autocorrelation_inflation(points, &residuals);
+    let common = reduced_chi.max(1.0).powi(2) * autocorrelation_inflation;
+    problem.weights = problem
         .parts
         .iter()
         .map(|part| {
@@ -105,18 +106,18 @@ fn fit_with(
             1.0 / (common + information * (LASTING_PART * known.radius()).powi(2)).sqrt()
         })
         .collect();
-    let (mut parameters, mut covariance) = job.settle(settled)?;
+    let (mut parameters, mut covariance) = problem.minimise(settled)?;
     // There is no fall in the plane; what rounding leaves of it would have a direction.
     for i in [GRAVITY, ACROSS] {
         parameters[i] = 0.0;
         covariance[(i, i)] = 0.0;
     }
-    excess.is_finite().then_some(Fitted {
-        times: job.times,
+    reduced_chi.is_finite().then_some(OverheadSolution {
+        times: problem.times,
         parameters,
         covariance,
-        excess,
-        persistence,
+        reduced_chi,
+        autocorrelation_inflation,
     })
 }
 
@@ -135,7 +136,7 @@ pub fn response(
         .iter()
         .zip(shifts)
         .map(|(p, (dr, dh))| {
-            let sample = Sample {
+            let sample = TrackSample {
                 r: p.sample.r + dr,
                 h: p.sample.h + dh,
                 ..p.sample
@@ -144,14 +145,14 @@ pub fn response(
         })
         .collect();
     let system = |points: &[FitPoint]| {
-        let mut job = Job::new(points, arcs, known, drag)?;
-        job.take_doubts(
+        let mut problem = OverheadProblem::new(points, arcs, known, drag)?;
+        problem.update_prior_widths(
             parameters,
             known
                 .drag
                 .map_or(parameters[DRAG].clamp(0.1 * light, light), |d| d.beta),
         );
-        Some(job.system(parameters))
+        Some(problem.system(parameters))
     };
     // The slopes are the same; what is left to explain differs by the shifts alone.
     let ((matrix, here), (_, there)) = (system(points)?, system(&moved)?);
@@ -169,11 +170,11 @@ fn damped(matrix: &DMatrix<f64>, right: &DVector<f64>, damping: f64) -> Option<D
     Some(step)
 }
 
-struct Job<'a> {
+struct OverheadProblem<'a> {
     known: Overhead,
     /// β and its standard deviation.
     drag: (f64, f64),
-    layout: Layout,
+    layout: OverheadLayout,
     times: Vec<f64>,
     parts: Vec<&'a [FitPoint]>,
     /// Factor on the whitened rows of each arc's points.
@@ -181,10 +182,10 @@ struct Job<'a> {
     /// How well the arcs before and after each impact meet: along the floor (plane units) and in height (ζ).
     impact_stds: Vec<(f64, f64)>,
     /// What is known of each arc's lift.
-    lifts: Vec<Lift>,
+    lifts: Vec<LiftPrior>,
 }
 
-impl<'a> Job<'a> {
+impl<'a> OverheadProblem<'a> {
     /// `None` where an arc has too few points.
     fn new(points: &'a [FitPoint], arcs: usize, known: &Overhead, drag: (f64, f64)) -> Option<Self> {
         let times = mean_times(points, arcs)?;
@@ -193,7 +194,7 @@ impl<'a> Job<'a> {
         in_order.then(|| Self {
             known: *known,
             drag,
-            layout: Layout::new(arcs),
+            layout: OverheadLayout::new(arcs),
             times,
             parts,
             weights: vec![1.0; arcs],
@@ -203,7 +204,7 @@ impl<'a> Job<'a> {
     }
 
     /// How large lifts may be and how well arcs meet, by the speeds that `p` has.
-    fn take_doubts(&mut self, p: &DVector<f64>, lift_drag: f64) {
+    fn update_prior_widths(&mut self, p: &DVector<f64>, lift_drag: f64) {
         self.lifts = lift::expected(&self.known, p.as_slice(), &self.times, lift_drag);
         self.impact_stds = (1..self.arcs()).map(|k| self.impact_std(p, k - 1)).collect();
     }
@@ -218,8 +219,8 @@ impl<'a> Job<'a> {
         let layout = self.layout;
         let mut p = DVector::zeros(layout.count());
         p[DRAG] = self.drag.0;
-        p[layout.foot()] = self.known.foot.right;
-        p[layout.foot() + 1] = self.known.foot.up;
+        p[layout.nadir()] = self.known.nadir.right;
+        p[layout.nadir() + 1] = self.known.nadir.up;
         let gap = |k: usize| -> Option<f64> {
             Some(0.5 * (self.parts[k].last()?.sample.t + self.parts.get(k + 1)?.first()?.sample.t))
         };
@@ -246,7 +247,7 @@ impl<'a> Job<'a> {
         for (i, point) in points.iter().enumerate() {
             let s = &point.sample;
             let (t, w) = (s.t - touch, s.weight.sqrt());
-            for (c, place) in [s.r - known.foot.right, s.h - known.foot.up]
+            for (c, place) in [s.r - known.nadir.right, s.h - known.nadir.up]
                 .into_iter()
                 .enumerate()
             {
@@ -265,9 +266,9 @@ impl<'a> Job<'a> {
         let (found, _) = solve(&matrix, &right)?;
         let dt = self.times[k] - touch;
         let ground = self.layout.ground(k);
-        p[ground] = known.foot.right + found[0] + found[1] * dt;
+        p[ground] = known.nadir.right + found[0] + found[1] * dt;
         p[ground + 1] = found[1];
-        p[ground + 2] = known.foot.up + found[2] + found[3] * dt;
+        p[ground + 2] = known.nadir.up + found[2] + found[3] * dt;
         p[ground + 3] = found[3];
         let rise = self.layout.rise(k);
         // A first guess at the camera or behind it would have no way back.
@@ -300,14 +301,14 @@ impl<'a> Job<'a> {
         }
         points
             + self
-                .knowledge(p)
+                .priors(p)
                 .iter()
-                .map(|row| row.left * row.left)
+                .map(|row| row.residual * row.residual)
                 .sum::<f64>()
     }
 
     /// Levenberg-Marquardt from `p`, damped by Nielsen's rule (1999); the parameters and their covariance.
-    fn settle(&self, mut p: DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    fn minimise(&self, mut p: DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let mut squares = self.squares(&p);
         let (mut damping, mut harder) = (FIRST_DAMPING, 2.0);
         let (mut matrix, mut right) = self.system(&p);
@@ -338,16 +339,16 @@ impl<'a> Job<'a> {
                 }
             }
         }
-        // Points that are not of these arcs make a crooked valley. Where it has got to is good enough to tell them, and
-        // their excess goes into the covariance.
+        // Points that are not of these arcs make a minimum that is approached slowly along a bend. The place reached is good enough
+        // to find those points, and their reduced chi goes into the covariance.
         let (_, covariance) = solve(&matrix, &right)?;
         squares.is_finite().then_some((p, covariance))
     }
 
-    /// All whitened rows and what is left to explain: each arc's points reduced to [`LOCAL`] rows, then the knowledge.
+    /// All whitened rows and what is left to explain: each arc's points reduced to [`LOCAL`] rows, then the priors.
     fn system(&self, p: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
-        let knowledge = self.knowledge(p);
-        let rows = LOCAL * self.arcs() + knowledge.len();
+        let priors = self.priors(p);
+        let rows = LOCAL * self.arcs() + priors.len();
         let mut matrix = DMatrix::zeros(rows, p.len());
         let mut right = DVector::zeros(rows);
         for k in 0..self.arcs() {
@@ -361,8 +362,8 @@ impl<'a> Job<'a> {
             }
         }
         let first = LOCAL * self.arcs();
-        for (i, row) in knowledge.iter().enumerate() {
-            right[first + i] = row.left;
+        for (i, row) in priors.iter().enumerate() {
+            right[first + i] = row.residual;
             for &(j, by) in &row.by {
                 matrix[(first + i, j)] = by;
             }
@@ -416,7 +417,7 @@ impl<'a> Job<'a> {
     /// The parameters that arc `k`'s points depend on.
     fn local(&self, k: usize) -> [usize; LOCAL] {
         let (g, v, l) = (self.layout.ground(k), self.layout.rise(k), self.layout.lift(k));
-        let (f, fall, shade) = (self.layout.foot(), self.layout.fall(), self.layout.shade());
+        let (f, fall, shadow_pull) = (self.layout.nadir(), self.layout.fall(), self.layout.shadow_pull());
         [
             g,
             g + 1,
@@ -431,8 +432,8 @@ impl<'a> Job<'a> {
             f,
             f + 1,
             fall,
-            shade,
-            shade + 1,
+            shadow_pull,
+            shadow_pull + 1,
         ]
     }
 
@@ -450,10 +451,10 @@ impl<'a> Job<'a> {
         } else if i < layout.lift(0) {
             let rate = (i - layout.rise(0)) % 2 == 1;
             PART * if rate { fast } else { 1.0 }
-        } else if i < layout.foot() {
+        } else if i < layout.nadir() {
             // s is what turns the path in a second.
             PART * fast
-        } else if i < layout.fall() || i == layout.shade() || i == layout.shade() + 1 {
+        } else if i < layout.fall() || i == layout.shadow_pull() || i == layout.shadow_pull() + 1 {
             PART * height
         } else if i == layout.fall() {
             PART

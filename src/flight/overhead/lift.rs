@@ -16,11 +16,11 @@
 //!
 //! So the spin about the vertical stays unknown, and the others are as sure as f. Where drag is not known, neither is lift.
 
-use super::{Layout, Overhead, flying};
+use super::{Overhead, OverheadLayout, flying};
 
 /// What is known of an arc's lift beforehand: right, up, towards the camera, 1/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lift {
+pub struct LiftPrior {
     /// Expected.
     pub mean: [f64; 3],
     /// Standard deviations.
@@ -33,18 +33,18 @@ const SPHERE_DRAG: f64 = 0.45;
 /// f: from grip with e_x = 0.7 to a slip of twice what friction could stop.
 const SLIP: f64 = 1.2;
 
-/// Lift of a known spin is known to this part: f, and C_L from ball to ball.
-const LIFT_DOUBT: f64 = 0.5;
+/// Relative standard uncertainty of the lift of a known spin: of f, and of C_L from ball to ball.
+const LIFT_STD_PART: f64 = 0.5;
 
-/// Lift over drag is 0 ± this where nothing tells the spin: it grows with it, to about 2/3.
+/// Lift over drag is 0 ± this where the spin is not known: it grows with the spin, to about 2/3.
 const UNKNOWN_SPIN: f64 = 0.4;
 
-/// The same beside a spin that an impact tells: smooth balls may have much less lift, or a slip that friction hardly
+/// The same beside a spin that follows from an impact: smooth balls may have much less lift, or a slip that friction hardly
 /// changed.
-const TOLD_SPIN: f64 = 0.2;
+const KNOWN_SPIN: f64 = 0.2;
 
-/// The lift of each arc under `drag` β, its motion being about that of `parameters` (by [`Layout`]).
-pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag: f64) -> Vec<Lift> {
+/// The lift of each arc under `drag` β, its motion being about that of `parameters` (by [`OverheadLayout`]).
+pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag: f64) -> Vec<LiftPrior> {
     let arcs = times.len();
     let height = known.camera_height();
     let spins = (0..arcs - 1).map(|k| spins(known, parameters, times, k));
@@ -55,27 +55,27 @@ pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag
             // A ball that hardly moves has some, too, so that it is determined.
             let speed = m.speed(height).max(0.01 * known.fastest_per_s() * height);
             // The spin after the impact before, and before the impact after: in flight it stays.
-            let told: Vec<[f64; 2]> = k
+            let known_spins: Vec<[f64; 2]> = k
                 .checked_sub(1)
                 .map(|before| spins[before][1])
                 .into_iter()
                 .chain(spins.get(k).map(|s| s[0]))
                 .collect();
             let plain = UNKNOWN_SPIN * drag * speed;
-            if told.is_empty() || known.drag.is_none() {
-                return Lift {
+            if known_spins.is_empty() || known.drag.is_none() {
+                return LiftPrior {
                     mean: [0.0; 3],
                     std: [plain; 3],
                 };
             }
-            let share = 1.0 / told.len() as f64;
-            let spin = told
+            let share = 1.0 / known_spins.len() as f64;
+            let spin = known_spins
                 .iter()
                 .fold([0.0; 2], |sum, s| [sum[0] + share * s[0], sum[1] + share * s[1]]);
             let size = spin[0].hypot(spin[1]);
             let each = drag / SPHERE_DRAG * speed / (speed + 2.0 * size);
-            let std = (LIFT_DOUBT * each * size).hypot(TOLD_SPIN * drag * speed);
-            Lift {
+            let std = (LIFT_STD_PART * each * size).hypot(KNOWN_SPIN * drag * speed);
+            LiftPrior {
                 mean: [each * spin[0], each * spin[1], 0.0],
                 std: [std, std, plain],
             }
@@ -85,7 +85,7 @@ pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag
 
 /// Rω (right, up) before and after impact `k`, plane units a second.
 fn spins(known: &Overhead, parameters: &[f64], times: &[f64], k: usize) -> [[f64; 2]; 2] {
-    let t = parameters[Layout::new(times.len()).impact(k)];
+    let t = parameters[OverheadLayout::new(times.len()).impact(k)];
     let at = |k: usize| flying(known, parameters, times, k, t).ground;
     let (before, after) = (at(k), at(k + 1));
     let push = [after.vr - before.vr, after.vh - before.vh];
@@ -105,8 +105,8 @@ mod tests {
     #[test]
     fn a_push_to_the_side_tells_the_spin_that_made_it() {
         let known = Overhead {
-            foot: PlanePoint::new(0.0, 0.0),
-            foot_std: 1.0,
+            nadir: PlanePoint::new(0.0, 0.0),
+            nadir_std: 1.0,
             fall_per_s2: 4.9,
             fall_relative_std: 0.01,
             height: Some(2000.0),
@@ -119,7 +119,7 @@ mod tests {
             inertia_factor: 0.4,
         };
         let times = [0.1, 0.3];
-        let layout = Layout::new(2);
+        let layout = OverheadLayout::new(2);
         let mut p = vec![0.0; layout.count()];
         // Along r at 1000, then at 800 and 300 to the left; at the impact neither bends.
         (p[layout.ground(0) + 1], p[layout.ground(1) + 1]) = (1000.0, 800.0);

@@ -1,6 +1,6 @@
 //! Flight seen from above by a camera near enough to matter: three dimensions from two.
 //!
-//! The camera is a pinhole at height D over the floor, straight above the floor's point A (its foot). A ball above the
+//! The camera is a pinhole at height D over the floor, straight above the floor's point A (its nadir). A ball above the
 //! floor's point q, with its centre at height z = ζ D, is seen against the floor at
 //!
 //! ```text
@@ -11,20 +11,20 @@
 //! (q − A) γ/2 t² for the fall, and by the product of its own speed and the ball's rise. The bend tells the vertical
 //! speed of each arc; so does the time between two impacts, at both of which the ball's centre is at z = R.
 //!
-//! * [`segment`] cuts a track into arcs of that shape, helped by the apparent radius, which goes as 1/(1 − ζ).
+//! * [`segment_sums`] cuts a track into arcs of that shape, helped by the apparent radius, which goes as 1/(1 − ζ).
 //! * [`fit`] fits all arcs together with the impacts between them.
-//! * [`find`] is the way from a track to a [`super::Flight`]; `meeting` tells where its arcs meet.
+//! * [`search`] is the way from a track to a [`super::Flight`]; `impact_test` tells where its arcs meet.
 //!
 //! Drag β (Newton's) is taken as known where the ball's mass and size are, and fitted elsewhere: it slows the ball along its
 //! path and hardly turns it. Lift s × v (Magnus; s along the spin) does turn it: each arc has an s of its own, about what drag
 //! and the spin that the impacts tell say; see `lift`.
 
-pub mod find;
 pub mod fit;
+pub(super) mod impact_test;
 mod lift;
-pub(super) mod meeting;
+pub mod search;
 mod seen;
-pub mod segment;
+pub mod segment_sums;
 
 use super::drag::{Drag, DragLaw};
 use super::fit::{ARCS, DRAG, Motion};
@@ -34,9 +34,9 @@ use crate::geometry::PlanePoint;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overhead {
     /// A: the floor's point straight below the camera, plane units.
-    pub foot: PlanePoint,
+    pub nadir: PlanePoint,
     /// Standard uncertainty of each of its coordinates, plane units.
-    pub foot_std: f64,
+    pub nadir_std: f64,
     /// γ = g/D, 1/s².
     pub fall_per_s2: f64,
     /// Relative standard uncertainty of γ.
@@ -69,7 +69,7 @@ impl Overhead {
 
     /// Speed, plane units a second.
     #[must_use]
-    pub fn speed(&self, flying: &Flying) -> f64 {
+    pub fn speed(&self, flying: &SpatialMotion) -> f64 {
         flying.speed(self.camera_height())
     }
 
@@ -91,7 +91,7 @@ impl Overhead {
 
 /// Place and velocity in three dimensions.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Flying {
+pub struct SpatialMotion {
     /// Over the floor: plane units, plane units a second.
     pub ground: Motion,
     /// ζ, camera heights.
@@ -100,16 +100,16 @@ pub struct Flying {
     pub rate: f64,
 }
 
-impl Flying {
+impl SpatialMotion {
     /// The motion of what the floor shows: the ball seen against it.
     #[must_use]
-    pub fn seen(&self, foot: PlanePoint) -> Motion {
+    pub fn seen(&self, nadir: PlanePoint) -> Motion {
         let m = 1.0 / (1.0 - self.zeta);
         let g = &self.ground;
-        let (dr, dh) = (g.r - foot.right, g.h - foot.up);
+        let (dr, dh) = (g.r - nadir.right, g.h - nadir.up);
         Motion {
-            r: foot.right + dr * m,
-            h: foot.up + dh * m,
+            r: nadir.right + dr * m,
+            h: nadir.up + dh * m,
             vr: (g.vr + dr * m * self.rate) * m,
             vh: (g.vh + dh * m * self.rate) * m,
         }
@@ -127,11 +127,11 @@ impl Flying {
 /// Where the parameters of a fit of `arcs` arcs stand. The first are those of [`super::fit::ArcFit`]: no gravity in
 /// the plane, drag, then r, vr, h, vh of each arc at its mean time.
 #[derive(Debug, Clone, Copy)]
-pub struct Layout {
+pub struct OverheadLayout {
     arcs: usize,
 }
 
-impl Layout {
+impl OverheadLayout {
     /// For `arcs` arcs.
     #[must_use]
     pub const fn new(arcs: usize) -> Self {
@@ -156,34 +156,34 @@ impl Layout {
         ARCS + 6 * self.arcs + 3 * k
     }
 
-    /// The foot's right and up.
+    /// The nadir's right and up.
     #[must_use]
-    pub const fn foot(self) -> usize {
+    pub const fn nadir(self) -> usize {
         self.lift(self.arcs)
     }
 
     /// ln of the fall's γ over what is given.
     #[must_use]
     pub const fn fall(self) -> usize {
-        self.foot() + 2
+        self.nadir() + 2
     }
 
     /// Half the time of contact, s.
     #[must_use]
     pub const fn half_contact(self) -> usize {
-        self.foot() + 3
+        self.nadir() + 3
     }
 
     /// How far the shadow of a ball that touches the floor pulls its centre: right, then up, plane units.
     #[must_use]
-    pub const fn shade(self) -> usize {
-        self.foot() + 4
+    pub const fn shadow_pull(self) -> usize {
+        self.nadir() + 4
     }
 
     /// Time of the impact between arcs `k` and `k + 1`, s.
     #[must_use]
     pub const fn impact(self, k: usize) -> usize {
-        self.foot() + 6 + k
+        self.nadir() + 6 + k
     }
 
     /// Number of parameters.
@@ -193,16 +193,16 @@ impl Layout {
     }
 }
 
-/// Motion on arc `k` at time `t` for any parameter vector of [`Layout`].
+/// Motion on arc `k` at time `t` for any parameter vector of [`OverheadLayout`].
 #[must_use]
-pub fn flying(known: &Overhead, parameters: &[f64], times: &[f64], k: usize, t: f64) -> Flying {
-    let layout = Layout::new(times.len());
+pub fn flying(known: &Overhead, parameters: &[f64], times: &[f64], k: usize, t: f64) -> SpatialMotion {
+    let layout = OverheadLayout::new(times.len());
     let (g, v) = (
         &parameters[layout.ground(k)..layout.ground(k) + 4],
         &parameters[layout.rise(k)..layout.rise(k) + 2],
     );
     let fall = known.fall_per_s2 * parameters[layout.fall()].exp();
-    let start = Flying {
+    let start = SpatialMotion {
         ground: Motion {
             r: g[0],
             vr: g[1],
@@ -214,14 +214,14 @@ pub fn flying(known: &Overhead, parameters: &[f64], times: &[f64], k: usize, t: 
     };
     let dt = t - times[k];
     let l = layout.lift(k);
-    let air = Air {
+    let air = AirForces {
         drag: parameters[DRAG],
         law: known.drag.map(|d| d.law).unwrap_or_default(),
         lift: [parameters[l], parameters[l + 1], parameters[l + 2]],
         height: known.camera_height(),
     };
     if air.drag == 0.0 && air.lift == [0.0; 3] {
-        return Flying {
+        return SpatialMotion {
             ground: Motion {
                 r: g[0] + g[1] * dt,
                 h: g[2] + g[3] * dt,
@@ -235,7 +235,7 @@ pub fn flying(known: &Overhead, parameters: &[f64], times: &[f64], k: usize, t: 
 }
 
 /// What the air does: β, s, and D to make lengths of ζ.
-struct Air {
+struct AirForces {
     drag: f64,
     law: DragLaw,
     lift: [f64; 3],
@@ -244,9 +244,9 @@ struct Air {
 
 /// What the picture shows of `flying`: seen from where the parameters have the camera, with the pull of the shadow.
 #[must_use]
-pub fn seen(known: &Overhead, parameters: &[f64], times: &[f64], flying: &Flying) -> Motion {
-    let at = Layout::new(times.len()).shade();
-    let m = flying.seen(foot(parameters, times));
+pub fn seen(known: &Overhead, parameters: &[f64], times: &[f64], flying: &SpatialMotion) -> Motion {
+    let at = OverheadLayout::new(times.len()).shadow_pull();
+    let m = flying.seen(nadir(parameters, times));
     // Height over the floor in the ball's size.
     let contact = known.touching();
     let height = (flying.zeta - contact) / (SHADOW_RADII * contact).max(f64::MIN_POSITIVE);
@@ -261,22 +261,22 @@ pub fn seen(known: &Overhead, parameters: &[f64], times: &[f64], flying: &Flying
 /// The shadow lets go of the outline when the ball is some of its radii up: half at this many.
 const SHADOW_RADII: f64 = 3.0;
 
-/// The foot as the parameters have it.
+/// The nadir as the parameters have it.
 #[must_use]
-pub fn foot(parameters: &[f64], times: &[f64]) -> PlanePoint {
-    let at = Layout::new(times.len()).foot();
+pub fn nadir(parameters: &[f64], times: &[f64]) -> PlanePoint {
+    let at = OverheadLayout::new(times.len()).nadir();
     PlanePoint::new(parameters[at], parameters[at + 1])
 }
 
 /// Runge-Kutta of fourth order over `dt` in four steps: exact but for the air, whose error is a millionth of the way.
-fn integrate(start: Flying, fall: f64, air: &Air, dt: f64) -> Flying {
+fn integrate(start: SpatialMotion, fall: f64, air: &AirForces, dt: f64) -> SpatialMotion {
     const PARTS: usize = 4;
-    let rate = |m: &Flying| {
+    let rate = |m: &SpatialMotion| {
         let speed = m.speed(air.height);
         let slow = -air.drag * air.law.at(speed) * speed;
         let (vr, vh, vz) = (m.ground.vr, m.ground.vh, m.rate * air.height);
         let [sr, sh, sz] = air.lift;
-        Flying {
+        SpatialMotion {
             ground: Motion {
                 r: vr,
                 h: vh,
@@ -287,7 +287,7 @@ fn integrate(start: Flying, fall: f64, air: &Air, dt: f64) -> Flying {
             rate: slow * m.rate - fall + (sr * vh - sh * vr) / air.height,
         }
     };
-    let along = |m: &Flying, d: &Flying, s: f64| Flying {
+    let along = |m: &SpatialMotion, d: &SpatialMotion, s: f64| SpatialMotion {
         ground: Motion {
             r: m.ground.r + s * d.ground.r,
             h: m.ground.h + s * d.ground.h,

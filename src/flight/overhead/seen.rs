@@ -1,6 +1,6 @@
 //! What a fit of arcs says of a ball seen from above, beside its motion.
 
-use super::{Overhead, fit, flying, foot};
+use super::{Overhead, fit, flying, nadir};
 use crate::flight::fit::{ArcFit, FitPoint, Forces};
 use crate::geometry::PlanePoint;
 
@@ -12,8 +12,8 @@ impl ArcFit {
             times: found.times,
             parameters: found.parameters,
             covariance: found.covariance,
-            excess: found.excess,
-            persistence: found.persistence,
+            reduced_chi: found.reduced_chi,
+            autocorrelation_inflation: found.autocorrelation_inflation,
             forces: Forces::Overhead(known),
         })
     }
@@ -46,11 +46,11 @@ impl ArcFit {
         if !matches!(self.forces, Forces::Overhead(_)) {
             return place;
         }
-        let foot = foot(self.parameters.as_slice(), &self.times);
+        let nadir = nadir(self.parameters.as_slice(), &self.times);
         let part = 1.0 - self.nearness(k, t);
         PlanePoint::new(
-            foot.right + part * (place.right - foot.right),
-            foot.up + part * (place.up - foot.up),
+            nadir.right + part * (place.right - nadir.right),
+            nadir.up + part * (place.up - nadir.up),
         )
     }
 }

@@ -1,32 +1,16 @@
-use super::find::fall_seen;
+use super::search::fall_seen;
 use super::*;
 use crate::flight::fit::Forces;
 use crate::flight::linking::Spot;
+use crate::flight::tests::LcgNoise;
 use crate::flight::{Flight, find};
 use proptest::prelude::*;
-
-/// Noise that is the same every time.
-struct Noise(u64);
-
-impl Noise {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-}
 
 /// 1 mm a unit, a ball of 12 mm, a camera `height` mm up.
 fn known(height: f64) -> Overhead {
     Overhead {
-        foot: PlanePoint::new(400.0, 250.0),
-        foot_std: 5.0,
+        nadir: PlanePoint::new(400.0, 250.0),
+        nadir_std: 5.0,
         fall_per_s2: 9810.0 / height,
         fall_relative_std: 0.01,
         height: Some(height),
@@ -41,7 +25,7 @@ fn known(height: f64) -> Overhead {
 }
 
 /// Two bounces: dropped from 250 mm with `v`, turned by `turn` at the first impact, e = 0.8, 240 Hz; without air.
-fn spots(camera: &Overhead, v: [f64; 2], turn: f64, sigma: f64, noise: &mut Noise) -> Vec<Spot> {
+fn spots(camera: &Overhead, v: [f64; 2], turn: f64, sigma: f64, noise: &mut LcgNoise) -> Vec<Spot> {
     let (g, drop, height) = (9810.0_f64, 250.0_f64, camera.camera_height());
     let hit = (2.0 * drop / g).sqrt();
     let up = 0.8 * g * hit;
@@ -63,10 +47,10 @@ fn spots(camera: &Overhead, v: [f64; 2], turn: f64, sigma: f64, noise: &mut Nois
                 }
             };
             let near = 1.0 / (1.0 - (z + 12.0) / height);
-            let foot = camera.foot;
+            let nadir = camera.nadir;
             let at = PlanePoint::new(
-                foot.right + (100.0 + s[0] - foot.right) * near + sigma * noise.normal(),
-                foot.up + (200.0 + s[1] - foot.up) * near + sigma * noise.normal(),
+                nadir.right + (100.0 + s[0] - nadir.right) * near + sigma * noise.normal(),
+                nadir.up + (200.0 + s[1] - nadir.up) * near + sigma * noise.normal(),
             );
             Spot {
                 coded: crate::frames::Coded::Whole,
@@ -103,7 +87,7 @@ fn turn_of(flight: &Flight) -> (f64, f64) {
 #[test]
 fn the_turn_is_found_within_its_uncertainty() {
     // The interval holds the truth, and leaves room for what these spots do not have: light, shade and air.
-    let mut noise = Noise(7);
+    let mut noise = LcgNoise(7);
     let (mut inside, mut squares, mut all) = (0, 0.0, 0);
     for height in [1000.0, 2000.0, 5000.0] {
         let camera = known(height);
@@ -135,7 +119,7 @@ fn the_turn_is_found_within_its_uncertainty() {
 
 #[test]
 fn a_far_camera_is_as_good_as_one_without_perspective() {
-    let (camera, mut noise) = (known(100_000.0), Noise(3));
+    let (camera, mut noise) = (known(100_000.0), LcgNoise(3));
     let spots = spots(&camera, [900.0, 50.0], -0.4, 0.02, &mut noise);
     let flight = find(&spots, Forces::Overhead(camera)).unwrap();
     let (turn, std) = turn_of(&flight);
@@ -144,7 +128,7 @@ fn a_far_camera_is_as_good_as_one_without_perspective() {
 
 #[test]
 fn what_the_camera_is_said_to_be_much_nearer_than_is_no_flight() {
-    let (camera, mut noise) = (known(2000.0), Noise(5));
+    let (camera, mut noise) = (known(2000.0), LcgNoise(5));
     let spots = spots(&camera, [900.0, 50.0], 0.4, 0.05, &mut noise);
     for height in [50.0, 150.0, 400.0] {
         assert!(
@@ -156,7 +140,7 @@ fn what_the_camera_is_said_to_be_much_nearer_than_is_no_flight() {
 
 #[test]
 fn the_fall_that_the_flight_shows_tells_a_wrong_height() {
-    let (camera, mut noise) = (known(2000.0), Noise(9));
+    let (camera, mut noise) = (known(2000.0), LcgNoise(9));
     let spots = spots(&camera, [900.0, 50.0], 0.4, 0.02, &mut noise);
     for said in [1800.0, 2000.0, 2300.0] {
         let flight = find(&spots, Forces::Overhead(known(said))).unwrap();
@@ -172,7 +156,7 @@ fn the_fall_that_the_flight_shows_tells_a_wrong_height() {
 
 #[test]
 fn flying_without_air_is_flying_in_very_thin_air() {
-    let (times, layout) = (vec![10.0], Layout::new(1));
+    let (times, layout) = (vec![10.0], OverheadLayout::new(1));
     let mut p = vec![0.0; layout.count()];
     p[layout.ground(0)..layout.ground(0) + 4].copy_from_slice(&[100.0, 900.0, 200.0, -300.0]);
     p[layout.rise(0)..layout.rise(0) + 2].copy_from_slice(&[0.1, -0.4]);
@@ -193,12 +177,12 @@ fn flying_without_air_is_flying_in_very_thin_air() {
 
 #[test]
 fn the_seen_velocity_is_the_rate_of_the_seen_place() {
-    let (times, layout) = (vec![0.0], Layout::new(1));
+    let (times, layout) = (vec![0.0], OverheadLayout::new(1));
     let mut p = vec![0.0; layout.count()];
     p[layout.ground(0)..layout.ground(0) + 4].copy_from_slice(&[100.0, 900.0, 200.0, -300.0]);
     p[layout.rise(0)..layout.rise(0) + 2].copy_from_slice(&[0.1, -0.4]);
     let camera = known(2000.0);
-    let at = |t: f64| flying(&camera, &p, &times, 0, t).seen(camera.foot);
+    let at = |t: f64| flying(&camera, &p, &times, 0, t).seen(camera.nadir);
     let (m, dt) = (at(0.1), 1e-6);
     assert!(((at(0.1 + dt).r - at(0.1 - dt).r) / (2.0 * dt) - m.vr).abs() < 1e-3);
     assert!(((at(0.1 + dt).h - at(0.1 - dt).h) / (2.0 * dt) - m.vh).abs() < 1e-3);
@@ -209,9 +193,9 @@ proptest! {
     #[test]
     fn a_mirrored_flight_turns_the_other_way(turn in -0.8..0.8_f64, aside in -400.0..400.0_f64, seed in 0..1000_u64) {
         let camera = known(1500.0);
-        let there = spots(&camera, [900.0, aside], turn, 0.02, &mut Noise(seed));
+        let there = spots(&camera, [900.0, aside], turn, 0.02, &mut LcgNoise(seed));
         let mut camera_back = camera;
-        camera_back.foot.right = -camera.foot.right;
+        camera_back.nadir.right = -camera.nadir.right;
         let back: Vec<Spot> = there
             .iter()
             .map(|s| Spot { place: PlanePoint::new(-s.place.right, s.place.up), ..*s })

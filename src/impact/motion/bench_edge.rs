@@ -3,7 +3,7 @@
 use super::{BENCH_RATE, MeasuredMotion, extra, fall_of};
 use crate::flight::Flight;
 use crate::flight::fit::{Motion, lean_rad};
-use crate::flight::launch::Launch;
+use crate::flight::launch::PlaneLaunch;
 use crate::geometry::PlanePoint;
 use crate::impact::BenchLaunch;
 
@@ -14,7 +14,7 @@ const GAP_PART: f64 = 0.03;
 
 /// Where the first arc of `flight` leaves the bench, in the plane; `None` where it shows none.
 pub(super) fn place(flight: &Flight) -> Option<PlanePoint> {
-    let launch = flight.launch.filter(Launch::is_rolled)?;
+    let launch = flight.launch.filter(PlaneLaunch::is_rolled)?;
     let m = flight.fit.motion(0, launch.time_s);
     Some(PlanePoint::new(m.r, m.h))
 }
@@ -26,7 +26,7 @@ impl MeasuredMotion<'_> {
     }
 
     pub(super) fn edge_s(&self, p: &[f64]) -> Option<f64> {
-        let launch = self.flight.launch.filter(Launch::is_rolled)?;
+        let launch = self.flight.launch.filter(PlaneLaunch::is_rolled)?;
         Some(self.parting_s(p, launch.rate.0 + extra(p, BENCH_RATE)))
     }
 
@@ -59,7 +59,7 @@ impl MeasuredMotion<'_> {
     /// The launch from a bench; `None` where none is seen.
     #[must_use]
     pub fn bench_launch(&self) -> Option<BenchLaunch> {
-        let launch = self.flight.launch.filter(Launch::is_rolled)?;
+        let launch = self.flight.launch.filter(PlaneLaunch::is_rolled)?;
         let lands = self.flight.impacts.first().is_some_and(Option::is_some);
         let out = self.inputs.outputs(|p| {
             let t = self.edge_s(p).unwrap_or(f64::NAN);

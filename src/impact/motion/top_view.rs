@@ -8,7 +8,7 @@ use super::{Bounce, CentreVelocity, DIRECTION_SIGMAS, EERegime, MeasuredMotion};
 use crate::calibration::View;
 use crate::flight::SpotUse;
 use crate::flight::fit::Forces;
-use crate::flight::segment::{Sample, own_fall};
+use crate::flight::segment::{TrackSample, own_fall};
 use crate::quantity::Quantity;
 
 /// A bend shows when it stands out by this many standard uncertainties,
@@ -78,20 +78,13 @@ impl MeasuredMotion<'_> {
     }
 
     fn bend_of(&self, k: usize) -> Option<f64> {
-        let samples = |turned: bool| -> Vec<Sample> {
+        let samples = |turned: bool| -> Vec<TrackSample> {
             let used = self.flight.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
             used.map(|p| {
                 let (right, up) = (p.spot.place.right, p.spot.place.up);
-                let (r, h) = if turned { (up, right) } else { (right, up) };
-                Sample {
-                    t: p.spot.time_s,
-                    r,
-                    h,
-                    // What else centres scatter by is here the bend itself.
-                    weight: 1.0 / (p.spot.std * p.spot.std),
-                    near: 0.0,
-                    near_weight: 0.0,
-                }
+                let place = if turned { (up, right) } else { (right, up) };
+                // What else centres scatter by is here the bend itself.
+                TrackSample::new(p.spot.time_s, place, 1.0 / (p.spot.std * p.spot.std))
             })
             .collect()
         };
@@ -104,14 +97,14 @@ impl MeasuredMotion<'_> {
         let m = self.flight.fit.motion(k, self.flight.fit.times[k]);
         let seconds = up.last()?.t - up.first()?.t;
         let part = change * seconds / m.vr.hypot(m.vh);
-        // A point off its place by a tenth of its neighbours' uncertainty is no bend: persistence asks for more.
-        let lasting_std = std * self.flight.fit.persistence.min(MOST_PERSISTENCE).sqrt();
-        (change > BEND_SIGMAS * lasting_std && part > LEAST_BEND).then_some(part)
+        // Errors that last from frame to frame could pass for a bend: autocorrelated residuals ask for more.
+        let inflation = self.flight.fit.autocorrelation_inflation.min(MOST_INFLATION);
+        (change > BEND_SIGMAS * std * inflation.sqrt() && part > LEAST_BEND).then_some(part)
     }
 }
 
-/// Beyond this it is the bend that persists.
-const MOST_PERSISTENCE: f64 = 4.0;
+/// Beyond this the bend itself makes the residuals hang together.
+const MOST_INFLATION: f64 = 4.0;
 
 /// The same with its uncertainty not determined.
 pub(super) fn undetermined(q: Quantity) -> Option<Quantity> {

@@ -1,24 +1,24 @@
-//! The ends of arcs, where a point may be of the other side of an impact (or of a launch) without being told by its distance.
+//! The ends of arcs, where a point may be of the other side of an impact (or of a launch) without its distance showing it.
 
 use super::Flight;
-use super::chain::LEAST_END_POINTS;
-use super::set_aside::{OFF_SIGMAS, variance};
+use super::arc_selection::LEAST_END_POINTS;
+use super::outliers::{OUTLIER_SIGMAS, variance};
 
-/// So many standard deviations from its arc a point of it may be without being set aside.
-const UNTOLD_SIGMAS: f64 = OFF_SIGMAS * std::f64::consts::SQRT_2;
+/// So many standard deviations from its arc a point of it may be without being an outlier.
+const UNDETECTED_SIGMAS: f64 = OUTLIER_SIGMAS * std::f64::consts::SQRT_2;
 
 /// Rough centres make no point unsure that is further from an impact than this part of the frame interval.
 const NEAR_PART: f64 = 0.25;
 
-/// Points at the end of an arc that may be behind the next impact without being told.
-const UNTOLD_POINTS: usize = 2;
+/// Points at the end of an arc that may be behind the next impact without its distance showing it.
+const UNDETECTED_POINTS: usize = 2;
 
 /// A floor is level to this part of the ball's radius from one impact to the next.
 const LEVEL_PART: f64 = 0.1;
 
 impl Flight {
-    /// Takes from `ranges` the ends of arcs that may be of the other side of an impact, or in contact, and would not be told
-    /// by their distance: such a point draws a short arc along. Whether there were any.
+    /// Takes from `ranges` the ends of arcs that may be of the other side of an impact, or in contact, and whose distance
+    /// would not show it: such a point draws a short arc along. Whether there were any.
     pub(super) fn trim_unsure_ends(&self, ranges: &mut [std::ops::Range<usize>]) -> bool {
         if !self.fit.forces.falls() {
             return false;
@@ -26,7 +26,7 @@ impl Flight {
         let before = ranges.to_vec();
         let near = |i: usize, jump: f64| {
             let std = variance(&self.points[i].spot, &self.extra).sqrt();
-            (UNTOLD_SIGMAS * std / jump).min(NEAR_PART * self.interval_s)
+            (UNDETECTED_SIGMAS * std / jump).min(NEAR_PART * self.interval_s)
         };
         let time = |i: usize| self.points[i].spot.time_s;
         for (k, t) in self.impacts.iter().enumerate() {
@@ -46,14 +46,15 @@ impl Flight {
         }
         if let (Some(last), Some((t, floor, speed))) = (ranges.last_mut(), self.lands_again()) {
             // Where the ball is clearly below, there is no floor as high as the last.
-            let untold = |i: usize| {
+            let undetected = |i: usize| {
                 let spot = &self.points[i].spot;
-                let lowest = UNTOLD_SIGMAS * variance(spot, &self.extra).sqrt() + LEVEL_PART * spot.radius;
+                let lowest =
+                    UNDETECTED_SIGMAS * variance(spot, &self.extra).sqrt() + LEVEL_PART * spot.radius;
                 time(i) > t - near(i, speed) && spot.place.up > floor - lowest
             };
-            // More of them than this would have been told: then it is another floor, or none.
-            let end = last.clone().find(|&i| untold(i));
-            if let Some(end) = end.filter(|end| last.end - end <= UNTOLD_POINTS) {
+            // More of them than this would show by their distance: then it is another floor, or none.
+            let end = last.clone().find(|&i| undetected(i));
+            if let Some(end) = end.filter(|end| last.end - end <= UNDETECTED_POINTS) {
                 last.end = end;
             }
         }

@@ -1,22 +1,22 @@
 //! From a track of spots to the flight of a ball seen from above.
 
-use super::segment::Sums;
-use super::{Flying, Layout, Overhead};
-use crate::flight::chain::{larger_part, longest_chain};
+use super::segment_sums::OverheadSums;
+use super::{Overhead, OverheadLayout, SpatialMotion};
+use crate::flight::arc_selection::{larger_part, longest_chain};
 use crate::flight::fit::{ArcFit, Forces};
-use crate::flight::impacts::finish;
-use crate::flight::join::LEAST_JUMP;
-use crate::flight::judge::MOST_SCATTER;
+use crate::flight::impacts::flight_from_fit;
 use crate::flight::linking::{Spot, Track};
-use crate::flight::segment::{self, Fall, Sample};
-use crate::flight::set_aside::fit_and_set_aside;
+use crate::flight::merge_arcs::LEAST_JUMP;
+use crate::flight::outliers::fit_without_outliers;
+use crate::flight::plausibility::MOST_SCATTER;
+use crate::flight::segment::{self, Fall, TrackSample};
 use crate::flight::{Flight, SpotUse, median};
 use crate::quantity::Quantity;
 use std::ops::Range;
 
 /// A first centre's radius is known to about this part; it also changes by a part of this with the light and the
 /// background.
-const RADIUS_DOUBT: f64 = 0.03;
+const RADIUS_STD_PART: f64 = 0.03;
 
 /// The ball on the floor is about the smallest of its track: this part of its sightings is smaller by chance.
 const SMALLEST_PART: f64 = 0.05;
@@ -34,21 +34,18 @@ const FLOOR_PART: f64 = 0.15;
 const CUT_GAIN: f64 = 36.0;
 
 /// The samples of a track, and `known` with what its ball tells.
-fn samples_of(spots: &[Spot], track: &Track, sigma: f64, known: Overhead) -> (Vec<Sample>, Overhead) {
+fn samples_of(spots: &[Spot], track: &Track, sigma: f64, known: Overhead) -> (Vec<TrackSample>, Overhead) {
     let mut radii: Vec<f64> = track.iter().map(|&i| spots[i].radius).collect();
     radii.sort_by(f64::total_cmp);
     let smallest = radii[(SMALLEST_PART * (radii.len() - 1) as f64).round() as usize];
     let known = known.for_ball(smallest);
     let of_radius = track.iter().map(|&i| {
         let s = &spots[i];
-        let doubt = RADIUS_DOUBT.max(s.std / s.radius);
-        Sample {
-            t: s.time_s,
-            r: s.place.right,
-            h: s.place.up,
-            weight: 1.0 / (sigma * sigma + s.std * s.std),
-            near: 1.0 - (1.0 - known.touching()) * smallest / s.radius,
-            near_weight: 1.0 / (doubt * doubt),
+        let radius_std = RADIUS_STD_PART.max(s.std / s.radius);
+        TrackSample {
+            zeta: 1.0 - (1.0 - known.touching()) * smallest / s.radius,
+            zeta_weight: 1.0 / (radius_std * radius_std),
+            ..TrackSample::of_spot(s, 1.0 / (sigma * sigma + s.std * s.std))
         }
     });
     (of_radius.collect(), known)
@@ -73,7 +70,7 @@ pub(in crate::flight) fn evidence(spots: &[Spot], track: &Track, sigma: f64, kno
 
 /// Whether the track is explained far better by quite another fall than the given one. Enough short arcs fit anything: a
 /// camera said to be much too near would see a ball that hops about.
-fn another_fall_is_better(samples: &[Sample], known: Overhead) -> bool {
+fn another_fall_is_better(samples: &[TrackSample], known: Overhead) -> bool {
     let cost = |factor: f64| {
         let fall_per_s2 = factor * known.fall_per_s2;
         segment::cost(samples, Fall::Overhead(Overhead { fall_per_s2, ..known }))
@@ -117,13 +114,13 @@ pub(in crate::flight) fn with_continuations(spots: &[Spot], tracks: &[Track], mu
 const ALIKE_PART: f64 = 0.35;
 
 /// The arcs that fall as they should, none cut in two.
-fn arcs(samples: &[Sample], known: Overhead) -> Vec<Range<usize>> {
+fn arcs(samples: &[TrackSample], known: Overhead) -> Vec<Range<usize>> {
     let fall = Fall::Overhead(known);
     let mut found = segment::arcs(samples, fall);
     // What its own bend and size contradict does not fall: it rolls, or is carried.
     found.retain(|r| {
         r.len() < 5
-            || Sums::of(known, &samples[r.clone()])
+            || OverheadSums::of(known, &samples[r.clone()])
                 .own_fall()
                 .is_none_or(|(own, std)| fall.agrees(own, std))
     });
@@ -131,7 +128,7 @@ fn arcs(samples: &[Sample], known: Overhead) -> Vec<Range<usize>> {
     for r in found {
         if let Some(last) = joined.last_mut() {
             let (a, b) = (&samples[last.clone()], &samples[r.clone()]);
-            let both: Vec<Sample> = a.iter().chain(b).copied().collect();
+            let both: Vec<TrackSample> = a.iter().chain(b).copied().collect();
             let apart = segment::misfit(a, fall) + segment::misfit(b, fall);
             if segment::misfit(&both, fall) - apart < CUT_GAIN || !parts_ways(a, b, &known) {
                 *last = last.start..r.end;
@@ -144,13 +141,20 @@ fn arcs(samples: &[Sample], known: Overhead) -> Vec<Range<usize>> {
 }
 
 /// Both arcs in the middle of the gap between them.
-fn at_the_gap(a: &[Sample], b: &[Sample], known: &Overhead) -> Option<(Flying, Flying)> {
+fn at_the_gap(
+    a: &[TrackSample],
+    b: &[TrackSample],
+    known: &Overhead,
+) -> Option<(SpatialMotion, SpatialMotion)> {
     let t = 0.5 * (a.last()?.t + b.first()?.t);
-    Some((Sums::of(*known, a).flying(t)?, Sums::of(*known, b).flying(t)?))
+    Some((
+        OverheadSums::of(*known, a).flying(t)?,
+        OverheadSums::of(*known, b).flying(t)?,
+    ))
 }
 
 /// Whether the velocities of two neighbouring stretches differ as by an impact.
-fn parts_ways(a: &[Sample], b: &[Sample], known: &Overhead) -> bool {
+fn parts_ways(a: &[TrackSample], b: &[TrackSample], known: &Overhead) -> bool {
     let Some((before, after)) = at_the_gap(a, b, known) else {
         return true;
     };
@@ -162,7 +166,7 @@ fn parts_ways(a: &[Sample], b: &[Sample], known: &Overhead) -> bool {
 
 /// Whether two neighbouring stretches can be before and after an impact on the floor: near it between them, and rising
 /// after it faster than before.
-fn may_meet(a: &[Sample], b: &[Sample], known: &Overhead) -> bool {
+fn may_meet(a: &[TrackSample], b: &[TrackSample], known: &Overhead) -> bool {
     at_the_gap(a, b, known).is_none_or(|(before, after)| {
         let low = 0.5 * (before.zeta + after.zeta) - known.touching() < FLOOR_PART;
         low && after.rate > before.rate
@@ -199,14 +203,14 @@ pub(in crate::flight) fn build(
             uses[r.clone()].fill(SpotUse::Used(k));
         }
         let forces = Forces::Overhead(known);
-        let (mut fit, mut extra) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
-        for _ in 0..SHARES {
-            if !share_out(&samples, &mut uses, &fit, interval_s) {
+        let (mut fit, mut extra) = fit_without_outliers(spots, track, &mut uses, ranges.len(), forces)?;
+        for _ in 0..REASSIGN_ROUNDS {
+            if !reassign_near_impacts(&samples, &mut uses, &fit, interval_s) {
                 break;
             }
-            (fit, extra) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces)?;
+            (fit, extra) = fit_without_outliers(spots, track, &mut uses, ranges.len(), forces)?;
         }
-        let flight = finish(spots, track, uses, (fit, extra), interval_s);
+        let flight = flight_from_fit(spots, track, uses, (fit, extra), interval_s);
         let cut = flight
             .impacts
             .iter()
@@ -231,7 +235,7 @@ pub fn fall_seen(flight: &Flight) -> Option<Quantity> {
         ..known
     };
     let fit = ArcFit::new(&flight.fit_points(), flight.fit.arcs(), Forces::Overhead(open))?;
-    let i = Layout::new(fit.arcs()).fall();
+    let i = OverheadLayout::new(fit.arcs()).fall();
     let (ratio, std) = (fit.parameters[i].exp(), fit.covariance[(i, i)].max(0.0).sqrt());
     // Hardly better than what was assumed: the flight does not tell.
     (std < 0.5 * OPEN_FALL)
@@ -243,14 +247,19 @@ pub fn fall_seen(flight: &Flight) -> Option<Quantity> {
 const OPEN_FALL: f64 = 1.0;
 
 /// Times that the points beside an impact may change hands.
-const SHARES: usize = 4;
+const REASSIGN_ROUNDS: usize = 4;
 
 /// Frames this near to an impact serve neither arc, frame intervals: the shutter may have been open during the contact.
 const CONTACT_INTERVALS: f64 = 0.5;
 
 /// Gives the points between the middles of neighbouring arcs to the arc on whose side of the impact they are: seen from
 /// above the path may hardly turn there, and segmentation is a frame off now and then. Whether any changed hands.
-fn share_out(samples: &[Sample], uses: &mut [SpotUse], fit: &ArcFit, interval_s: f64) -> bool {
+fn reassign_near_impacts(
+    samples: &[TrackSample],
+    uses: &mut [SpotUse],
+    fit: &ArcFit,
+    interval_s: f64,
+) -> bool {
     let mut changed = false;
     for (s, use_) in samples.iter().zip(uses) {
         let gap = (1..fit.arcs()).find(|&k| s.t > fit.times[k - 1] && s.t < fit.times[k]);
@@ -263,7 +272,7 @@ fn share_out(samples: &[Sample], uses: &mut [SpotUse], fit: &ArcFit, interval_s:
         } else {
             SpotUse::Used(if s.t < t { k - 1 } else { k })
         };
-        let stays = *use_ == share || matches!(use_, SpotUse::Off(_));
+        let stays = *use_ == share || matches!(use_, SpotUse::Outlier(_));
         if !stays {
             *use_ = share;
             changed = true;
@@ -273,7 +282,7 @@ fn share_out(samples: &[Sample], uses: &mut [SpotUse], fit: &ArcFit, interval_s:
 }
 
 /// The run of arcs with the most points in which each may meet the next on the floor.
-fn met_chain(samples: &[Sample], ranges: Vec<Range<usize>>, known: &Overhead) -> Vec<Range<usize>> {
+fn met_chain(samples: &[TrackSample], ranges: Vec<Range<usize>>, known: &Overhead) -> Vec<Range<usize>> {
     let mut runs: Vec<Vec<Range<usize>>> = Vec::new();
     for r in ranges {
         match runs.last_mut() {
@@ -302,7 +311,7 @@ fn richest(ranges: Vec<Range<usize>>) -> Vec<Range<usize>> {
 
 /// Where the chain breaks: beside the arc whose points lie worst about the common fit, if they lie worse than an arc's
 /// do; `None` where all fit.
-fn misfit(flight: &Flight, samples: &[Sample], ranges: &[Range<usize>], sigma: f64) -> Option<usize> {
+fn misfit(flight: &Flight, samples: &[TrackSample], ranges: &[Range<usize>], sigma: f64) -> Option<usize> {
     let mut worst: Option<(usize, f64)> = None;
     for (k, r) in ranges.iter().enumerate() {
         let mut offs: Vec<f64> = samples[r.clone()]

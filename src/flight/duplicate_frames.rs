@@ -1,15 +1,15 @@
-//! Frames that repeat the one before: a clip stored at twice its true rate, or padded by a phone.
+//! Duplicate frames, which show the picture of the one before: a clip stored at twice its true rate, or padded by a phone.
 //!
-//! A repeat shows in what moves: things stand still for one step between steps in which they move. That a slow thing
-//! hardly moves says nothing, so such frames are judged by the picture as a whole, and only where the moving things
-//! have shown that pictures tell.
+//! A duplicate shows in what moves: things stand still for one step between steps in which they move. A slow thing that
+//! hardly moves is no evidence, so such frames are judged by the change of the picture as a whole, and only where the moving
+//! things have shown that this change is a reliable sign.
 
 use super::linking::{Spot, link};
 
-/// What was found.
+/// The duplicates among a recording's frames.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Repeats {
-    /// For every frame, whether it repeats the one before.
+pub struct DuplicateFrames {
+    /// For every frame, whether it is a duplicate of the one before.
     pub frames: Vec<bool>,
     /// How many.
     pub count: usize,
@@ -24,10 +24,10 @@ const SAME_PICTURE_PART: f64 = 0.3;
 /// Least step, in standard uncertainties and in plane units' worth of a pixel, that a stand-still stands out against.
 const LEAST_STEP_SIGMAS: f64 = 6.0;
 
-/// Finds repeats from the `spots` of all frames (times not needed, in frame order) and each frame's mean change
+/// Finds duplicates from the `spots` of all frames (times not needed, in frame order) and each frame's mean change
 /// against the one before, grey levels. `pixel` is the length of a pixel in the spots' unit.
 #[must_use]
-pub fn find(spots: &[Spot], changes: &[Option<f32>], pixel: f64) -> Repeats {
+pub fn find(spots: &[Spot], changes: &[Option<f32>], pixel: f64) -> DuplicateFrames {
     let total = changes.len();
     let same_picture: Vec<bool> = (0..total).map(|i| hardly_changes(changes, i)).collect();
     // Per frame: how many things stood still in a step where they should have moved, and how many moved.
@@ -68,7 +68,7 @@ pub fn find(spots: &[Spot], changes: &[Option<f32>], pixel: f64) -> Repeats {
             }
         })
         .collect();
-    Repeats {
+    DuplicateFrames {
         count: frames.iter().filter(|&&r| r).count(),
         frames,
     }
@@ -119,8 +119,8 @@ mod tests {
     #[test]
     fn a_doubled_clip_is_recognised_frame_by_frame() {
         let (spots, changes) = clip(2, 120);
-        let repeats = find(&spots, &changes, 1.0);
-        for (i, r) in repeats.frames.iter().enumerate() {
+        let duplicates = find(&spots, &changes, 1.0);
+        for (i, r) in duplicates.frames.iter().enumerate() {
             assert_eq!(*r, i % 2 == 1, "frame {i}");
         }
     }

@@ -1,8 +1,8 @@
 //! Whether two fitted arcs seen from above meet in an impact.
 
-use super::{Layout, Overhead, flying};
+use super::{Overhead, OverheadLayout, flying};
 use crate::flight::fit::ArcFit;
-use crate::flight::meeting::MOST_ENERGY_GAIN;
+use crate::flight::impact_test::MOST_ENERGY_GAIN;
 
 /// Arcs `a` and `a + 1` meet in an impact when the fit has it between their points, from a fall to a rise, and the
 /// ball has not gained by it. What the fit is not sure of is no objection: a far camera hardly shows a fall.
@@ -21,13 +21,13 @@ pub(in crate::flight) fn impact_between(
         flying(known, p, &fit.times, a, t),
         flying(known, p, &fit.times, a + 1, t),
     );
-    let doubt = |k: usize| {
-        let i = Layout::new(fit.arcs()).rise(k) + 1;
+    let uncertain = |k: usize| {
+        let i = OverheadLayout::new(fit.arcs()).rise(k) + 1;
         SURE_SIGMAS * fit.covariance[(i, i)].max(0.0).sqrt()
     };
-    let turns = before.rate < doubt(a) && after.rate > -doubt(a + 1);
+    let turns = before.rate < uncertain(a) && after.rate > -uncertain(a + 1);
     let height = known.camera_height();
-    let most = before.speed(height) + (doubt(a) + doubt(a + 1)) * height;
+    let most = before.speed(height) + (uncertain(a) + uncertain(a + 1)) * height;
     let loses = after.speed(height).powi(2) <= MOST_ENERGY_GAIN * most * most;
     (in_between && turns && loses).then_some(t)
 }

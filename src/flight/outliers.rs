@@ -1,46 +1,49 @@
-//! The fit of a track's arcs, and the setting aside of points that do not lie on them; with what centres scatter by beyond
-//! their own uncertainty.
+//! The fit of a track's arcs without its outliers, and the extra variance that the centres show beyond their own.
+//!
+//! Outliers are points further from their arc than [`OUTLIER_SIGMAS`] of a scale that medians give; a point that lies on its
+//! arc again comes back. The weights are then those of the mean squares of the points in use.
 
 use super::SpotUse;
+use super::extra_variance::{ArcDistance, ExtraVariance};
 use super::fit::{ArcFit, FitPoint, Forces};
 use super::linking::{Spot, Track};
-use super::scatter::{Distance, Extra};
-use super::segment::Sample;
+use super::segment::TrackSample;
 
 /// Points further off than this many (robust) standard deviations are set aside.
-pub(super) const OFF_SIGMAS: f64 = 4.5;
+pub(super) const OUTLIER_SIGMAS: f64 = 4.5;
 
 /// Fits, sets aside what does not fit, and fits again until nothing changes; with what centres scatter by beyond their
 /// own uncertainty.
-pub(super) fn fit_and_set_aside(
+pub(super) fn fit_without_outliers(
     spots: &[Spot],
     track: &Track,
     uses: &mut [SpotUse],
     arcs: usize,
     forces: Forces,
-) -> Option<(ArcFit, Extra)> {
-    let mut extra = Extra::default();
+) -> Option<(ArcFit, ExtraVariance)> {
+    let mut extra = ExtraVariance::default();
     for _ in 0..12 {
         let now = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
-        extra = Extra::robust(&distances(spots, track, uses, &now, &extra));
-        let looks: Vec<Option<Look>> = looks(spots, track, uses, &now, &extra);
+        extra = ExtraVariance::robust(&distances(spots, track, uses, &now, &extra));
+        let residuals: Vec<Option<ArcResidual>> = arc_residuals(spots, track, uses, &now, &extra);
         // Of few points one that is off draws its arc along, and the others seem to be: the worst goes first.
         let mut counts = vec![0_usize; arcs];
         let mut worst = vec![0.0_f64; arcs];
-        for look in looks.iter().flatten().filter(|l| l.used) {
-            counts[look.arc] += 1;
-            worst[look.arc] = worst[look.arc].max(look.sigmas);
+        for residual in residuals.iter().flatten().filter(|l| l.used) {
+            counts[residual.arc] += 1;
+            worst[residual.arc] = worst[residual.arc].max(residual.sigmas);
         }
         let mut changed = false;
-        for (use_, look) in uses.iter_mut().zip(&looks) {
-            let Some(look) = look else { continue };
-            let spared = look.used && counts[look.arc] < FEW_POINTS && look.sigmas < worst[look.arc];
-            let off = look.sigmas > OFF_SIGMAS && !spared;
-            changed |= off == look.used;
+        for (use_, residual) in uses.iter_mut().zip(&residuals) {
+            let Some(residual) = residual else { continue };
+            let spared =
+                residual.used && counts[residual.arc] < FEW_POINTS && residual.sigmas < worst[residual.arc];
+            let off = residual.sigmas > OUTLIER_SIGMAS && !spared;
+            changed |= off == residual.used;
             *use_ = if off {
-                SpotUse::Off(look.distance)
+                SpotUse::Outlier(residual.distance)
             } else {
-                SpotUse::Used(look.arc)
+                SpotUse::Used(residual.arc)
             };
         }
         if !changed {
@@ -48,21 +51,21 @@ pub(super) fn fit_and_set_aside(
         }
     }
     // The last verdicts enter.
-    settled(spots, track, uses, arcs, forces, extra)
+    refitted(spots, track, uses, arcs, forces, extra)
 }
 
 /// The fit to the points in use, which tell their own scatter.
-pub(super) fn settled(
+pub(super) fn refitted(
     spots: &[Spot],
     track: &Track,
     uses: &[SpotUse],
     arcs: usize,
     forces: Forces,
-    mut extra: Extra,
-) -> Option<(ArcFit, Extra)> {
+    mut extra: ExtraVariance,
+) -> Option<(ArcFit, ExtraVariance)> {
     let mut fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
     for _ in 0..4 {
-        extra = Extra::efficient(&distances(spots, track, uses, &fit, &extra));
+        extra = ExtraVariance::efficient(&distances(spots, track, uses, &fit, &extra));
         fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
     }
     Some((fit, extra))
@@ -72,7 +75,7 @@ pub(super) fn settled(
 const FEW_POINTS: usize = 12;
 
 /// A spot against its arc.
-struct Look {
+struct ArcResidual {
     arc: usize,
     used: bool,
     /// Distance to the arc, plane units.
@@ -83,7 +86,13 @@ struct Look {
 }
 
 /// Every spot that is or may be used, against its arc.
-fn looks(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &Extra) -> Vec<Option<Look>> {
+fn arc_residuals(
+    spots: &[Spot],
+    track: &Track,
+    uses: &[SpotUse],
+    fit: &ArcFit,
+    extra: &ExtraVariance,
+) -> Vec<Option<ArcResidual>> {
     // Σw, Σw t, Σw t² of each arc, times from its mean one.
     let mut sums = vec![[0.0_f64; 3]; fit.arcs()];
     for (&i, u) in track.iter().zip(uses) {
@@ -94,10 +103,10 @@ fn looks(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &
             }
         }
     }
-    let look = |i: usize| -> Option<Look> {
+    let residual = |i: usize| -> Option<ArcResidual> {
         let (arc, used) = match uses[i] {
             SpotUse::Used(k) => (k, true),
-            SpotUse::Off(_) => (nearest_arc(uses, i)?, false),
+            SpotUse::Outlier(_) => (nearest_arc(uses, i)?, false),
             _ => return None,
         };
         let spot = &spots[track[i]];
@@ -113,14 +122,14 @@ fn looks(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &
         } else {
             1.0 + line
         };
-        Some(Look {
+        Some(ArcResidual {
             arc,
             used,
             distance,
             sigmas: distance / (2.0 * own * share).sqrt(),
         })
     };
-    (0..track.len()).map(look).collect()
+    (0..track.len()).map(residual).collect()
 }
 
 /// Part of a point's error that its arc follows, at most: of three points, 5/6 at the ends.
@@ -139,7 +148,7 @@ pub(super) const LEAST_FIT_POINTS: usize = 3;
 
 /// The first arc most of whose points do not lie on it, once it is fitted to the last digit: a few points on the floor, behind
 /// an impact that left the ball there, pass for a short rebound as long as only their cut is asked for.
-pub(super) fn mostly_set_aside(uses: &[SpotUse], ranges: &[std::ops::Range<usize>]) -> Option<usize> {
+pub(super) fn arc_of_outliers(uses: &[SpotUse], ranges: &[std::ops::Range<usize>]) -> Option<usize> {
     let off = |range: &std::ops::Range<usize>| {
         let used = uses[range.clone()]
             .iter()
@@ -150,13 +159,19 @@ pub(super) fn mostly_set_aside(uses: &[SpotUse], ranges: &[std::ops::Range<usize
 }
 
 /// Variance of a coordinate of a spot, plane units².
-pub(super) fn variance(spot: &Spot, extra: &Extra) -> f64 {
+pub(super) fn variance(spot: &Spot, extra: &ExtraVariance) -> f64 {
     extra.variance(spot.std * spot.std, spot.coded)
 }
 
 /// The used points' distances to their arcs. An arc of n points with weights w follows each by about 2 w/Σw (two
 /// unknowns a coordinate).
-fn distances(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extra: &Extra) -> Vec<Distance> {
+fn distances(
+    spots: &[Spot],
+    track: &Track,
+    uses: &[SpotUse],
+    fit: &ArcFit,
+    extra: &ExtraVariance,
+) -> Vec<ArcDistance> {
     let used = || {
         track.iter().zip(uses).filter_map(|(&i, u)| match u {
             SpotUse::Used(k) => Some((&spots[i], *k)),
@@ -170,7 +185,7 @@ fn distances(spots: &[Spot], track: &Track, uses: &[SpotUse], fit: &ArcFit, extr
     used()
         .map(|(s, k)| {
             let m = fit.motion(k, s.time_s);
-            Distance {
+            ArcDistance {
                 square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
                 own: s.std * s.std,
                 coded: s.coded,
@@ -194,7 +209,7 @@ fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
     }
 }
 
-fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &Extra) -> Vec<FitPoint> {
+fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &ExtraVariance) -> Vec<FitPoint> {
     track
         .iter()
         .zip(uses)
@@ -205,16 +220,9 @@ fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &Extra) ->
         .collect()
 }
 
-pub(super) fn fit_point(spot: &Spot, arc: usize, extra: &Extra) -> FitPoint {
+pub(super) fn fit_point(spot: &Spot, arc: usize, extra: &ExtraVariance) -> FitPoint {
     FitPoint {
         arc,
-        sample: Sample {
-            t: spot.time_s,
-            r: spot.place.right,
-            h: spot.place.up,
-            weight: 1.0 / variance(spot, extra),
-            near: 0.0,
-            near_weight: 0.0,
-        },
+        sample: TrackSample::of_spot(spot, 1.0 / variance(spot, extra)),
     }
 }

@@ -10,12 +10,12 @@
 //! whole frames is of frames that are missing; where the ball falls straight down, v × v' is 0 and nothing shows.
 
 use super::linking::{Spot, link};
-use super::planar::Planar;
+use super::planar::PlanarArcs;
 use super::{Flight, SpotUse};
 
 /// A place where frames are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Skip {
+pub struct DroppedFrames {
     /// The first frame after the gap.
     pub frame: usize,
     /// How many are missing.
@@ -40,31 +40,32 @@ const MOST_MISSING: f64 = 30.0;
 /// Shorter tracks do not tell what their steps scatter by.
 const LEAST_TRACK: usize = 12;
 
-/// Finds gaps from the `spots` of all frames (in time order, repeats left out), whose frames stand `interval_s` apart.
+/// Finds gaps from the `spots` of all frames (in time order, duplicates left out), whose frames stand `interval_s` apart.
 #[must_use]
-pub fn find(spots: &[Spot], interval_s: f64) -> Vec<Skip> {
+pub fn find(spots: &[Spot], interval_s: f64) -> Vec<DroppedFrames> {
     let frames = spots.iter().map(|s| s.frame + 1).max().unwrap_or(0);
-    // For each frame what its things say: how many frames are missing before it, or that none is.
-    let mut told: Vec<Vec<usize>> = vec![Vec::new(); frames];
+    // For each frame, how many frames are missing before it by each thing's track; 0 counts against a gap.
+    let mut votes: Vec<Vec<usize>> = vec![Vec::new(); frames];
     let foreign = foreign_frames(spots, interval_s);
     for track in link(spots).iter().filter(|t| t.len() >= LEAST_TRACK) {
-        let windows: Vec<Window> = track
+        let windows: Vec<StepWindow> = track
             .windows(6)
-            .filter_map(|w| Window::new([0, 1, 2, 3, 4, 5].map(|k| &spots[w[k]]), interval_s))
+            .filter_map(|w| StepWindow::new([0, 1, 2, 3, 4, 5].map(|k| &spots[w[k]]), interval_s))
             .collect();
         let scatter = scatter(windows.iter().map(|w| length(w.beyond(0))).collect());
         for w in &windows {
-            told[w.frame].push(w.missing(scatter));
+            votes[w.frame].push(w.missing(scatter));
         }
     }
-    told.iter()
+    votes
+        .iter()
         .enumerate()
-        .filter_map(|(frame, says)| {
-            let missing = *says.iter().max()?;
+        .filter_map(|(frame, votes)| {
+            let missing = *votes.iter().max()?;
             // Whatever else moves has to agree.
-            let agree = says.iter().filter(|&&n| n == missing).count();
+            let agree = votes.iter().filter(|&&n| n == missing).count();
             let misplaced = foreign.iter().any(|f| f.abs_diff(frame) <= MISPLACED_FRAMES);
-            (missing > 0 && 2 * agree > says.len() && !misplaced).then_some(Skip { frame, missing })
+            (missing > 0 && 2 * agree > votes.len() && !misplaced).then_some(DroppedFrames { frame, missing })
         })
         .collect()
 }
@@ -78,7 +79,7 @@ const LEAST_LATE_SIGMAS: f64 = 12.0;
 
 /// Finds gaps at the impacts on the floor of a `flight`.
 #[must_use]
-pub fn at_impacts(flight: &Flight) -> Vec<Skip> {
+pub fn at_impacts(flight: &Flight) -> Vec<DroppedFrames> {
     if !flight.fit.forces.falls() {
         return Vec::new();
     }
@@ -95,7 +96,7 @@ pub fn at_impacts(flight: &Flight) -> Vec<Skip> {
             .spot
             .frame;
         let missing = periods.round();
-        (whole && clear && missing >= 1.0).then_some(Skip {
+        (whole && clear && missing >= 1.0).then_some(DroppedFrames {
             frame,
             missing: missing as usize,
         })
@@ -138,7 +139,7 @@ fn late(flight: &Flight, k: usize) -> Option<(f64, f64)> {
 }
 
 /// τ such that arc k at some time is where arc k + 1 is τ earlier, from near `t`; NaN where their velocities have one direction.
-fn meets_after(arcs: &Planar<'_>, k: usize, t: f64) -> f64 {
+fn meets_after(arcs: &PlanarArcs<'_>, k: usize, t: f64) -> f64 {
     let (mut at, mut late) = (t, 0.0);
     for _ in 0..STEPS {
         let (m, n) = (arcs.motion(k, at), arcs.motion(k + 1, at - late));
@@ -223,13 +224,13 @@ fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// Five successive steps of a track, the middle one under suspicion.
-struct Window {
+struct StepWindow {
     steps: [[f64; 2]; 5],
     /// The frame after the middle step.
     frame: usize,
 }
 
-impl Window {
+impl StepWindow {
     /// `None` where the spots are not of successive frames on the time base.
     fn new(spots: [&Spot; 6], interval_s: f64) -> Option<Self> {
         let even = spots
@@ -281,19 +282,15 @@ impl Window {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flight::tests::LcgNoise;
     use crate::geometry::PlanePoint;
 
     const RATE_HZ: f64 = 240.0;
 
     /// A bouncing ball at 240 Hz, its stored frames numbered anew without those in `dropped`.
     fn clip(dropped: &[usize], noise: f64) -> Vec<Spot> {
-        let mut seed = 1_u64;
-        let mut random = || {
-            seed = seed
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 1.0
-        };
+        let mut lcg = LcgNoise(1);
+        let mut random = || 2.0 * lcg.uniform() - 1.0;
         (0..140)
             .filter(|i| !dropped.contains(i))
             .enumerate()
@@ -321,7 +318,7 @@ mod tests {
             let gap = dropped.start;
             let dropped: Vec<usize> = dropped.collect();
             let found = find(&clip(&dropped, 0.1), 1.0 / RATE_HZ);
-            assert_eq!(found, [Skip { frame: gap, missing }]);
+            assert_eq!(found, [DroppedFrames { frame: gap, missing }]);
         }
     }
 

@@ -1,12 +1,12 @@
 //! Neighbouring stretches of samples, before anything is fitted: whether they are one arc that was cut in two, or an impact
 //! stands between them.
 
-use super::segment::{self, Fall, Sample};
+use super::segment::{self, Fall, TrackSample};
 
 /// Joins neighbouring arcs that are one flight: their points lie on one arc, or no impact stands between them (an
 /// outlier, a gap, air drag or an error that lasts for some frames had cut them).
-pub(super) fn join(
-    samples: &[Sample],
+pub(super) fn merge(
+    samples: &[TrackSample],
     ranges: Vec<std::ops::Range<usize>>,
     fall: Fall,
 ) -> Vec<std::ops::Range<usize>> {
@@ -14,7 +14,7 @@ pub(super) fn join(
     for r in ranges {
         if let Some(last) = joined.last_mut() {
             let (a, b) = (&samples[last.clone()], &samples[r.clone()]);
-            let both: Vec<Sample> = a.iter().chain(b).copied().collect();
+            let both: Vec<TrackSample> = a.iter().chain(b).copied().collect();
             let apart = segment::misfit(a, fall) + segment::misfit(b, fall);
             let whole = segment::misfit(&both, fall);
             // 36: what segmentation charges for a cut, and a margin.
@@ -38,13 +38,13 @@ const MOST_APART_SIGMAS: f64 = 6.0;
 const SEAM_POINTS: usize = 12;
 
 /// Way covered by the shorter of two stretches.
-fn shorter_way(a: &[Sample], b: &[Sample]) -> f64 {
-    let way = |s: &[Sample]| (s[s.len() - 1].h - s[0].h).hypot(s[s.len() - 1].r - s[0].r);
+fn shorter_way(a: &[TrackSample], b: &[TrackSample]) -> f64 {
+    let way = |s: &[TrackSample]| (s[s.len() - 1].h - s[0].h).hypot(s[s.len() - 1].r - s[0].r);
     way(a).min(way(b))
 }
 
 /// Whether the velocities of two neighbouring stretches differ as by an impact where they meet.
-fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
+fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bool {
     // Near the seam: over a long stretch drag or perspective would pass for a jump.
     let (a, b) = (
         &a[a.len().saturating_sub(SEAM_POINTS)..],
@@ -66,7 +66,8 @@ fn impact_stands_between(a: &[Sample], b: &[Sample], fall: Fall) -> bool {
         }
     }
     // Against the fastest that either is: at an apex every jump is large against the speed there.
-    let fast = |part: &[Sample], t: f64| segment::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
+    let fast =
+        |part: &[TrackSample], t: f64| segment::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
     let speed = [
         fast(a, a[0].t),
         fast(a, end.t),

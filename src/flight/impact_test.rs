@@ -14,7 +14,7 @@ pub(super) fn impact_between(
     b: usize,
     interval_s: f64,
 ) -> Option<f64> {
-    let (t, gap) = fit.planar(fit.parameters.as_slice()).meeting(a, b)?;
+    let (t, gap) = fit.planar(fit.parameters.as_slice()).intersection(a, b)?;
     let slack = 1.5 * interval_s;
     let in_between = t > spans[a].1 - slack && t < spans[b].0 + slack;
     let m = fit.motion(a, t);

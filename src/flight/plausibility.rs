@@ -1,11 +1,11 @@
 //! Whether fitted arcs are a ball's free flight, and which of them is none: carried, rolling, or chance.
 
-use super::chain::WEAK_POINTS;
+use super::arc_selection::WEAK_POINTS;
+use super::impact_test::impact_between;
 use super::linking::Spot;
-use super::meeting::impact_between;
+use super::outliers::variance;
 use super::samples::{FINE_PART, shows_fall};
-use super::segment::{Sample, own_fall};
-use super::set_aside::variance;
+use super::segment::{TrackSample, own_fall};
 use super::{Flight, FlightPoint, SpotUse, median};
 
 /// Least part of a flight's points on arcs whose own curve shows the common fall.
@@ -30,13 +30,13 @@ const CARRIED_SIGMAS: f64 = 3.0;
 const CARRIED_PART: f64 = 0.1;
 
 /// Beyond this, scatter that lasts from frame to frame is a path bent by perspective, a moving camera or air.
-const MOST_EXCESS: f64 = 4.0;
-const MOST_PERSISTENCE: f64 = 3.0;
+const MOST_SCATTER_RATIO: f64 = 4.0;
+const MOST_INFLATION: f64 = 3.0;
 
 /// Points behind an arc that tell whether the ball stays down, and squared deviations from one height, in variances, that
 /// are level.
 const LEVEL_POINTS: usize = 6;
-const LEVEL_EXCESS: f64 = 4.0;
+const LEVEL_REDUCED_CHI2: f64 = 4.0;
 
 /// A flight without an impact must show its curve over this many points.
 const LEAST_LONE_POINTS: usize = 20;
@@ -44,7 +44,7 @@ const LEAST_LONE_POINTS: usize = 20;
 impl Flight {
     pub(super) fn is_convincing(
         &self,
-        samples: &[Sample],
+        samples: &[TrackSample],
         ranges: &[std::ops::Range<usize>],
         sigma: f64,
     ) -> bool {
@@ -107,22 +107,19 @@ impl Flight {
     /// close to a short parabola.
     pub(super) fn is_carried(&self, k: usize, cut: usize) -> bool {
         // Where the whole flight is no parabola to the precision of the centres, no arc of it is.
-        let precise = self.excess() < MOST_EXCESS || self.fit.persistence < MOST_PERSISTENCE;
+        let precise =
+            self.scatter_ratio() < MOST_SCATTER_RATIO || self.fit.autocorrelation_inflation < MOST_INFLATION;
         if !self.fit.forces.falls() || !precise {
             return false;
         }
         let weight = |spot: &Spot| 1.0 / variance(spot, &self.extra);
-        let sample = |p: &FlightPoint| Sample {
-            t: p.spot.time_s,
-            r: p.spot.place.right,
-            h: p.spot.place.up,
-            weight: weight(&p.spot),
-            near: 0.0,
-            near_weight: 0.0,
-        };
+        let sample = |p: &FlightPoint| TrackSample::of_spot(&p.spot, weight(&p.spot));
         let used = |p: &&FlightPoint| p.use_ == SpotUse::Used(k);
-        let arc: Vec<Sample> = self.points.iter().filter(used).map(sample).collect();
-        let (lasting, g) = (self.fit.persistence.max(1.0).sqrt(), self.fit.gravity());
+        let arc: Vec<TrackSample> = self.points.iter().filter(used).map(sample).collect();
+        let (lasting, g) = (
+            self.fit.autocorrelation_inflation.max(1.0).sqrt(),
+            self.fit.gravity(),
+        );
         let own = own_fall(&arc)
             .is_some_and(|(own, std)| (own - g).abs() > CARRIED_SIGMAS * lasting * std + CARRIED_PART * g);
         let few = (arc.len() as f64) < LEAST_FREE_PART * cut as f64;
@@ -130,7 +127,7 @@ impl Flight {
     }
 
     /// Whether the ball stays at one height on arc `k` and on after it.
-    fn stays_level(&self, k: usize, arc: &[Sample]) -> bool {
+    fn stays_level(&self, k: usize, arc: &[TrackSample]) -> bool {
         let end = self.spans[k].1;
         let behind = self.points.iter().filter(|p| p.spot.time_s > end);
         let heights: Vec<(f64, f64)> = behind
@@ -144,6 +141,6 @@ impl Flight {
         let weights: f64 = heights.iter().map(|h| h.1).sum();
         let mean = heights.iter().map(|h| h.0 * h.1).sum::<f64>() / weights;
         let chi2: f64 = heights.iter().map(|h| (h.0 - mean).powi(2) * h.1).sum();
-        chi2 < LEVEL_EXCESS * heights.len() as f64
+        chi2 < LEVEL_REDUCED_CHI2 * heights.len() as f64
     }
 }

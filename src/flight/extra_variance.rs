@@ -1,4 +1,4 @@
-//! What centres scatter by beyond their own uncertainty: a codec that leaves the ball where it was predicted, a camera
+//! The variance of the centres beyond their own uncertainty: a codec that leaves the ball where it was predicted, a camera
 //! that shakes, a path that is not quite an arc.
 //!
 //! Each frame's own uncertainty comes from its pixels; a displacement of the whole ball is not seen there. It is seen in
@@ -13,7 +13,7 @@ use crate::frames::Coded;
 
 /// A point's distance to its arc.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Distance {
+pub struct ArcDistance {
     /// Squared, plane units².
     pub square: f64,
     /// Variance of each coordinate by the frame's own pixels, plane units².
@@ -26,22 +26,22 @@ pub struct Distance {
 
 /// The centres' variances by what they scatter, for each kind of frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Extra {
-    whole: Seen,
-    predicted: Seen,
-    interpolated: Seen,
+pub struct ExtraVariance {
+    whole: KindVariance,
+    predicted: KindVariance,
+    interpolated: KindVariance,
 }
 
-/// What the distances of one kind show.
+/// The variance of the frames of one kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Seen {
+struct KindVariance {
     /// Part of the centres' own variance, at most 1.
     own_part: f64,
     /// Variance beyond their own, plane units².
     more: f64,
 }
 
-impl Default for Seen {
+impl Default for KindVariance {
     fn default() -> Self {
         Self {
             own_part: 1.0,
@@ -56,7 +56,7 @@ const LEAST_POINTS: usize = 12;
 /// Median of the squared length of a plane vector whose coordinates are normal with variance 1.
 const MEDIAN_SQUARE: f64 = 2.0 * std::f64::consts::LN_2;
 
-impl Extra {
+impl ExtraVariance {
     /// The variance of a centre's coordinate whose own is `own`, plane units².
     #[must_use]
     pub fn variance(&self, own: f64, coded: Coded) -> f64 {
@@ -70,7 +70,7 @@ impl Extra {
         self.of(coded).more
     }
 
-    fn of(&self, coded: Coded) -> Seen {
+    fn of(&self, coded: Coded) -> KindVariance {
         match coded {
             Coded::Whole => self.whole,
             Coded::Predicted => self.predicted,
@@ -80,7 +80,7 @@ impl Extra {
 
     /// By medians: right also when a quarter of the points are somewhere else.
     #[must_use]
-    pub fn robust(distances: &[Distance]) -> Self {
+    pub fn robust(distances: &[ArcDistance]) -> Self {
         Self::by_kind(distances, false, |part, extra| {
             let mut squares: Vec<f64> = part
                 .iter()
@@ -90,9 +90,9 @@ impl Extra {
         })
     }
 
-    /// By mean squares: the most exact, once what is somewhere else has been set aside.
+    /// By mean squares: the most exact, once the outliers are out.
     #[must_use]
-    pub fn efficient(distances: &[Distance]) -> Self {
+    pub fn efficient(distances: &[ArcDistance]) -> Self {
         Self::by_kind(distances, true, |part, extra| {
             let sum: f64 = part
                 .iter()
@@ -104,8 +104,12 @@ impl Extra {
 
     /// For each kind the variances for which `ratio` (of seen to expected squares) is 1. `all_count`: whether all distances
     /// enter it, so that it also tells of centres that are better than they say.
-    fn by_kind(distances: &[Distance], all_count: bool, ratio: impl Fn(&[Distance], f64) -> f64) -> Self {
-        let seen = |part: &[Distance]| Seen {
+    fn by_kind(
+        distances: &[ArcDistance],
+        all_count: bool,
+        ratio: impl Fn(&[ArcDistance], f64) -> f64,
+    ) -> Self {
+        let seen = |part: &[ArcDistance]| KindVariance {
             own_part: if all_count {
                 better(ratio(part, 0.0), part.len())
             } else {
@@ -115,7 +119,7 @@ impl Extra {
         };
         let all = seen(distances);
         let of = |coded: Coded| {
-            let part: Vec<Distance> = distances.iter().filter(|d| d.coded == coded).copied().collect();
+            let part: Vec<ArcDistance> = distances.iter().filter(|d| d.coded == coded).copied().collect();
             if part.len() < LEAST_POINTS {
                 all
             } else {
@@ -133,15 +137,15 @@ impl Extra {
 /// The part of their own variance that `count` centres have, by the `ratio` of seen to expected squares: a mean of 2 n squares
 /// is itself uncertain by its 1/√n, and what it could be by that is believed.
 fn better(ratio: f64, count: usize) -> f64 {
-    let doubt = 1.0 / (count.max(1) as f64).sqrt();
-    (ratio * (1.0 + doubt)).clamp(LEAST_PART, 1.0)
+    let relative_std = 1.0 / (count.max(1) as f64).sqrt();
+    (ratio * (1.0 + relative_std)).clamp(LEAST_PART, 1.0)
 }
 
 /// No centre is better than by this part of its own variance.
 const LEAST_PART: f64 = 0.25;
 
 /// The least variance of at least 0 for which `ratio`, which falls as it grows, is no more than 1.
-fn balance(part: &[Distance], ratio: impl Fn(&[Distance], f64) -> f64) -> f64 {
+fn balance(part: &[ArcDistance], ratio: impl Fn(&[ArcDistance], f64) -> f64) -> f64 {
     if !(ratio(part, 0.0) > 1.0) {
         return 0.0;
     }
@@ -165,20 +169,10 @@ fn balance(part: &[Distance], ratio: impl Fn(&[Distance], f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flight::tests::LcgNoise;
 
-    fn normal(seed: &mut u64) -> f64 {
-        let mut unit = || {
-            *seed = seed
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            ((*seed >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
-        };
-        let (a, b) = (unit(), unit());
-        (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
-    }
-
-    fn distances(count: usize, own: f64, extra: impl Fn(Coded) -> f64) -> Vec<Distance> {
-        let mut seed = 1;
+    fn distances(count: usize, own: f64, extra: impl Fn(Coded) -> f64) -> Vec<ArcDistance> {
+        let mut noise = LcgNoise(1);
         (0..count)
             .map(|i| {
                 let coded = if i % 3 == 0 {
@@ -187,8 +181,8 @@ mod tests {
                     Coded::Interpolated
                 };
                 let std = (own + extra(coded)).sqrt();
-                let square = (std * normal(&mut seed)).powi(2) + (std * normal(&mut seed)).powi(2);
-                Distance {
+                let square = (std * noise.normal()).powi(2) + (std * noise.normal()).powi(2);
+                ArcDistance {
                     square,
                     own,
                     coded,
@@ -202,7 +196,7 @@ mod tests {
     fn each_kind_gets_the_variance_it_shows() {
         let true_extra = |c: Coded| if c == Coded::Predicted { 0.5 } else { 4.0 };
         let seen = distances(3000, 0.1, true_extra);
-        for found in [Extra::robust(&seen), Extra::efficient(&seen)] {
+        for found in [ExtraVariance::robust(&seen), ExtraVariance::efficient(&seen)] {
             assert!(
                 (found.more(Coded::Predicted) / 0.5 - 1.0).abs() < 0.15,
                 "{found:?}"
@@ -217,7 +211,7 @@ mod tests {
     #[test]
     fn centres_as_good_as_they_say_get_nothing_added() {
         let seen = distances(3000, 1.0, |_| 0.0);
-        let found = Extra::efficient(&seen);
+        let found = ExtraVariance::efficient(&seen);
         assert!(
             found.more(Coded::Predicted) < 0.1 && found.more(Coded::Interpolated) < 0.1,
             "{found:?}"
@@ -230,11 +224,11 @@ mod tests {
         for d in &mut seen {
             d.square *= 0.6;
         }
-        let variance = Extra::efficient(&seen).variance(1.0, Coded::Interpolated);
+        let variance = ExtraVariance::efficient(&seen).variance(1.0, Coded::Interpolated);
         assert!((0.55..0.75).contains(&variance), "{variance}");
         // The fewer they are, the more is left for chance.
         assert!(better(0.6, 12) > better(0.6, 400) && better(0.6, 400) > 0.6);
-        assert_eq!(Extra::robust(&seen).variance(1.0, Coded::Predicted), 1.0);
+        assert_eq!(ExtraVariance::robust(&seen).variance(1.0, Coded::Predicted), 1.0);
     }
 
     #[test]
@@ -243,11 +237,11 @@ mod tests {
         for d in seen.iter_mut().step_by(5) {
             d.square = 1e6;
         }
-        assert!(Extra::robust(&seen).more(Coded::Interpolated) < 1.0);
+        assert!(ExtraVariance::robust(&seen).more(Coded::Interpolated) < 1.0);
     }
 
     #[test]
     fn nothing_seen_adds_nothing() {
-        assert_eq!(Extra::robust(&[]), Extra::default());
+        assert_eq!(ExtraVariance::robust(&[]), ExtraVariance::default());
     }
 }

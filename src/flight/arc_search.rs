@@ -1,17 +1,17 @@
 //! From a track and a first idea of its fall to the flight: the track is cut into arcs, these are joined, chosen, fitted and
 //! judged, until they hold together.
 
-use super::chain::{
+use super::arc_selection::{
     LEAST_END_POINTS, is_free_flight, longest_chain, points_in, richest_run, without_straight_ends,
     without_weak_arc,
 };
 use super::fit::Forces;
-use super::impacts::finish;
-use super::join::join;
+use super::impacts::flight_from_fit;
 use super::linking::{Spot, Track};
+use super::merge_arcs::merge;
+use super::outliers::{LEAST_FIT_POINTS, arc_of_outliers, emptied_arc, fit_point, fit_without_outliers};
 use super::samples::{fine_sigma, samples_of, segment_sigma, shows_fall};
-use super::segment::{self, Fall, Gravity, Motion, Sample, Stretch};
-use super::set_aside::{LEAST_FIT_POINTS, emptied_arc, fit_and_set_aside, fit_point, mostly_set_aside};
+use super::segment::{self, Fall, Gravity, Stretch, StretchKind, TrackSample};
 use super::{Flight, SpotUse, launch, overhead};
 
 /// The flight along the track, from a first idea of the fall: where the arcs then show another fall, they are cut again
@@ -50,15 +50,15 @@ fn rolls_first(spots: &[Spot], track: &Track, ranges: &[std::ops::Range<usize>],
     for (k, r) in ranges[1..].iter().enumerate() {
         uses[r.clone()].fill(SpotUse::Used(k));
     }
-    let Some((fit, extra)) = fit_and_set_aside(spots, track, &mut uses, ranges.len() - 1, forces) else {
+    let Some((fit, extra)) = fit_without_outliers(spots, track, &mut uses, ranges.len() - 1, forces) else {
         return false;
     };
-    let samples: Vec<Sample> = ranges[0]
+    let samples: Vec<TrackSample> = ranges[0]
         .clone()
         .map(|i| fit_point(&spots[track[i]], 0, &extra).sample)
         .collect();
     let off = |gravity: Gravity| segment::misfit(&samples, Fall::Known(gravity));
-    off(fit.acceleration()) - off(Gravity::NONE) > ROLLS_BETTER * fit.persistence.max(1.0)
+    off(fit.acceleration()) - off(Gravity::NONE) > ROLLS_BETTER * fit.autocorrelation_inflation.max(1.0)
 }
 
 /// A line is better than a fall by so many squared standard deviations.
@@ -81,7 +81,7 @@ fn cut_and_fit(
     let falls = forces.falls();
     let sigma = segment_sigma(spots, track, forces);
     if let Forces::Overhead(known) = forces {
-        return overhead::find::build(spots, track, sigma, known, interval_s);
+        return overhead::search::build(spots, track, sigma, known, interval_s);
     }
     let samples = samples_of(spots, track, sigma);
     let fall = Fall::Known(gravity);
@@ -90,10 +90,10 @@ fn cut_and_fit(
     let chain = |flight: &[Stretch]| {
         let mut ranges: Vec<_> = flight.iter().map(|s| s.range.clone()).collect();
         ranges.retain(|r| is_free_flight(&samples[r.clone()], gravity, falls));
-        longest_chain(&samples, join(&samples, ranges, fall), interval_s)
+        longest_chain(&samples, merge(&samples, ranges, fall), interval_s)
     };
     // A ball that rolls in between was launched once more.
-    let flights = stretches.split(|s| s.motion == Motion::Straight).map(chain);
+    let flights = stretches.split(|s| s.kind == StretchKind::Straight).map(chain);
     let ranges = richest_run(flights.max_by_key(|ranges| points_in(ranges))?);
     let shows = |least: f64| ranges.iter().any(|r| shows_fall(&samples, r, gravity, least));
     let least = if shows(sigma) {
@@ -110,16 +110,16 @@ fn cut_and_fit(
         for (k, r) in ranges.iter().enumerate() {
             uses[r.clone()].fill(SpotUse::Used(k));
         }
-        let Some(fit) = fit_and_set_aside(spots, track, &mut uses, ranges.len(), forces) else {
+        let Some(fit) = fit_without_outliers(spots, track, &mut uses, ranges.len(), forces) else {
             // An arc that loses its points one by one was none: bounces too small for the frames, a ball that stays down.
             ranges.remove(emptied_arc(&uses, ranges.len())?);
             continue;
         };
-        if let Some(no_arc) = mostly_set_aside(&uses, &ranges) {
+        if let Some(no_arc) = arc_of_outliers(&uses, &ranges) {
             ranges.remove(no_arc);
             continue;
         }
-        let mut flight = finish(spots, track, uses, fit, interval_s);
+        let mut flight = flight_from_fit(spots, track, uses, fit, interval_s);
         let shows = |k: usize| shows_fall(&samples, &ranges[k], gravity, sigma);
         if let Some(chance) = (1..ranges.len().saturating_sub(1)).find(|&k| flight.is_detour(k)) {
             ranges.remove(chance);

@@ -9,15 +9,15 @@
 //!
 //! All columns are P t^k, so that sums of P t^k, P² t^k and t^k hold everything. The path alone does not tell ζ0 from the
 //! scale of c0 and c1; the radius, rough as it is, does. It also tells a rise from a fall where the path is straight: near
-//! the camera's foot.
+//! the camera's nadir.
 
-use super::super::segment::{ArcSums, Sample};
-use super::{Flying, Overhead};
+use super::super::segment::{ArcSums, TrackSample};
+use super::{Overhead, SpatialMotion};
 use crate::flight::fit::Motion;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Sums over a stretch of samples.
-pub struct Sums {
+pub struct OverheadSums {
     known: Overhead,
     start: f64,
     /// Σ w t^k.
@@ -34,7 +34,7 @@ pub struct Sums {
     zz: f64,
 }
 
-impl Sums {
+impl OverheadSums {
     /// None yet, of a stretch that begins at time `start`.
     #[must_use]
     pub fn new(known: Overhead, start: f64) -> Self {
@@ -52,7 +52,7 @@ impl Sums {
 
     /// Those of `samples`.
     #[must_use]
-    pub fn of(known: Overhead, samples: &[Sample]) -> Self {
+    pub fn of(known: Overhead, samples: &[TrackSample]) -> Self {
         let mut sums = Self::new(known, samples.first().map_or(0.0, |s| s.t));
         samples.iter().for_each(|s| sums.add(s));
         sums
@@ -105,7 +105,7 @@ impl Sums {
 
     /// The arc at time `t`; `None` below two times.
     #[must_use]
-    pub fn flying(&self, t: f64) -> Option<Flying> {
+    pub fn flying(&self, t: f64) -> Option<SpatialMotion> {
         let rise = self.rise()?;
         let inverse = self.lines()?;
         let fall = self.known.fall_per_s2;
@@ -116,10 +116,10 @@ impl Sums {
         };
         let (r, h) = (line(0), line(1));
         let dt = t - self.start;
-        Some(Flying {
+        Some(SpatialMotion {
             ground: Motion {
-                r: self.known.foot.right + r[0] + r[1] * dt,
-                h: self.known.foot.up + h[0] + h[1] * dt,
+                r: self.known.nadir.right + r[0] + r[1] * dt,
+                h: self.known.nadir.up + h[0] + h[1] * dt,
                 vr: r[1],
                 vh: h[1],
             },
@@ -143,26 +143,26 @@ impl Sums {
     }
 }
 
-impl ArcSums for Sums {
-    fn add(&mut self, s: &Sample) {
+impl ArcSums for OverheadSums {
+    fn add(&mut self, s: &TrackSample) {
         let t = s.t - self.start;
-        let place = [s.r - self.known.foot.right, s.h - self.known.foot.up];
+        let place = [s.r - self.known.nadir.right, s.h - self.known.nadir.up];
         let square = place[0] * place[0] + place[1] * place[1];
         let mut power = 1.0;
         for k in 0..5 {
             self.pp[k] += s.weight * square * power;
-            self.n[k] += s.near_weight * power;
+            self.n[k] += s.zeta_weight * power;
             if k < 4 {
                 self.p[0][k] += s.weight * place[0] * power;
                 self.p[1][k] += s.weight * place[1] * power;
             }
             if k < 3 {
                 self.t[k] += s.weight * power;
-                self.z[k] += s.near_weight * s.near * power;
+                self.z[k] += s.zeta_weight * s.zeta * power;
             }
             power *= t;
         }
-        self.zz += s.near_weight * s.near * s.near;
+        self.zz += s.zeta_weight * s.zeta * s.zeta;
     }
 
     fn residual(&self) -> f64 {
@@ -183,8 +183,8 @@ mod tests {
     use crate::geometry::PlanePoint;
 
     const KNOWN: Overhead = Overhead {
-        foot: PlanePoint::new(540.0, 60.0),
-        foot_std: 1.0,
+        nadir: PlanePoint::new(540.0, 60.0),
+        nadir_std: 1.0,
         fall_per_s2: 4.9,
         fall_relative_std: 0.01,
         height: Some(2500.0),
@@ -194,7 +194,7 @@ mod tests {
     };
 
     /// Falls from 0.15 camera heights with `v`, bounces with e = 0.8 without any turn; 240 Hz.
-    fn bounce(v: [f64; 2], from: [f64; 2]) -> Vec<Sample> {
+    fn bounce(v: [f64; 2], from: [f64; 2]) -> Vec<TrackSample> {
         let hit = (2.0 * 0.144_f64 / 4.9).sqrt();
         (0..110)
             .map(|i| {
@@ -204,14 +204,14 @@ mod tests {
                 } else {
                     0.006 + 0.8 * 4.9 * hit * (t - hit) - 2.45 * (t - hit).powi(2)
                 };
-                let at = |k: usize, foot: f64| foot + (from[k] + v[k] * t - foot) / (1.0 - zeta);
-                Sample {
+                let at = |k: usize, nadir: f64| nadir + (from[k] + v[k] * t - nadir) / (1.0 - zeta);
+                TrackSample {
                     t: t + 3600.0,
                     r: at(0, 540.0),
                     h: at(1, 60.0),
                     weight: 4.0,
-                    near: zeta,
-                    near_weight: 1000.0,
+                    zeta,
+                    zeta_weight: 1000.0,
                 }
             })
             .collect()
@@ -219,13 +219,13 @@ mod tests {
 
     #[test]
     fn a_bounce_that_does_not_turn_is_two_arcs_all_the_same() {
-        // The second goes straight through the camera's foot, where the path is a straight line.
+        // The second goes straight through the camera's nadir, where the path is a straight line.
         for (v, from) in [([1500.0, 100.0], [0.0, 0.0]), ([1500.0, 0.0], [100.0, 60.0])] {
             let samples = bounce(v, from);
             let found = arcs(&samples, Fall::Overhead(KNOWN));
             assert_eq!(found.len(), 2, "{found:?}");
             assert!((57..=60).contains(&found[0].end), "{found:?}");
-            let a = Sums::of(KNOWN, &samples[..58]).flying(3600.1).unwrap();
+            let a = OverheadSums::of(KNOWN, &samples[..58]).flying(3600.1).unwrap();
             assert!(
                 (a.ground.vr - v[0]).abs() < 0.1 && (a.ground.vh - v[1]).abs() < 0.1,
                 "{a:?}"
@@ -235,7 +235,7 @@ mod tests {
                 (a.rate + 0.49).abs() < 1e-3 && (a.zeta - 0.1255).abs() < 1e-3,
                 "{a:?}"
             );
-            let (fall, std) = Sums::of(KNOWN, &samples[..58]).own_fall().unwrap();
+            let (fall, std) = OverheadSums::of(KNOWN, &samples[..58]).own_fall().unwrap();
             assert!((fall - 4.9).abs() < 0.01 && std > 0.0, "{fall} {std}");
         }
     }

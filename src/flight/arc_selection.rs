@@ -1,10 +1,10 @@
 //! Which of a track's arcs are one flight: those that are free, follow each other closely and show the fall.
 
 use super::samples::shows_fall;
-use super::segment::{Fall, Gravity, Sample, own_fall};
+use super::segment::{Fall, Gravity, TrackSample, own_fall};
 
 /// An arc whose own curvature contradicts the common fall is carried, not thrown.
-pub(super) fn is_free_flight(samples: &[Sample], gravity: f64, falls: bool) -> bool {
+pub(super) fn is_free_flight(samples: &[TrackSample], gravity: f64, falls: bool) -> bool {
     if samples.len() < 5 || !falls {
         return true;
     }
@@ -30,7 +30,7 @@ pub(super) fn richest_run(ranges: Vec<std::ops::Range<usize>>) -> Vec<std::ops::
 
 /// The run of arcs with the most points in which each follows the last within a second or ten frames.
 pub(super) fn longest_chain(
-    samples: &[Sample],
+    samples: &[TrackSample],
     ranges: Vec<std::ops::Range<usize>>,
     interval_s: f64,
 ) -> Vec<std::ops::Range<usize>> {
@@ -60,7 +60,7 @@ pub(super) const LEAST_END_POINTS: usize = 4;
 /// The arcs from the first to the last that shows the fall, and one more at each end: a short stretch after the last
 /// impact is a rebound, a row of them is a ball that rolls or shivers.
 pub(super) fn without_straight_ends(
-    samples: &[Sample],
+    samples: &[TrackSample],
     ranges: Vec<std::ops::Range<usize>>,
     gravity: f64,
     sigma: f64,
@@ -88,7 +88,7 @@ pub(super) fn without_straight_ends(
 /// Arcs `cut` and `cut + 1` do not meet: the weaker goes, if it is a short stretch that may be anything (points on
 /// both sides of an impact that happen to lie on a parabola); else the flight ends there, and the larger part stays.
 pub(super) fn without_weak_arc(
-    samples: &[Sample],
+    samples: &[TrackSample],
     mut ranges: Vec<std::ops::Range<usize>>,
     cut: usize,
     gravity: f64,
