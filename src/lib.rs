@@ -8,6 +8,7 @@
 //! | module | what it does | gives |
 //! |---|---|---|
 //! | [`quantity`] | a number with its standard uncertainty | [`quantity::Quantity`] |
+//! | [`numeric`] | least squares with covariance, robust statistics: one of each | |
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
@@ -42,6 +43,7 @@ pub mod flight;
 pub mod frames;
 pub mod geometry;
 pub mod impact;
+pub mod numeric;
 pub mod pipeline;
 pub mod quantity;
 pub mod rebound;

@@ -1,36 +1,8 @@
 //! A measured number and how sure it is.
 
+// Until every room has moved over.
+pub use crate::numeric::robust::{commonest, median};
 use serde::Serialize;
-
-/// The middle one of `values`, which are reordered (the upper of two); `None` for none.
-pub fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
-/// The value that most of `values` have to within `reach` to either side (the median of those), where that is a third of them
-/// or more; otherwise the median of all. `values` are reordered.
-pub fn commonest(values: &mut [f64], reach: f64) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let (mut from, mut to) = (0, 0);
-    let mut best = 0..0;
-    for &middle in values.iter() {
-        while middle - values[from] > reach {
-            from += 1;
-        }
-        while to < values.len() && values[to] - middle <= reach {
-            to += 1;
-        }
-        if to - from > best.len() {
-            best = from..to;
-        }
-    }
-    if 3 * best.len() >= values.len() {
-        median(&mut values[best])
-    } else {
-        median(values)
-    }
-}
 
 /// A measured quantity: value and standard uncertainty (k = 1), both in the unit that the field's name says.
 ///
@@ -71,20 +43,5 @@ impl Quantity {
             value: self.value * factor,
             std_uncertainty: self.std_uncertainty.map(|s| s * factor.abs()),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_commonest_is_where_most_are_close_together() {
-        assert_eq!(commonest(&mut [], 0.1), None);
-        assert_eq!(commonest(&mut [5.0], 0.1), Some(5.0));
-        assert_eq!(commonest(&mut [0.0, 0.3, 0.0, 0.5, 0.7, 0.0], 0.1), Some(0.0));
-        assert_eq!(commonest(&mut [1.6, 1.0, 0.9, 1.59, 0.4, 1.61], 0.05), Some(1.6));
-        // No two alike.
-        assert_eq!(commonest(&mut [4.0, 1.0, 2.0, 3.0, 5.0], 0.1), Some(3.0));
     }
 }

@@ -13,7 +13,8 @@ use super::observation::Observation;
 use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowRegime};
 use super::series::{ColumnSet, Weights};
 use super::transition::Limits;
-use crate::quantity::{Quantity, commonest, median};
+use crate::numeric::robust::{commonest, median};
+use crate::quantity::Quantity;
 use crate::rebound::{e_e, grip_slide, mu_e, slip_share};
 use nalgebra::SMatrix;
 use profile::Region;
@@ -120,7 +121,7 @@ impl<'a> Work<'a> {
         let covariance =
             solution
                 .found
-                .triangle
+                .r_factor
                 .covariance(&solution.determined, &solution.free, solution.rank)
                 * scatter.unwrap_or(0.0).powi(2);
         let factor = criteria::coverage_factor(data.weights, freedom);
@@ -461,12 +462,12 @@ fn valleys(data: &Data, solution: &Solution, scatter: f64, factor: f64) -> Vec<V
         .filter_map(|found| {
             let room = factor * factor - (found.chi2 - lowest) / (scatter * scatter);
             let (determined, rank) =
-                (room > 0.0).then(|| task.unit_triangle(&found.theta).determined(&solution.free))?;
+                (room > 0.0).then(|| task.unit_r_factor(&found.theta).determined(&solution.free))?;
             let same = determined == solution.determined;
             Some(Valley {
                 theta: found.theta,
                 covariance: same.then(|| {
-                    found.triangle.covariance(&determined, &solution.free, rank) * (scatter * scatter)
+                    found.r_factor.covariance(&determined, &solution.free, rank) * (scatter * scatter)
                 }),
                 room: room.sqrt(),
             })

@@ -17,7 +17,7 @@
 //! * Every number of a row has an error: a row's true values are profiled out, so that χ² is the least distance to what a
 //!   model allows, in units of the errors and with their correlations (`law`, `observation`).
 //! * χ² over the rows has one valley for each way to part them into those that grip and those that slide: it is searched from
-//!   many starts by Levenberg-Marquardt (`starts`, `search`), on a QR of the whitened Jacobian (`triangle`).
+//!   many starts by Levenberg-Marquardt (`starts`, `search`), on a QR of the whitened Jacobian (`r_factor`).
 //! * Where the outcome jumps at the transition (static friction above friction), the limit is found by going through the
 //!   order of the rows, and its interval by profile likelihood (`transition`).
 //! * Rows that no model explains are set aside with a reason (`outliers`).
@@ -52,7 +52,6 @@ mod search;
 mod side_by_side;
 mod starts;
 mod transition;
-mod triangle;
 
 pub use criteria::LEAST_PROBABILITY;
 pub use error::FitError;

@@ -20,7 +20,7 @@ use super::search::{Found, Task};
 use super::series::{ColumnSet, Weights};
 use super::starts;
 use super::transition::Profile;
-use crate::quantity::median;
+use crate::numeric::robust::median;
 
 /// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
@@ -70,7 +70,7 @@ impl Solution {
             regimes,
             free,
         };
-        let (determined, rank) = task.unit_triangle(&found.theta).determined(&free);
+        let (determined, rank) = task.unit_r_factor(&found.theta).determined(&free);
         let limit = usize::from(matches!(regimes, Regimes::Jump(_)));
         Self {
             name,
@@ -161,7 +161,7 @@ fn slips(data: &Data, rolling: &Solution) -> bool {
     };
     let moves = told
         .linear(&rolling.found.theta)
-        .map_or(0.0, |l| l.triangle.lengths()[E_X]);
+        .map_or(0.0, |l| l.r_factor.lengths()[E_X]);
     if !(moves > TELLING * spread.sqrt()) {
         return false;
     }
@@ -240,8 +240,8 @@ fn may_slide(data: &Data, rolling: &Solution) -> bool {
         return false;
     }
     let variance = |of: &Solution| {
-        let triangle = &of.found.triangle;
-        triangle.covariance(&of.determined, &of.free, of.rank)[(E, E)]
+        let r_factor = &of.found.r_factor;
+        r_factor.covariance(&of.determined, &of.free, of.rank)[(E, E)]
     };
     let vague = variance(&sliding);
     !sliding.determined[E]

@@ -14,7 +14,7 @@ use super::observation::Observation;
 use super::robust::{self, FALSE_ALARM, Robust};
 use super::series::{ColumnSet, Series, Weights};
 use super::side_by_side::{side, side_by_side};
-use crate::quantity::median;
+use crate::numeric::robust::median;
 
 /// Fewer rows have no bulk that one could stand out from.
 const LEAST_ROWS: usize = 5;

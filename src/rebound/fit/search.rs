@@ -1,13 +1,14 @@
 //! The search for a model's parameters: least χ² over a set of rows.
 //!
-//! Levenberg-Marquardt as an [`argmin`] solver, on the triangle of [`super::triangle`] in place of normal equations. Its
-//! ends are scale-free, its number of steps is limited, and a point at which χ² is not a finite number is never accepted.
-//! Where rows have exact incidence, χ² has creases (a row changes sides at once) at which a smooth method stops too early:
+//! Levenberg-Marquardt of [`crate::numeric::least_squares`] as an [`argmin`] solver, on the R factor of
+//! [`crate::numeric::r_factor`] in place of normal equations. Its ends are scale-free, its number of steps is limited, and
+//! a point at which χ² is not a finite number is never accepted. Where rows have exact incidence, χ² has kinks (a row changes sides at once) at which a smooth method stops too early:
 //! there argmin's Nelder-Mead goes on.
 
 use super::law::{self, Nearest, PARAMETERS, Regimes, Theta};
 use super::observation::Observation;
-use super::triangle::Triangle;
+use crate::numeric::least_squares::{self, Damping, Descent, Easing, Outlook, Termination, Trial};
+use crate::numeric::r_factor::RFactor;
 use argmin::core::{
     CostFunction, Error, Executor, IterState, KV, Problem, Solver, State as _, TerminationReason,
     TerminationStatus,
@@ -31,11 +32,8 @@ const PART: usize = 8192;
 /// Nor does a change of every parameter by less than this matter, absolute or relative.
 const STILL: f64 = 1e-13;
 
-/// More rows than this: a crease is the work of one row, and one of so many has no weight.
-const MOST_CREASED: usize = 2000;
-
-/// Damping beyond which a step no longer gets anywhere.
-const MOST_DAMPING: f64 = 1e12;
+/// More rows than this: a kink is the work of one row, and one of so many has no weight.
+const MOST_ROWS_WITH_KINKS: usize = 2000;
 
 /// Rows, a model, and which of its parameters may move.
 #[derive(Clone)]
@@ -48,11 +46,11 @@ pub(super) struct Task<'a> {
     pub free: [bool; PARAMETERS],
 }
 
-/// χ² and its triangle at some parameters.
+/// χ² and its r_factor at some parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Linear {
     pub chi2: f64,
-    pub triangle: Triangle,
+    pub r_factor: RFactor<PARAMETERS>,
 }
 
 /// Where a search ended.
@@ -60,7 +58,7 @@ pub(super) struct Linear {
 pub(super) struct Found {
     pub theta: Theta,
     pub chi2: f64,
-    pub triangle: Triangle,
+    pub r_factor: RFactor<PARAMETERS>,
     pub converged: bool,
 }
 
@@ -107,14 +105,14 @@ impl<'a> Task<'a> {
         let parts = self.in_parts(|rows| {
             let mut linear = Linear {
                 chi2: 0.0,
-                triangle: Triangle::new(),
+                r_factor: RFactor::default(),
             };
             for row in rows {
                 let near = self.nearest(row, theta)?;
                 linear.chi2 += near.chi2;
                 for i in 0..near.equations {
                     linear
-                        .triangle
+                        .r_factor
                         .push(self.masked(near.jacobian[i]), near.residuals[i]);
                 }
             }
@@ -125,7 +123,7 @@ impl<'a> Task<'a> {
         for part in parts {
             let part = part?;
             linear.chi2 += part.chi2;
-            linear.triangle.take_in(&part.triangle);
+            linear.r_factor.take_in(&part.r_factor);
         }
         linear.chi2.is_finite().then_some(linear)
     }
@@ -199,10 +197,10 @@ impl<'a> Task<'a> {
         done.into_iter().map(|(_, result)| result).collect()
     }
 
-    /// The triangle of rows brought to unit length each, for the test of what they determine.
-    pub fn unit_triangle(&self, theta: &Theta) -> Triangle {
+    /// The r_factor of rows brought to unit length each, for the test of what they determine.
+    pub fn unit_r_factor(&self, theta: &Theta) -> RFactor<PARAMETERS> {
         let parts = self.in_parts(|rows| {
-            let mut triangle = Triangle::new();
+            let mut r_factor = RFactor::default();
             for row in rows {
                 let Some(near) = self.nearest(row, theta) else {
                     continue;
@@ -211,18 +209,18 @@ impl<'a> Task<'a> {
                     let line = self.masked(*line);
                     let length = line.iter().map(|x| x * x).sum::<f64>().sqrt();
                     if length > 0.0 && length.is_finite() {
-                        triangle.push(line.map(|x| x / length), 0.0);
+                        r_factor.push(line.map(|x| x / length), 0.0);
                     }
                 }
             }
-            triangle
+            r_factor
         });
         let mut parts = parts.into_iter();
-        let mut triangle = parts.next().unwrap_or_else(Triangle::new);
+        let mut r_factor = parts.next().unwrap_or_else(RFactor::default);
         for part in parts {
-            triangle.take_in(&part);
+            r_factor.take_in(&part);
         }
-        triangle
+        r_factor
     }
 
     fn masked(&self, mut line: [f64; PARAMETERS]) -> [f64; PARAMETERS] {
@@ -241,39 +239,33 @@ impl<'a> Task<'a> {
 
     /// As [`Self::search`], to `settled` in place of [`SETTLED`]; and how many steps it tried.
     pub fn search_to(&self, start: Theta, settled: f64) -> Option<(Found, u64)> {
-        let method = LevenbergMarquardt {
-            settled,
-            ..LevenbergMarquardt::default()
-        };
-        let result = Executor::new(self.clone(), method)
+        let result = Executor::new(self.clone(), LevenbergMarquardt::to(settled))
             .configure(|state| state.param(start.to_vec()).max_iters(MOST_STEPS))
             .ctrlc(false)
             .run()
             .ok()?;
-        let LevenbergMarquardt {
-            here, theta, creased, ..
-        } = result.solver;
-        let Linear { chi2, triangle } = here?;
+        let LevenbergMarquardt { descent, ended, .. } = result.solver;
+        let (theta, linear) = descent?.state;
         let smooth = Found {
             theta,
-            chi2,
-            triangle,
-            converged: matches!(
-                result.state.get_termination_status(),
-                TerminationStatus::Terminated(TerminationReason::SolverConverged)
-            ),
+            chi2: linear.chi2,
+            r_factor: linear.r_factor,
+            converged: ended.is_some(),
         };
+        // It stopped although the derivatives promised more.
+        let (effect, scatter) = Scaled::new(self, settled).best_effect(&linear);
+        let at_kink = ended == Some(Termination::NoBetterStep) && effect > 1e-4 * scatter;
         let steps = result.state.get_iter();
-        if creased && self.rows.len() <= MOST_CREASED {
-            Some((self.across_creases(smooth).unwrap_or(smooth), steps))
+        if at_kink && self.rows.len() <= MOST_ROWS_WITH_KINKS {
+            Some((self.across_kinks(smooth).unwrap_or(smooth), steps))
         } else {
             Some((smooth, steps))
         }
     }
 
     /// Nelder-Mead from a point at which no smooth step gets down.
-    fn across_creases(&self, from: Found) -> Option<Found> {
-        let lengths = from.triangle.lengths();
+    fn across_kinks(&self, from: Found) -> Option<Found> {
+        let lengths = from.r_factor.lengths();
         let moving: Vec<usize> = (0..PARAMETERS)
             .filter(|&j| self.free[j] && lengths[j] > 0.0)
             .collect();
@@ -303,11 +295,11 @@ impl<'a> Task<'a> {
             .ok()?;
         let best = result.state().get_best_param()?;
         let theta = reduced.theta(best);
-        let Linear { chi2, triangle } = self.linear(&theta)?;
+        let Linear { chi2, r_factor } = self.linear(&theta)?;
         (chi2 <= from.chi2).then_some(Found {
             theta,
             chi2,
-            triangle,
+            r_factor,
             converged: true,
         })
     }
@@ -340,30 +332,28 @@ impl CostFunction for Reduced<'_, '_> {
     }
 }
 
-/// Levenberg-Marquardt with Nielsen's damping.
+/// The crate's Levenberg-Marquardt as argmin asks for it: argmin counts and limits the steps.
 struct LevenbergMarquardt {
     settled: f64,
-    here: Option<Linear>,
-    theta: Theta,
-    rows: usize,
-    damping: f64,
-    growth: f64,
-    ended: bool,
-    /// It stopped although the derivatives promised more.
-    creased: bool,
+    descent: Option<Descent<(Theta, Linear)>>,
+    ended: Option<Termination>,
 }
 
-impl Default for LevenbergMarquardt {
-    fn default() -> Self {
+impl LevenbergMarquardt {
+    const DAMPING: Damping = Damping {
+        easing: Easing::Nielsen {
+            least: 0.05,
+            most: 3.0,
+        },
+        growth: 4.0,
+        ..Damping::NIELSEN
+    };
+
+    fn to(settled: f64) -> Self {
         Self {
-            settled: SETTLED,
-            here: None,
-            theta: [0.0; PARAMETERS],
-            rows: 1,
-            damping: 1e-6,
-            growth: 4.0,
-            ended: false,
-            creased: false,
+            settled,
+            descent: None,
+            ended: None,
         }
     }
 }
@@ -380,14 +370,12 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
         problem: &mut Problem<Task<'_>>,
         mut state: Step,
     ) -> Result<(Step, Option<KV>), Error> {
-        self.theta = state
+        let theta: Theta = state
             .take_param()
             .and_then(|start| start.try_into().ok())
-            .ok_or_else(|| Error::msg("a search starts at four parameters"))?;
-        self.here = problem.problem("linear_count", |task| {
-            self.rows = task.chosen.map_or(task.rows.len(), <[usize]>::len).max(1);
-            Ok(task.linear(&self.theta))
-        })?;
+            .ok_or_else(|| Error::msg("a search starts with a value of every parameter"))?;
+        let linear = problem.problem("linear_count", |task| Ok(task.linear(&theta)))?;
+        self.descent = linear.map(|linear| Descent::new((theta, linear), &Self::DAMPING));
         Ok((self.report(state), None))
     }
 
@@ -396,64 +384,108 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
         problem: &mut Problem<Task<'_>>,
         state: Step,
     ) -> Result<(Step, Option<KV>), Error> {
-        let Some(here) = self.here else {
-            self.ended = true;
-            return Ok((self.report(state), None));
+        let settled = self.settled;
+        self.ended = match &mut self.descent {
+            None => Some(Termination::Singular),
+            Some(descent) => problem.problem("linear_count", |task| {
+                Ok(descent.advance(&mut Scaled::new(task, settled)))
+            })?,
         };
-        let lengths = here.triangle.lengths();
-        let damping = lengths.map(|length| self.damping.sqrt() * length);
-        let step = here.triangle.step(&damping);
-        // The best that any step can do.
-        let best = here
-            .triangle
-            .effect(&here.triangle.step(&lengths.map(|length| 1e-12 * length)));
-        let size = (here.chi2 / self.rows as f64).sqrt();
-        let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * self.theta[j].abs().max(1.0));
-        // Many rows: a step takes its time.
-        let settled = if self.rows > PART {
-            self.settled.max(SETTLED_OF_MANY)
-        } else {
-            self.settled
-        };
-        if best <= settled * size || (still && self.damping < 1.0) {
-            self.ended = true;
-            return Ok((self.report(state), None));
-        }
-        let theta: Theta = std::array::from_fn(|j| self.theta[j] + step[j]);
-        let there = problem.problem("linear_count", |task| Ok(task.linear(&theta)))?;
-        // Of a linear model: |r|² − |r + J δ|² = |J δ|² + 2 |D δ|².
-        let damped: f64 = (0..PARAMETERS).map(|j| (damping[j] * step[j]).powi(2)).sum();
-        let promised = here.triangle.effect(&step).powi(2) + 2.0 * damped;
-        if let Some(there) = there.filter(|there| there.chi2 < here.chi2) {
-            let gain = (here.chi2 - there.chi2) / promised;
-            self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(0.05, 3.0);
-            self.damping = self.damping.max(1e-14);
-            self.growth = 4.0;
-            (self.theta, self.here) = (theta, Some(there));
-        } else {
-            self.damping *= self.growth;
-            self.growth *= 2.0;
-            // What rounding hides was not promised in earnest.
-            let hidden = promised <= 1e-14 * here.chi2;
-            self.ended = hidden || self.damping > MOST_DAMPING;
-            self.creased = self.ended && !hidden && best > 1e-4 * size;
-        }
         Ok((self.report(state), None))
     }
 
     fn terminate(&mut self, _state: &Step) -> TerminationStatus {
-        if self.ended {
-            TerminationStatus::Terminated(TerminationReason::SolverConverged)
-        } else {
-            TerminationStatus::NotTerminated
+        match self.ended {
+            Some(_) => TerminationStatus::Terminated(TerminationReason::SolverConverged),
+            None => TerminationStatus::NotTerminated,
         }
     }
 }
 
 impl LevenbergMarquardt {
-    /// The state as argmin keeps it.
+    /// The state as argmin keeps it; without χ² at the start there is none.
     fn report(&self, state: Step) -> Step {
-        let chi2 = self.here.map_or(f64::INFINITY, |here| here.chi2);
-        state.param(self.theta.to_vec()).cost(chi2)
+        match &self.descent {
+            Some(Descent {
+                state: (theta, linear),
+                ..
+            }) => state.param(theta.to_vec()).cost(linear.chi2),
+            None => state,
+        }
+    }
+}
+
+/// The rows as the least-squares loop sees them, with ends that do not depend on units.
+struct Scaled<'a, 'b> {
+    task: &'b Task<'a>,
+    rows: f64,
+    settled: f64,
+}
+
+impl<'a, 'b> Scaled<'a, 'b> {
+    fn new(task: &'b Task<'a>, settled: f64) -> Self {
+        let rows = task.chosen.map_or(task.rows.len(), <[usize]>::len).max(1);
+        Self {
+            task,
+            rows: rows as f64,
+            // Many rows: a step takes its time.
+            settled: if rows > PART {
+                settled.max(SETTLED_OF_MANY)
+            } else {
+                settled
+            },
+        }
+    }
+
+    /// By how much the best that any step can do moves the residuals; and the scatter of one.
+    fn best_effect(&self, here: &Linear) -> (f64, f64) {
+        let free = here.r_factor.lengths().map(|length| 1e-12 * length);
+        let effect = here.r_factor.effect(&here.r_factor.step(&free));
+        (effect, (here.chi2 / self.rows).sqrt())
+    }
+}
+
+/// D of the damping: the lengths of the Jacobian's columns.
+fn damping_rows(here: &Linear, damping: f64) -> Theta {
+    here.r_factor.lengths().map(|length| damping.sqrt() * length)
+}
+
+impl least_squares::Problem for Scaled<'_, '_> {
+    type State = (Theta, Linear);
+    type Step = Theta;
+
+    fn step(&mut self, (_, here): &Self::State, damping: f64) -> Option<Theta> {
+        Some(here.r_factor.step(&damping_rows(here, damping)))
+    }
+
+    fn moved(&mut self, (theta, _): &Self::State, step: &Theta) -> Option<Self::State> {
+        let theta = std::array::from_fn(|j| theta[j] + step[j]);
+        self.task.linear(&theta).map(|linear| (theta, linear))
+    }
+
+    fn cost(&self, (_, of): &Self::State, _here: &Self::State) -> f64 {
+        of.chi2
+    }
+
+    /// Of a linear model: |r|² − |r + J δ|² = |J δ|² + 2 |D δ|².
+    fn predicted_fall(&self, (_, here): &Self::State, step: &Theta, damping: f64) -> f64 {
+        let rows = damping_rows(here, damping);
+        let damped: f64 = rows.iter().zip(step).map(|(d, s)| (d * s).powi(2)).sum();
+        here.r_factor.effect(step).powi(2) + 2.0 * damped
+    }
+
+    fn outlook(&self, (theta, here): &Self::State, step: &Theta, damping: f64) -> Outlook {
+        let still = (0..PARAMETERS).all(|j| step[j].abs() <= STILL * theta[j].abs().max(1.0));
+        let (effect, scatter) = self.best_effect(here);
+        if effect <= self.settled * scatter || (still && damping < 1.0) {
+            Outlook::Settled
+        } else {
+            Outlook::Open
+        }
+    }
+
+    /// What rounding hides was not promised in earnest.
+    fn is_settled(&self, here: &Self::State, trial: &Trial<'_, Theta>) -> bool {
+        !trial.taken && self.predicted_fall(here, trial.step, trial.damping) <= 1e-14 * here.1.chi2
     }
 }

@@ -93,8 +93,8 @@ impl Study {
             })
             .collect();
         let best = searches.into_iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2))?;
-        let (determined, rank) = task.unit_triangle(&best.theta).determined(&task.free);
-        let covariance = best.triangle.covariance(&determined, &task.free, rank);
+        let (determined, rank) = task.unit_r_factor(&best.theta).determined(&task.free);
+        let covariance = best.r_factor.covariance(&determined, &task.free, rank);
         let order = [E, E_X, MU];
         Some(Searched {
             values: order.map(|j| best.theta[j]),
