@@ -5,8 +5,8 @@
 //! byte-wise minimum and maximum instructions: 15 frames of 1080p take a few milliseconds.
 
 use super::blobs;
+use super::camera_swing::SceneEdges;
 use super::registration::{Registrar, Registration};
-use super::swing::Edges;
 use crate::frames::Luma;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -41,7 +41,7 @@ pub struct Background {
     /// Follows the camera's drift and the light's flicker.
     pub registrar: Registrar,
     /// Of a camera that stands still: what its swings are told by.
-    pub edges: Option<Edges>,
+    pub edges: Option<SceneEdges>,
 }
 
 /// Quantum of an 8-bit picture: rounding alone has this standard deviation, grey levels.
@@ -58,7 +58,7 @@ const LEAST_CHANGE_GREY: f64 = 1.5;
 const FIXED_CAMERA_PX: f64 = 0.35;
 
 /// And those below so many times what the parts of a faint scene disagree by: the largest of fifteen is 2.3 times the median.
-const DRIFT_DOUBTS: f64 = 4.0;
+const DRIFT_SIGMAS: f64 = 4.0;
 
 impl Background {
     /// The background of `survey` (frames of one size, spread over the recording, in time order). `None` when empty.
@@ -74,12 +74,12 @@ impl Background {
         }
         let mut registrations: Vec<Registration> = first.locate(survey);
         let drift_px = drift_px(&registrations);
-        let doubt_px = if drift_px < FIXED_CAMERA_PX {
+        let shift_std_px = if drift_px < FIXED_CAMERA_PX {
             0.0
         } else {
-            first.doubt_px(survey, &registrations)
+            first.shift_std_px(survey, &registrations)
         };
-        let fixed = drift_px < FIXED_CAMERA_PX.max(DRIFT_DOUBTS * doubt_px);
+        let fixed = drift_px < FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
         let luma = if fixed {
             median_of(survey)
         } else {
@@ -109,8 +109,9 @@ impl Background {
         };
         let mut background = Self {
             noise_grey,
-            edges: fixed
-                .then(|| Edges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)),
+            edges: fixed.then(|| {
+                SceneEdges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)
+            }),
             scene_grey,
             luma,
             block_px,

@@ -9,16 +9,16 @@
 
 pub mod background;
 pub mod blobs;
+pub mod camera_swing;
 pub mod centre;
 pub mod registration;
-pub mod swing;
 
 use crate::frames::{Coded, Frame};
 use background::Background;
 use blobs::Blob;
+use camera_swing::ShiftThreshold;
 use centre::{Centre, Disc, Patch, outline};
 use registration::Registration;
-use swing::Least;
 
 /// A moving thing in one frame.
 #[derive(Debug, Clone)]
@@ -131,7 +131,7 @@ impl Detector {
         registration: &Registration,
         sightings: &[Sighting],
     ) -> Option<Registration> {
-        let balls: Vec<swing::Region> = sightings
+        let balls: Vec<camera_swing::PixelRegion> = sightings
             .iter()
             .filter(|s| s.centre.is_some())
             .map(|s| {
@@ -147,12 +147,12 @@ impl Detector {
         let swings = self
             .bumped_s
             .is_some_and(|bumped_s| (0.0..SWING_LASTS_S).contains(&(frame.time_s - bumped_s)));
-        let [shift_u_px, shift_v_px] = match of_least(Least::OF_A_BUMP) {
+        let [shift_u_px, shift_v_px] = match of_least(ShiftThreshold::ONSET) {
             Some(shift) => {
                 self.bumped_s = Some(frame.time_s);
                 shift
             }
-            None if swings => of_least(Least::OF_THE_REST)?,
+            None if swings => of_least(ShiftThreshold::DECAY)?,
             None => return None,
         };
         Some(Registration {
@@ -192,7 +192,7 @@ impl Detector {
             crop,
             background: blobs::behind(scene, self.background.luma.width, registration, crop),
             noise_grey: self.background.noise_grey,
-            drawn_out: None,
+            affine: None,
         }
     }
 

@@ -129,14 +129,14 @@ fn shifted(luma: &Luma, du: f64, dv: f64) -> Luma {
 
 /// A reference pixel with what is needed to compare it.
 #[derive(Debug, Clone, Copy)]
-struct Sample {
+struct ReferencePixel {
     u: f64,
     v: f64,
     value: f64,
     gradient: Vector2<f64>,
 }
 
-impl Sample {
+impl ReferencePixel {
     /// The pixel of `reference` at column `u`, row `v`, which is not on its rim.
     fn of(reference: &Luma, u: usize, v: usize) -> Self {
         let half = |after: u8, before: u8| (f64::from(after) - f64::from(before)) / 2.0;
@@ -160,7 +160,7 @@ pub struct Registrar {
     /// Frames are compared at one part in this many of their size: 1 where single pixels show the scene's gradients, more
     /// where only their means stand out from the noise.
     factor: usize,
-    samples: Vec<Sample>,
+    samples: Vec<ReferencePixel>,
     /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
     sees_shift: bool,
     /// The scene has contrast enough to tell an offset of the brightness from its gain.
@@ -289,9 +289,9 @@ impl Registrar {
     /// itself, and near by from no shift on: half of what they are apart, or what their middle is off. A camera's motion is
     /// the same in both; noise, also a codec's, which hangs together, is not. Infinite where the halves do not tell.
     #[must_use]
-    pub fn doubt_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
+    pub fn shift_std_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
         let halves = [0, 1].map(|colour| self.half(colour));
-        let mut doubts: Vec<f64> = frames
+        let mut stds_px: Vec<f64> = frames
             .par_iter()
             .zip(found)
             .map(|(frame, r)| {
@@ -310,7 +310,7 @@ impl Registrar {
                 (0.5 * (a - b).norm()).max((0.5 * (a + b) - whole).norm())
             })
             .collect();
-        crate::quantity::median(&mut doubts).unwrap_or(f64::INFINITY)
+        crate::quantity::median(&mut stds_px).unwrap_or(f64::INFINITY)
     }
 
     /// The same on the fields of one colour.
@@ -562,7 +562,7 @@ fn hold(i: usize, normal: &mut Matrix4<f64>, right: &mut Vector4<f64>) {
 
 /// Whether the samples differ in brightness by so much more than noise that gain and offset can be told apart. Where they do
 /// not, a fit of both takes the noise of the reference for contrast that the frames do not have: gain falls, offset rises.
-fn tell_offset(samples: &[Sample], noise_grey: f64) -> bool {
+fn tell_offset(samples: &[ReferencePixel], noise_grey: f64) -> bool {
     let count = samples.len().max(1) as f64;
     let mean = samples.iter().map(|s| s.value).sum::<f64>() / count;
     let variance = samples.iter().map(|s| (s.value - mean).powi(2)).sum::<f64>() / count;
@@ -587,7 +587,7 @@ fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
 /// cells that hold real gradients.
 ///
 /// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
-fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Sample>, usize) {
+fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<ReferencePixel>, usize) {
     let least_grey = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY / factor as f64);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
@@ -611,9 +611,9 @@ fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Samp
             here.select_nth_unstable_by(per_cell, |a, b| b.0.cmp(&a.0));
             here.truncate(per_cell);
         }
-        let mut here: Vec<Sample> = here
+        let mut here: Vec<ReferencePixel> = here
             .iter()
-            .map(|&(_, at)| Sample::of(reference, at as usize % w, at as usize / w))
+            .map(|&(_, at)| ReferencePixel::of(reference, at as usize % w, at as usize / w))
             .collect();
         let mut strong = 0;
         for s in &mut here {
@@ -625,7 +625,7 @@ fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<Samp
         }
         (here, strong >= if factor > 4 { 2 } else { 4 })
     };
-    let (samples, strong): (Vec<Vec<Sample>>, Vec<bool>) =
+    let (samples, strong): (Vec<Vec<ReferencePixel>>, Vec<bool>) =
         (0..CELLS * CELLS).into_par_iter().map(of_cell).unzip();
     (samples.concat(), strong.into_iter().filter(|&s| s).count())
 }

@@ -1,8 +1,8 @@
 //! Centres on synthetic balls drawn by brute force: 16 × 16 samples a pixel, nothing shared with the model.
 
 use super::blobs::Crop;
-use super::centre::appearance::{Example, Lesson, Radius, learn};
-use super::centre::known_ball::{self, Appearance, Effort};
+use super::centre::appearance::{AppearanceFrame, AppearanceSettings, RadiusSource, estimate};
+use super::centre::known_ball::{self, Appearance, FitSettings};
 use super::centre::{Centre, Disc, Patch, fast, fine, outline, standard};
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
@@ -23,19 +23,19 @@ impl Noise {
     }
 }
 
-struct Ball {
+struct SyntheticBall {
     u: f64,
     v: f64,
     radius: f64,
     swept: [f64; 2],
     shading: f64,
     highlight: f64,
-    /// Light that comes from all around softens the lamp's edge on the ball; without, a side is as dark as can be.
+    /// PixelModel that comes from all around softens the lamp's edge on the ball; without, a side is as dark as can be.
     softened: bool,
 }
 
 /// A ball of base level 200 on 60, PSF 0.7 px by jittering samples along a normal grid.
-fn draw(ball: &Ball, size: usize, sigma: f64, noise: &mut Noise) -> Crop {
+fn draw(ball: &SyntheticBall, size: usize, sigma: f64, noise: &mut Noise) -> Crop {
     const N: i32 = 8;
     let mut sharp = vec![0.0; size * size];
     for v in 0..size {
@@ -89,7 +89,7 @@ fn draw(ball: &Ball, size: usize, sigma: f64, noise: &mut Noise) -> Crop {
     }
 }
 
-fn shade(ball: &Ball, x: f64, y: f64) -> f64 {
+fn shade(ball: &SyntheticBall, x: f64, y: f64) -> f64 {
     let (xi, eta) = ((x - ball.u) / ball.radius, (y - ball.v) / ball.radius);
     let rho2 = xi * xi + eta * eta;
     if rho2 > 1.0 {
@@ -111,13 +111,13 @@ fn patch(crop: &Crop, noise_grey: f64) -> Patch<'_> {
         crop,
         background: vec![60.0; crop.luma.data.len()],
         noise_grey,
-        drawn_out: None,
+        affine: None,
     }
 }
 
 /// Balls over random sub-pixel phases, with what is found of them.
-struct Trial {
-    balls: Vec<Ball>,
+struct CentreTrial {
+    balls: Vec<SyntheticBall>,
     crops: Vec<Crop>,
     sigma: f64,
 }
@@ -125,8 +125,8 @@ struct Trial {
 /// Longest exposure in the trials, s, and how a sweep in px becomes a velocity.
 const EXPOSURE_S: f64 = 0.002;
 
-impl Trial {
-    fn new(count: usize, sigma: f64, look: impl Fn(&mut Noise) -> Ball) -> Self {
+impl CentreTrial {
+    fn new(count: usize, sigma: f64, look: impl Fn(&mut Noise) -> SyntheticBall) -> Self {
         let mut noise = Noise(7);
         let mut balls = Vec::new();
         let mut crops = Vec::new();
@@ -142,7 +142,7 @@ impl Trial {
         Self { balls, crops, sigma }
     }
 
-    fn velocity_px_s(ball: &Ball) -> [f64; 2] {
+    fn velocity_px_s(ball: &SyntheticBall) -> [f64; 2] {
         ball.swept.map(|s| s / EXPOSURE_S)
     }
 
@@ -162,11 +162,11 @@ impl Trial {
             .map_or(fallback, |o| o.disc)
     }
 
-    fn learn(&self, lesson: &Lesson) -> Appearance {
-        let step = self.balls.len().div_ceil(lesson.examples);
-        let examples: Vec<Example<'_>> = (0..self.balls.len())
+    fn appearance(&self, settings: &AppearanceSettings) -> Appearance {
+        let step = self.balls.len().div_ceil(settings.frames);
+        let examples: Vec<AppearanceFrame<'_>> = (0..self.balls.len())
             .step_by(step)
-            .map(|i| Example {
+            .map(|i| AppearanceFrame {
                 patch: patch(&self.crops[i], self.sigma.max(0.29)),
                 disc: self.first(i),
                 velocity_px_s: Self::velocity_px_s(&self.balls[i]),
@@ -174,25 +174,25 @@ impl Trial {
                 magnification: 1.0,
             })
             .collect();
-        learn(&examples, 2.0 * EXPOSURE_S, lesson, Radius::Fitted).expect("an appearance")
+        estimate(&examples, 2.0 * EXPOSURE_S, settings, RadiusSource::Fitted).expect("an appearance")
     }
 
-    fn errors(&self, lesson: &Lesson, effort: &Effort) -> Errors {
-        let ball = self.learn(lesson);
+    fn errors(&self, settings: &AppearanceSettings, fit: &FitSettings) -> CentreErrors {
+        let ball = self.appearance(settings);
         let found = (0..self.balls.len()).map(|i| {
             let start = Disc {
                 swept_px: Self::velocity_px_s(&self.balls[i]).map(|v| v * ball.exposure_s),
                 ..self.first(i)
             };
             let patch = patch(&self.crops[i], self.sigma.max(0.29));
-            known_ball::fit(&patch, &ball, &start, 1.0, effort)
+            known_ball::fit(&patch, &ball, &start, 1.0, fit)
                 .expect("a centre")
                 .centre
         });
         self.compare(found)
     }
 
-    fn compare(&self, found: impl Iterator<Item = Centre>) -> Errors {
+    fn compare(&self, found: impl Iterator<Item = Centre>) -> CentreErrors {
         let (mut du, mut dv, mut stated) = (Vec::new(), Vec::new(), 0.0);
         for (c, ball) in found.zip(&self.balls) {
             du.push(c.disc.centre.u_px - ball.u);
@@ -203,7 +203,7 @@ impl Trial {
         let mean = |x: &[f64]| x.iter().sum::<f64>() / n;
         let scatter = |x: &[f64], m: f64| (x.iter().map(|d| (d - m).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
         let bias = [mean(&du), mean(&dv)];
-        Errors {
+        CentreErrors {
             bias,
             scatter: [scatter(&du, bias[0]), scatter(&dv, bias[1])],
             stated,
@@ -212,13 +212,13 @@ impl Trial {
 }
 
 #[derive(Debug)]
-struct Errors {
+struct CentreErrors {
     bias: [f64; 2],
     scatter: [f64; 2],
     stated: f64,
 }
 
-impl Errors {
+impl CentreErrors {
     fn worst_bias(&self) -> f64 {
         self.bias[0].abs().max(self.bias[1].abs())
     }
@@ -228,8 +228,8 @@ impl Errors {
     }
 }
 
-fn plain(radius: f64, shading: f64, highlight: f64) -> impl Fn(&mut Noise) -> Ball {
-    move |_| Ball {
+fn plain(radius: f64, shading: f64, highlight: f64) -> impl Fn(&mut Noise) -> SyntheticBall {
+    move |_| SyntheticBall {
         u: 0.0,
         v: 0.0,
         radius,
@@ -250,17 +250,17 @@ fn cramer_rao_px(radius: f64, sigma: f64) -> f64 {
 #[test]
 fn a_flat_disc_is_found_at_the_cramer_rao_bound() {
     for (radius, sigma) in [(5.0, 2.8), (12.0, 14.0), (30.0, 5.0)] {
-        let trial = Trial::new(120, sigma, plain(radius, 0.0, 0.0));
+        let trial = CentreTrial::new(120, sigma, plain(radius, 0.0, 0.0));
         let bound = cramer_rao_px(radius, sigma);
         // A scatter from 2 · 120 errors is itself known to 5 %.
-        for (lesson, effort, most) in [
-            (&fine::LESSON, &fine::EFFORT, 1.15),
-            (&standard::LESSON, &standard::EFFORT, 1.5),
+        for (settings, fit, most) in [
+            (&fine::APPEARANCE, &fine::FIT, 1.15),
+            (&standard::APPEARANCE, &standard::FIT, 1.5),
         ] {
-            let e = trial.errors(lesson, effort);
+            let e = trial.errors(settings, fit);
             println!("R {radius} noise {sigma} bound {bound:.4}: {e:?}");
-            // What chance leaves in the mean of 120 errors, and in the shift that the lesson learned.
-            let doubt = bound * (1.0 / 120.0 + 1.0 / lesson.examples as f64).sqrt();
+            // What chance leaves in the mean of 120 errors, and in the shift that the appearance shares.
+            let doubt = bound * (1.0 / 120.0 + 1.0 / settings.frames as f64).sqrt();
             assert!(e.worst_bias() < 0.005 + 3.0 * doubt, "bias {e:?}");
             assert!(
                 e.mean_scatter() < (most + 0.1) * bound,
@@ -274,12 +274,12 @@ fn a_flat_disc_is_found_at_the_cramer_rao_bound() {
 #[test]
 fn shading_and_a_highlight_do_not_pull_the_centre() {
     for radius in [8.0, 15.0, 30.0] {
-        let trial = Trial::new(80, 2.0, plain(radius, 0.6, 60.0));
-        for (lesson, effort, most) in [
-            (&fine::LESSON, &fine::EFFORT, 0.015),
-            (&standard::LESSON, &standard::EFFORT, 0.03),
+        let trial = CentreTrial::new(80, 2.0, plain(radius, 0.6, 60.0));
+        for (settings, fit, most) in [
+            (&fine::APPEARANCE, &fine::FIT, 0.015),
+            (&standard::APPEARANCE, &standard::FIT, 0.03),
         ] {
-            let e = trial.errors(lesson, effort);
+            let e = trial.errors(settings, fit);
             println!("R {radius}: {e:?}");
             assert!(e.worst_bias() < most, "R {radius}: {e:?}");
             assert!(e.mean_scatter() < 0.03, "R {radius}: {e:?}");
@@ -290,7 +290,7 @@ fn shading_and_a_highlight_do_not_pull_the_centre() {
 #[test]
 fn a_circle_through_edge_points_screens() {
     for (radius, most) in [(5.0, 0.2), (15.0, 0.2), (30.0, 0.2)] {
-        let trial = Trial::new(60, 2.0, plain(radius, 0.4, 40.0));
+        let trial = CentreTrial::new(60, 2.0, plain(radius, 0.4, 40.0));
         let found = (0..60).map(|i| {
             let start = Disc {
                 radius_px: radius,
@@ -309,8 +309,8 @@ fn a_circle_through_edge_points_screens() {
 
 #[test]
 fn a_small_ball_of_three_pixels() {
-    let trial = Trial::new(60, 2.0, plain(3.0, 0.3, 0.0));
-    let e = trial.errors(&standard::LESSON, &standard::EFFORT);
+    let trial = CentreTrial::new(60, 2.0, plain(3.0, 0.3, 0.0));
+    let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
     println!("R 3: {e:?}");
     assert!(e.worst_bias() < 0.05 && e.mean_scatter() < 0.05, "{e:?}");
 }
@@ -318,15 +318,15 @@ fn a_small_ball_of_three_pixels() {
 #[test]
 fn a_smeared_ball_is_a_capsule_about_mid_exposure() {
     for most in [4.0, 12.0, 24.0] {
-        let trial = Trial::new(40, 2.0, |noise| {
+        let trial = CentreTrial::new(40, 2.0, |noise| {
             let (length, angle) = (most * (0.5 + 0.5 * noise.unit()), 6.3 * noise.unit());
-            Ball {
+            SyntheticBall {
                 swept: [length * angle.cos(), length * angle.sin()],
                 ..plain(12.0, 0.4, 0.0)(noise)
             }
         });
-        let ball = trial.learn(&standard::LESSON);
-        let e = trial.errors(&standard::LESSON, &standard::EFFORT);
+        let ball = trial.appearance(&standard::APPEARANCE);
+        let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
         println!(
             "L {most}: R {:.3} exposure {:.6} {e:?}",
             ball.radius_px, ball.exposure_s
@@ -345,11 +345,11 @@ fn a_ball_with_a_dark_side_is_found_to_a_tenth_of_a_pixel() {
     // One lamp in a black room, and a ball whose far side is hardly brighter than what is behind it: eight terms hold
     // such a light to one per cent only, which is a pull that all frames share.
     for radius in [8.0, 15.0, 30.0] {
-        let trial = Trial::new(60, 2.0, |noise| Ball {
+        let trial = CentreTrial::new(60, 2.0, |noise| SyntheticBall {
             softened: false,
             ..plain(radius, 0.6, 60.0)(noise)
         });
-        let e = trial.errors(&standard::LESSON, &standard::EFFORT);
+        let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
         println!("R {radius}: {e:?}");
         assert!(
             e.worst_bias() < 0.12 && e.mean_scatter() < 0.02,
@@ -361,29 +361,29 @@ fn a_ball_with_a_dark_side_is_found_to_a_tenth_of_a_pixel() {
 #[test]
 fn a_light_that_differs_from_frame_to_frame_frees_the_tilt() {
     // The lamp comes and goes: the ball is flat in half of the frames, shaded in the others.
-    let trial = Trial::new(60, 2.0, |noise| {
+    let trial = CentreTrial::new(60, 2.0, |noise| {
         let shading = if noise.unit() < 0.5 { 0.0 } else { 0.7 };
         plain(12.0, shading, 0.0)(noise)
     });
-    let ball = trial.learn(&standard::LESSON);
-    let steady = Trial::new(60, 2.0, plain(12.0, 0.35, 0.0)).learn(&standard::LESSON);
+    let ball = trial.appearance(&standard::APPEARANCE);
+    let steady = CentreTrial::new(60, 2.0, plain(12.0, 0.35, 0.0)).appearance(&standard::APPEARANCE);
     println!("{:?} against {:?}", ball.scatter, steady.scatter);
     assert!(ball.scatter[1] > 5.0 * steady.scatter[1]);
-    let e = trial.errors(&standard::LESSON, &standard::EFFORT);
+    let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
     println!("{e:?}");
     assert!(e.worst_bias() < 0.05 && e.mean_scatter() < 0.1, "{e:?}");
 }
 
 #[test]
 fn a_shadow_below_is_left_out() {
-    let mut trial = Trial::new(40, 2.0, plain(12.0, 0.3, 0.0));
-    let ball = trial.learn(&standard::LESSON);
+    let mut trial = CentreTrial::new(40, 2.0, plain(12.0, 0.3, 0.0));
+    let ball = trial.appearance(&standard::APPEARANCE);
     let clear = known_ball::fit(
         &patch(&trial.crops[0], 2.0),
         &ball,
         &trial.first(0),
         1.0,
-        &standard::EFFORT,
+        &standard::FIT,
     )
     .expect("a centre");
     let size = trial.crops[0].luma.width;
@@ -401,7 +401,7 @@ fn a_shadow_below_is_left_out() {
         &ball,
         &trial.first(0),
         1.0,
-        &standard::EFFORT,
+        &standard::FIT,
     )
     .expect("a centre");
     let error = shaded.centre.disc.centre.distance_px(PixelPoint::new(u0, v0));

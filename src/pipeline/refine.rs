@@ -4,9 +4,9 @@
 
 use super::decode::Decoded;
 use crate::calibration::{Rectification, Silhouette, Silhouettes};
-use crate::detect::centre::appearance::{self, Example, Lesson, Radius};
-use crate::detect::centre::drawn_out::DrawnOut;
-use crate::detect::centre::known_ball::{self, Appearance, Effort};
+use crate::detect::centre::affine_patch::AffinePatch;
+use crate::detect::centre::appearance::{self, AppearanceFrame, AppearanceSettings, RadiusSource};
+use crate::detect::centre::known_ball::{self, Appearance, FitSettings};
 use crate::detect::centre::{Accuracy, Centre, Disc, Patch, ball, fast, fine, outline, standard};
 use crate::detect::{LEAST_AGREEMENT, Sighting};
 use crate::flight::linking::Spot;
@@ -89,11 +89,11 @@ const PLACES_STD_PX: f64 = 0.002;
 const OUTLINE_COMMON_STD_PX: f64 = 0.1;
 
 /// What is learned of the ball, and how hard each centre is looked for.
-fn method(accuracy: Accuracy) -> Option<(&'static Lesson, &'static Effort)> {
+fn method(accuracy: Accuracy) -> Option<(&'static AppearanceSettings, &'static FitSettings)> {
     match accuracy {
         Accuracy::Fast => None,
-        Accuracy::Standard => Some((&standard::LESSON, &standard::EFFORT)),
-        Accuracy::Fine => Some((&fine::LESSON, &fine::EFFORT)),
+        Accuracy::Standard => Some((&standard::APPEARANCE, &standard::FIT)),
+        Accuracy::Fine => Some((&fine::APPEARANCE, &fine::FIT)),
     }
 }
 
@@ -143,7 +143,7 @@ impl BallPictures<'_> {
             .silhouette(s, disc.centre)
             .filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
         Patch {
-            drawn_out: drawn.and_then(|drawn| DrawnOut::new(disc.centre, drawn.stretch)),
+            affine: drawn.and_then(|drawn| AffinePatch::new(disc.centre, drawn.stretch)),
             ..self.seen.detector.patch(&s.blob.crop, &s.registration)
         }
     }
@@ -173,7 +173,7 @@ pub fn shared(
     found: &[BallCentre],
     flight: &Flight,
     accuracy: Accuracy,
-    radius: Radius,
+    radius: RadiusSource,
 ) -> Option<BallModel> {
     let BallPictures { seen, map, .. } = *pictures;
     let used: Vec<(&Sighting, Centre, f64)> = flight
@@ -188,9 +188,9 @@ pub fn shared(
         })
         .collect();
     let mut behind_grey = None;
-    let appearance = method(accuracy).and_then(|(lesson, _)| {
-        let step = used.len().div_ceil(lesson.examples).max(1);
-        let examples: Vec<Example<'_>> = used
+    let appearance = method(accuracy).and_then(|(settings, _)| {
+        let step = used.len().div_ceil(settings.frames).max(1);
+        let examples: Vec<AppearanceFrame<'_>> = used
             .iter()
             .skip(step / 2)
             .step_by(step)
@@ -201,8 +201,8 @@ pub fn shared(
                     swept_px: velocity_px_s,
                     ..centre.disc
                 };
-                let round = patch.drawn_out.map_or(moving, |d| d.round_disc(&moving));
-                Some(Example {
+                let round = patch.affine.map_or(moving, |d| d.disc_in_patch(&moving));
+                Some(AppearanceFrame {
                     patch,
                     disc: centre.disc,
                     velocity_px_s: round.swept_px,
@@ -216,7 +216,7 @@ pub fn shared(
             .filter_map(|e| e.patch.background.first().map(|&b| f64::from(b)))
             .collect();
         behind_grey = median(&mut behind);
-        appearance::learn(&examples, flight.interval_s, lesson, radius)
+        appearance::estimate(&examples, flight.interval_s, settings, radius)
     });
     let faded = appearance
         .as_ref()
@@ -435,7 +435,7 @@ fn fitted(
 ) -> Option<BallCentre> {
     let s = &pictures.seen.sightings[sighting];
     let patch = pictures.patch(s, start);
-    let round = patch.drawn_out.map_or(*start, |d| d.round_disc(start));
+    let round = patch.affine.map_or(*start, |d| d.disc_in_patch(start));
     let centre = match (&shared.appearance, method(accuracy)) {
         (Some(ball), Some((_, effort))) => {
             let ball = ball.magnified(start.radius_px / shared.radius_px.value, effort);
@@ -443,7 +443,7 @@ fn fitted(
         }
         _ => fast::centre(&patch, &round, s.blob.contrast_grey)?,
     };
-    let centre = patch.drawn_out.map_or(centre, |d| d.frame_centre(&centre));
+    let centre = patch.affine.map_or(centre, |d| d.centre_in_frame(&centre));
     Some(BallCentre { sighting, centre })
 }
 

@@ -3,7 +3,7 @@
 use super::refine::{self, BallCentre, BallModel};
 use super::{Recording, is_used, pairs};
 use crate::detect::centre::Accuracy;
-use crate::detect::centre::appearance::Radius;
+use crate::detect::centre::appearance::RadiusSource;
 use crate::flight::fit::{Forces, VerticalPrior};
 use crate::flight::linking::Spot;
 use crate::flight::{self, Flight, NoFlight};
@@ -70,9 +70,9 @@ impl Recording<'_> {
         // A radius that the pixels seem to tell may be a false one, and a ball that looks too different from frame to frame
         // has no one appearance: the outlines' radius has to do, or the outline itself.
         let looks = [
-            (self.accuracy, Radius::Fitted),
-            (self.accuracy, Radius::Outlines),
-            (Accuracy::Fast, Radius::Outlines),
+            (self.accuracy, RadiusSource::Fitted),
+            (self.accuracy, RadiusSource::Outlines),
+            (Accuracy::Fast, RadiusSource::Outlines),
         ];
         let looks = if self.accuracy == Accuracy::Fast {
             &looks[2..]
@@ -115,7 +115,12 @@ impl Recording<'_> {
 
     /// The flight once more with centres by the method of `accuracy`: first where the first flight leads, then where
     /// the better arcs do.
-    fn refined(&mut self, first: &Flight, accuracy: Accuracy, radius: Radius) -> Result<Flight, NoFlight> {
+    fn refined(
+        &mut self,
+        first: &Flight,
+        accuracy: Accuracy,
+        radius: RadiusSource,
+    ) -> Result<Flight, NoFlight> {
         let mut flight = first.clone();
         let above = matches!(first.fit.forces, Forces::Overhead(_));
         self.shared = None;

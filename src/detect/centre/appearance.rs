@@ -1,25 +1,25 @@
 //! What the ball of a recording looks like, learned from a few dozen of its frames together.
 //!
-//! Radius, blur, exposure and the light on the ball are the same in all frames, but for departures of the light. So they
+//! RadiusSource, blur, exposure and the light on the ball are the same in all frames, but for nuisance of the light. So they
 //! are fitted to the pixels of many frames at once, with the centres of those frames fitted in turn (as star pictures
 //! are, from many dithered stars: Anderson and King 2000, PASP 112, 1360). A shift that all centres share is fitted
 //! with the appearance: it is what the outline alone decides, and so nothing of the light can hide in it.
 //!
-//! How many terms the light needs is decided by the pixels (Akaike's criterion). The light's departures get the
+//! How many terms the light needs is decided by the pixels (Akaike's criterion). The light's nuisance get the
 //! scatter that the frames show beyond their own uncertainty.
 
-mod pool;
+mod joint_fit;
 
 use super::ball::{DIPOLE, TERM_LEVELS, norm};
-use super::known_ball::{self, Appearance, DEPARTURES, Effort, SIZE};
+use super::known_ball::{self, Appearance, FitSettings, NUISANCES, SIZE};
 use super::{Disc, Patch};
 use crate::quantity::median;
-use pool::{Pool, gather};
+use joint_fit::{JointFit, gather_bands};
 use rayon::prelude::*;
 
 /// A frame to learn from.
 #[derive(Debug, Clone)]
-pub struct Example<'a> {
+pub struct AppearanceFrame<'a> {
     /// The pixels around the ball.
     pub patch: Patch<'a>,
     /// The ball, roughly.
@@ -34,20 +34,20 @@ pub struct Example<'a> {
 
 /// How much to learn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lesson {
+pub struct AppearanceSettings {
     /// Frames to learn from, about.
-    pub examples: usize,
+    pub frames: usize,
     /// Pixels of an example, at most.
     pub most_pixels: usize,
     /// Rounds of appearance and centres in turn.
     pub rounds: usize,
     /// How the examples' centres are fitted.
-    pub effort: Effort,
+    pub fit: FitSettings,
 }
 
 /// Where the ball's radius comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Radius {
+pub enum RadiusSource {
     /// From the pixels, where they tell one that is near that of the outlines.
     Fitted,
     /// The median of the outlines'.
@@ -55,7 +55,7 @@ pub enum Radius {
 }
 
 /// Fewer frames tell too little.
-const LEAST_EXAMPLES: usize = 3;
+const LEAST_FRAMES: usize = 3;
 
 /// A sweep shorter than this hardly differs from a little more blur, px.
 const LEAST_SWEEP_PX: f64 = 0.7;
@@ -69,13 +69,13 @@ const USUAL_BLUR_PX: f64 = 0.9;
 /// What `examples` have in common; no shutter is open longer than `longest_exposure_s`. `None` where they have no one
 /// appearance.
 #[must_use]
-pub fn learn(
-    examples: &[Example<'_>],
+pub fn estimate(
+    examples: &[AppearanceFrame<'_>],
     longest_exposure_s: f64,
-    lesson: &Lesson,
-    radius: Radius,
+    settings: &AppearanceSettings,
+    radius: RadiusSource,
 ) -> Option<Appearance> {
-    if examples.len() < LEAST_EXAMPLES {
+    if examples.len() < LEAST_FRAMES {
         return None;
     }
     let mut radii: Vec<f64> = examples
@@ -88,10 +88,10 @@ pub fn learn(
     let near = |a: &Appearance| {
         (a.radius_px - outline_px).abs() < FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * outline_px)
     };
-    let with = |radius| learn_with(examples, &radii, longest_exposure_s, lesson, radius);
-    let fitted = || with(Radius::Fitted).filter(near);
-    let fitted = (radius == Radius::Fitted).then(fitted).flatten();
-    fitted.or_else(|| with(Radius::Outlines))
+    let with = |radius| estimate_with(examples, &radii, longest_exposure_s, settings, radius);
+    let fitted = || with(RadiusSource::Fitted).filter(near);
+    let fitted = (radius == RadiusSource::Fitted).then(fitted).flatten();
+    fitted.or_else(|| with(RadiusSource::Outlines))
 }
 
 /// A radius further than this from the outlines' is no radius, px and part of it.
@@ -102,16 +102,16 @@ const FAR_FROM_OUTLINE: f64 = 0.2;
 const OUTLINE_STD_PX: f64 = 0.2;
 
 /// The same with this `radius`, of outlines of `radii`.
-fn learn_with(
-    examples: &[Example<'_>],
+fn estimate_with(
+    examples: &[AppearanceFrame<'_>],
     radii: &[f64],
     longest_exposure_s: f64,
-    lesson: &Lesson,
-    radius: Radius,
+    settings: &AppearanceSettings,
+    radius: RadiusSource,
 ) -> Option<Appearance> {
-    // Radius and blur of a small ball in noise have false valleys; with the outline's radius held, blur and light lead
+    // RadiusSource and blur of a small ball in noise have false valleys; with the outline's radius held, blur and light lead
     // into the right one.
-    let start = Shared {
+    let start = SharedParameters {
         radius_px: median(&mut radii.to_vec())?,
         radius_held: true,
         blur_px: USUAL_BLUR_PX,
@@ -120,22 +120,22 @@ fn learn_with(
     };
     let spread_px = spread_px(radii, start.radius_px);
     let loose_size_px = spread_px.max(LOOSE_SIZE * start.radius_px);
-    let mut frames: Vec<Studied> = examples.iter().map(Studied::new).collect();
-    let mut shared = first_look(&frames, &start, longest_exposure_s, lesson)?;
-    shared.radius_held = radius == Radius::Outlines;
+    let mut frames: Vec<FrameEstimate> = examples.iter().map(FrameEstimate::new).collect();
+    let mut shared = first_look(&frames, &start, longest_exposure_s, settings)?;
+    shared.radius_held = radius == RadiusSource::Outlines;
     let mut scatter = [LOOSE_STRENGTH, LOOSE_TILT_GREY, LOOSE_TILT_GREY, loose_size_px];
     let mut best = None;
-    for round in 0..lesson.rounds {
-        let mut pool = Pool::settle(&frames, &mut shared, lesson)?;
+    for round in 0..settings.rounds {
+        let mut joint = JointFit::of_frames(&frames, &mut shared, settings)?;
         if round > 0 {
-            pool = fitting_terms(&frames, &mut shared, lesson)?;
+            joint = fitting_terms(&frames, &mut shared, settings)?;
         }
         for f in &mut frames {
-            f.disc.centre.u_px += pool.shift[0];
-            f.disc.centre.v_px += pool.shift[1];
+            f.disc.centre.u_px += joint.shift[0];
+            f.disc.centre.v_px += joint.shift[1];
         }
-        let ball = shared.appearance(&pool, scatter, lesson);
-        let spread = study(&mut frames, &ball, lesson);
+        let ball = shared.appearance(&joint, scatter, settings);
+        let spread = fit_frames(&mut frames, &ball, settings);
         scatter = spread.scatter;
         shared.take_in(&mut frames, spread.middle);
         best = Some(Appearance { scatter, ..ball });
@@ -156,40 +156,40 @@ fn spread_px(radii: &[f64], middle: f64) -> f64 {
 }
 
 /// An example with what was found so far.
-struct Studied<'a> {
-    example: &'a Example<'a>,
+struct FrameEstimate<'a> {
+    input: &'a AppearanceFrame<'a>,
     disc: Disc,
-    departures: [f64; DEPARTURES],
-    /// Fitted in the last round.
+    nuisance: [f64; NUISANCES],
+    /// CentreFit in the last round.
     good: bool,
 }
 
-impl<'a> Studied<'a> {
-    fn new(example: &'a Example<'a>) -> Self {
+impl<'a> FrameEstimate<'a> {
+    fn new(input: &'a AppearanceFrame<'a>) -> Self {
         Self {
-            example,
-            disc: example.disc,
-            departures: [0.0; DEPARTURES],
+            input,
+            disc: input.disc,
+            nuisance: [0.0; NUISANCES],
             good: true,
         }
     }
 
-    fn disc_with(&self, shared: &Shared) -> Disc {
+    fn disc_with(&self, shared: &SharedParameters) -> Disc {
         Disc {
             centre: self.disc.centre,
-            radius_px: shared.radius_px * self.example.magnification + self.departures[SIZE],
-            swept_px: self.example.velocity_px_s.map(|v| v * shared.exposure_s),
+            radius_px: shared.radius_px * self.input.magnification + self.nuisance[SIZE],
+            swept_px: self.input.velocity_px_s.map(|v| v * shared.exposure_s),
         }
     }
 
     fn speed_px_s(&self) -> f64 {
-        norm(self.example.velocity_px_s[0], self.example.velocity_px_s[1])
+        norm(self.input.velocity_px_s[0], self.input.velocity_px_s[1])
     }
 }
 
 /// What is fitted to all frames.
 #[derive(Debug, Clone)]
-struct Shared {
+struct SharedParameters {
     radius_px: f64,
     /// The radius is not fitted.
     radius_held: bool,
@@ -198,27 +198,32 @@ struct Shared {
     terms: Vec<f64>,
 }
 
-impl Shared {
-    fn appearance(&self, pool: &Pool, scatter: [f64; DEPARTURES], lesson: &Lesson) -> Appearance {
+impl SharedParameters {
+    fn appearance(
+        &self,
+        joint: &JointFit,
+        scatter: [f64; NUISANCES],
+        settings: &AppearanceSettings,
+    ) -> Appearance {
         Appearance {
             radius_px: self.radius_px,
-            radius_std_px: pool.radius_std_px,
-            shift_std_px: pool.shift_std_px,
+            radius_std_px: joint.radius_std_px,
+            shift_std_px: joint.shift_std_px,
             blur_px: self.blur_px,
             exposure_s: self.exposure_s,
-            table: lesson
-                .effort
+            table: settings
+                .fit
                 .profiles(self.radius_px, self.blur_px)
                 .of_ball(&self.terms),
             terms: self.terms.clone(),
             scatter,
-            residual_grey: pool.scale,
+            residual_grey: joint.scale,
         }
     }
 
     /// Takes the `middle` departure of all frames into what they share: the usual ball is the middle one, and a light that
     /// all frames have is the light's.
-    fn take_in(&mut self, frames: &mut [Studied<'_>], mut middle: [f64; DEPARTURES]) {
+    fn take_in(&mut self, frames: &mut [FrameEstimate<'_>], mut middle: [f64; NUISANCES]) {
         if self.radius_held {
             middle[SIZE] = 0.0;
         }
@@ -231,7 +236,7 @@ impl Shared {
             *t += m;
         }
         for f in frames {
-            for (d, m) in f.departures.iter_mut().zip(&middle) {
+            for (d, m) in f.nuisance.iter_mut().zip(&middle) {
                 *d -= m;
             }
         }
@@ -240,16 +245,16 @@ impl Shared {
 
 /// Finds whether the shutter's smear shows, and the appearance to start with.
 fn first_look(
-    frames: &[Studied<'_>],
-    start: &Shared,
+    frames: &[FrameEstimate<'_>],
+    start: &SharedParameters,
     longest_exposure_s: f64,
-    lesson: &Lesson,
-) -> Option<Shared> {
+    settings: &AppearanceSettings,
+) -> Option<SharedParameters> {
     let still = || {
         let mut shared = start.clone();
-        Pool::settle(frames, &mut shared, lesson).map(|_| shared)
+        JointFit::of_frames(frames, &mut shared, settings).map(|_| shared)
     };
-    let top = frames.iter().map(Studied::speed_px_s).fold(0.0, f64::max);
+    let top = frames.iter().map(FrameEstimate::speed_px_s).fold(0.0, f64::max);
     // Longer sweeps first fit what shorter ones start from too badly; each start finds its own valley.
     let from = |part: f64| {
         let exposure_s = part * longest_exposure_s;
@@ -257,30 +262,35 @@ fn first_look(
         if sweep_px < LEAST_SWEEP_PX || sweep_px > 4.0 * start.radius_px {
             return None;
         }
-        let mut shared = Shared {
+        let mut shared = SharedParameters {
             exposure_s,
             ..start.clone()
         };
-        Some((Pool::settle(frames, &mut shared, lesson)?, shared))
+        Some((JointFit::of_frames(frames, &mut shared, settings)?, shared))
     };
     let sweeps = [0.08, 0.25, 0.6, 1.0].into_par_iter().filter_map(from);
-    let (still, found) = rayon::join(still, || sweeps.collect::<Vec<(Pool, Shared)>>());
+    let (still, found) = rayon::join(still, || sweeps.collect::<Vec<(JointFit, SharedParameters)>>());
     let still = still?;
     let best = found
         .into_iter()
         .min_by(|(a, _), (b, _)| a.scale.total_cmp(&b.scale));
     let moving = best.map(|(_, shared)| shared).filter(|s| {
         let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s <= 1.1 * longest_exposure_s;
-        in_reach && gain(frames, &still, s, lesson).is_some_and(|g| g > EXPOSURE_GAIN)
+        in_reach && gain(frames, &still, s, settings).is_some_and(|g| g > EXPOSURE_GAIN)
     });
     Some(moving.unwrap_or(still))
 }
 
 /// By how much, in noise variances, `new` fits better than `old`, on the same pixels.
-fn gain(frames: &[Studied<'_>], old: &Shared, new: &Shared, lesson: &Lesson) -> Option<f64> {
-    let bands = gather(frames, new, lesson);
-    let old = Pool::settle_on(&bands, &mut old.clone(), lesson)?;
-    let new = Pool::settle_on(&bands, &mut new.clone(), lesson)?;
+fn gain(
+    frames: &[FrameEstimate<'_>],
+    old: &SharedParameters,
+    new: &SharedParameters,
+    settings: &AppearanceSettings,
+) -> Option<f64> {
+    let bands = gather_bands(frames, new, settings);
+    let old = JointFit::on_pixels(&bands, &mut old.clone(), settings)?;
+    let new = JointFit::on_pixels(&bands, &mut new.clone(), settings)?;
     let common = new.scale.min(old.scale);
     Some(old.cost(common) - new.cost(common))
 }
@@ -290,52 +300,62 @@ const HOPELESS: f64 = 200.0;
 
 /// As many terms of the light as pay, all tried on the same pixels (Akaike's criterion: a term left out that is there
 /// pulls the centre, one too many only makes it a little less sure).
-fn fitting_terms(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Pool> {
-    let bands = gather(frames, shared, lesson);
-    let mut tried: Vec<(Pool, Shared)> = Vec::new();
-    // The most first: what they say themselves may settle that fewer will not do, and those take the most steps.
+fn fitting_terms(
+    frames: &[FrameEstimate<'_>],
+    shared: &mut SharedParameters,
+    settings: &AppearanceSettings,
+) -> Option<JointFit> {
+    let bands = gather_bands(frames, shared, settings);
+    let mut tried: Vec<(JointFit, SharedParameters)> = Vec::new();
+    // The most first: what they say themselves may of_frames that fewer will not do, and those take the most steps.
     for &level in TERM_LEVELS.iter().rev() {
-        let hopeless = |(pool, more): &(Pool, Shared)| pool.cost_without(&more.terms, level) > HOPELESS;
+        let hopeless =
+            |(joint, more): &(JointFit, SharedParameters)| joint.cost_without(&more.terms, level) > HOPELESS;
         if tried.iter().any(hopeless) {
             continue;
         }
         let mut shared = shared.clone();
         shared.terms.resize(level, 0.0);
-        if let Some(pool) = Pool::settle_on(&bands, &mut shared, lesson) {
-            tried.push((pool, shared));
+        if let Some(joint) = JointFit::on_pixels(&bands, &mut shared, settings) {
+            tried.push((joint, shared));
         }
     }
     let common = tried.iter().map(|(p, _)| p.scale).fold(f64::INFINITY, f64::min);
-    let score = |(pool, shared): &(Pool, Shared)| pool.cost(common) + 2.0 * shared.terms.len() as f64;
-    let (pool, chosen) = tried.into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
+    let score =
+        |(joint, shared): &(JointFit, SharedParameters)| joint.cost(common) + 2.0 * shared.terms.len() as f64;
+    let (joint, chosen) = tried.into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))?;
     *shared = chosen;
-    Some(pool)
+    Some(joint)
 }
 
-/// What the frames' departures are like.
-struct Spread {
-    scatter: [f64; DEPARTURES],
-    /// The middle departures.
-    middle: [f64; DEPARTURES],
+/// What the frames' nuisance are like.
+struct NuisanceSpread {
+    scatter: [f64; NUISANCES],
+    /// The middle nuisance.
+    middle: [f64; NUISANCES],
 }
 
-/// Fits each frame's centre and departures with the appearance known; the departures' spread over the frames.
-fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spread {
+/// Fits each frame's centre and nuisance with the appearance known; the nuisance' spread over the frames.
+fn fit_frames(
+    frames: &mut [FrameEstimate<'_>],
+    ball: &Appearance,
+    settings: &AppearanceSettings,
+) -> NuisanceSpread {
     let found = frames.par_iter_mut().filter_map(|f| {
-        let ball = ball.magnified(f.example.magnification, &lesson.effort);
+        let ball = ball.magnified(f.input.magnification, &settings.fit);
         let start = Disc {
             centre: f.disc.centre,
-            radius_px: ball.radius_px + f.departures[SIZE],
-            swept_px: f.example.velocity_px_s.map(|v| v * ball.exposure_s),
+            radius_px: ball.radius_px + f.nuisance[SIZE],
+            swept_px: f.input.velocity_px_s.map(|v| v * ball.exposure_s),
         };
-        let fitted = known_ball::fit(&f.example.patch, &ball, &start, f.example.gain, &lesson.effort);
+        let fitted = known_ball::fit(&f.input.patch, &ball, &start, f.input.gain, &settings.fit);
         f.good = fitted.is_some();
         let fitted = fitted?;
         f.disc.centre = fitted.centre.disc.centre;
-        f.departures = fitted.departures;
-        Some((fitted.departures, fitted.departure_variances))
+        f.nuisance = fitted.nuisance;
+        Some((fitted.nuisance, fitted.nuisance_variances))
     });
-    let found: Vec<([f64; DEPARTURES], [f64; DEPARTURES])> = found.collect();
+    let found: Vec<([f64; NUISANCES], [f64; NUISANCES])> = found.collect();
     let middle = std::array::from_fn(|k| {
         let mut of_all: Vec<f64> = found.iter().map(|(d, _)| d[k]).collect();
         median(&mut of_all).unwrap_or(0.0)
@@ -353,5 +373,5 @@ fn study(frames: &mut [Studied<'_>], ball: &Appearance, lesson: &Lesson) -> Spre
         let doubt = 2.0 * (2.0 / found.len().max(1) as f64).sqrt();
         (1.5 * (seen - own * (1.0 + doubt))).max(0.02 * own).sqrt()
     });
-    Spread { scatter, middle }
+    NuisanceSpread { scatter, middle }
 }

@@ -186,12 +186,12 @@ fn harmonics(c: f64, s: f64) -> [f64; HARMONICS] {
 
 /// What a pixel holds of the ball, averaged over the swept path, and how that changes with the pixel's place.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Light {
+pub struct PixelModel {
     /// Covered part.
     pub cover: f64,
     /// Slope of `cover` along u and v, 1/px.
     pub cover_slope: [f64; 2],
-    /// Light of the ball, grey levels.
+    /// PixelModel of the ball, grey levels.
     pub ball: f64,
     /// Slope of `ball` along u and v, grey levels/px.
     pub ball_slope: [f64; 2],
@@ -206,7 +206,7 @@ pub struct Light {
 
 /// A ball on its way: how a table is to be read.
 #[derive(Debug, Clone, Copy)]
-pub struct Pose {
+pub struct SweptBall {
     /// The table's radius, px.
     pub radius_px: f64,
     /// How much larger this frame's ball is, px.
@@ -220,14 +220,14 @@ pub struct Pose {
 /// The ball as a pixel `offset` from the middle of its path sees it. `table` by [`RadialTable::of_ball`].
 #[inline]
 #[must_use]
-pub fn light(table: &RadialTable, pose: &Pose, offset: (f64, f64)) -> Light {
-    let Pose {
+pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -> PixelModel {
+    let SweptBall {
         radius_px,
         larger_px,
         swept_px,
         points,
-    } = *pose;
-    let mut sum = Light::default();
+    } = *swept;
+    let mut sum = PixelModel::default();
     for k in 0..points {
         let s = (k as f64 + 0.5) / points as f64 - 0.5;
         let x = offset.0 - s * swept_px[0];
@@ -261,7 +261,7 @@ pub fn light(table: &RadialTable, pose: &Pose, offset: (f64, f64)) -> Light {
     }
     let n = 1.0 / points as f64;
     let both = |a: [f64; 2], by: f64| [a[0] * by, a[1] * by];
-    Light {
+    PixelModel {
         cover: sum.cover * n,
         cover_slope: both(sum.cover_slope, n),
         ball: sum.ball * n,
@@ -277,16 +277,16 @@ pub fn light(table: &RadialTable, pose: &Pose, offset: (f64, f64)) -> Light {
 pub fn shares<const N: usize>(
     tables: [&RadialTable; N],
     profiles: &RadialTable,
-    pose: &Pose,
+    swept: &SweptBall,
     offset: (f64, f64),
     terms: &mut [f64],
 ) -> [[f64; 2]; N] {
-    let Pose {
+    let SweptBall {
         larger_px,
         swept_px,
         points,
         ..
-    } = *pose;
+    } = *swept;
     terms.fill(0.0);
     let mut sums = [[0.0; 2]; N];
     let n = 1.0 / points as f64;
@@ -336,7 +336,7 @@ pub struct BandPixel {
 
 /// How far a band reaches from the outline, and how many pixels it may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reach {
+pub struct BandLimits {
     /// Inwards, px.
     pub inside_px: f64,
     /// Outwards, px.
@@ -358,14 +358,20 @@ const SLOPE_PART: f64 = 0.6;
 
 /// The pixels of the band around `disc`, whose outline is counted in so many `sectors`.
 #[must_use]
-pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors: usize) -> Vec<BandPixel> {
+pub fn band(
+    patch: &Patch<'_>,
+    disc: &Disc,
+    blur_px: f64,
+    reach: BandLimits,
+    sectors: usize,
+) -> Vec<BandPixel> {
     let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
     let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
     let beyond = disc.radius_px + reach.outside_px;
     // In the frame, whose pixels are gone through, the disc may be drawn out.
-    let (middle, most) = patch
-        .drawn_out
-        .map_or((disc.centre, 1.0), |d| (d.frame(disc.centre), d.most()));
+    let (middle, most) = patch.affine.map_or((disc.centre, 1.0), |d| {
+        (d.frame_from_patch(disc.centre), d.largest_stretch())
+    });
     let span = |centre: f64, reach: f64, n: usize| {
         let low = (centre - reach).floor().max(0.0) as usize;
         let high = ((centre + reach).ceil() + 1.0).clamp(0.0, n as f64) as usize;
@@ -406,7 +412,7 @@ pub fn band(patch: &Patch<'_>, disc: &Disc, blur_px: f64, reach: Reach, sectors:
     for row in rows {
         for column in columns.clone() {
             let (u, v) = (u0 + column as f64, v0 + row as f64);
-            let (u, v) = patch.drawn_out.map_or((u, v), |d| d.round(u, v));
+            let (u, v) = patch.affine.map_or((u, v), |d| d.patch_from_frame(u, v));
             let (x, y) = nearest_offset(disc, u, v);
             let r2 = x * x + y * y;
             if r2 < inner || r2 > outer {

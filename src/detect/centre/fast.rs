@@ -50,7 +50,7 @@ pub fn centre(patch: &Patch<'_>, start: &Disc, contrast_grey: f64) -> Option<Cen
     })
 }
 
-struct Circle {
+struct CircleFit {
     centre: PixelPoint,
     covariance_px2: [[f64; 2]; 2],
     scatter_px: f64,
@@ -58,7 +58,7 @@ struct Circle {
 }
 
 /// The centre of a circle of known radius through `edges`.
-fn circle_of(edges: &[PixelPoint], start: PixelPoint, radius_px: f64) -> Option<Circle> {
+fn circle_of(edges: &[PixelPoint], start: PixelPoint, radius_px: f64) -> Option<CircleFit> {
     const STEPS: usize = 6;
     let mut centre = start;
     let mut scatter_px = f64::INFINITY;
@@ -91,7 +91,7 @@ fn circle_of(edges: &[PixelPoint], start: PixelPoint, radius_px: f64) -> Option<
     let inverse = normal.try_inverse()?;
     let variance = scatter_px * scatter_px;
     let finite = centre.u_px.is_finite() && centre.v_px.is_finite();
-    finite.then_some(Circle {
+    finite.then_some(CircleFit {
         centre,
         covariance_px2: [
             [variance * inverse[(0, 0)], variance * inverse[(0, 1)]],

@@ -4,11 +4,11 @@
 //! Error: within 1.15 times the Cramér-Rao bound; bias of a shaded ball below 0.01 px. Cost: two to five times that of
 //! `standard`, more for balls above R 20 px.
 
-use super::appearance::Lesson;
-use super::known_ball::Effort;
+use super::appearance::AppearanceSettings;
+use super::known_ball::FitSettings;
 
 /// How much work the centre of a frame is worth.
-pub const EFFORT: Effort = Effort {
+pub const FIT: FitSettings = FitSettings {
     inside: 0.25,
     most_lookups: 30_000,
     steps: 15,
@@ -17,9 +17,9 @@ pub const EFFORT: Effort = Effort {
 };
 
 /// How much is learned beforehand.
-pub const LESSON: Lesson = Lesson {
-    examples: 48,
+pub const APPEARANCE: AppearanceSettings = AppearanceSettings {
+    frames: 48,
     most_pixels: 600,
     rounds: 3,
-    effort: EFFORT,
+    fit: FIT,
 };

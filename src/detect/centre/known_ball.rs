@@ -1,7 +1,7 @@
 //! The centre of a ball whose appearance is known: two coordinates, and how much its light differs from usual.
 //!
 //! The pixels of the band follow [`ball`]'s picture with the recording's `Appearance`; free in each frame
-//! are the centre and four departures: the light's strength, a tilt of it along u and v, and the ball's size (it comes
+//! are the centre and four nuisance: the light's strength, a tilt of it along u and v, and the ball's size (it comes
 //! nearer or goes away), each held to what it scatters by over the recording. Where the ball looks alike in all frames the tilt is held, and the centre is as
 //! exact as the pixels allow; where it has seams that turn or passes uneven light, the tilt is free, and the
 //! uncertainty says so.
@@ -9,7 +9,7 @@
 //! Gauss-Newton with Tukey's biweight; sectors of the outline whose residuals stand out as a whole (a shadow, a
 //! reflection, a hand) are left out and the fit repeated.
 
-use super::ball::{self, BandPixel, Pose, RadialTable, Reach, norm};
+use super::ball::{self, BandLimits, BandPixel, RadialTable, SweptBall, norm};
 use super::{Centre, Disc, Patch};
 use crate::detect::background::ROUNDING_STD_GREY;
 use nalgebra::{SMatrix, SVector};
@@ -18,7 +18,7 @@ use std::borrow::Cow;
 /// What all frames of a recording have in common.
 #[derive(Debug, Clone)]
 pub struct Appearance {
-    /// Radius, px.
+    /// RadiusSource, px.
     pub radius_px: f64,
     /// Standard uncertainty of the radius, px.
     pub radius_std_px: Option<f64>,
@@ -34,7 +34,7 @@ pub struct Appearance {
     pub terms: Vec<f64>,
     /// What a frame departs by: relative strength of the light, its tilt along u and along v (grey levels), the radius
     /// (px); standard deviations.
-    pub scatter: [f64; DEPARTURES],
+    pub scatter: [f64; NUISANCES],
     /// Typical residual, grey levels.
     pub residual_grey: f64,
 }
@@ -42,28 +42,28 @@ pub struct Appearance {
 impl Appearance {
     /// The same ball nearer to the camera or farther from it, so that it is `times` as large.
     #[must_use]
-    pub fn magnified(&self, times: f64, effort: &Effort) -> Cow<'_, Self> {
+    pub fn magnified(&self, times: f64, settings: &FitSettings) -> Cow<'_, Self> {
         if times == 1.0 {
             return Cow::Borrowed(self);
         }
         let radius_px = times * self.radius_px;
         Cow::Owned(Self {
             radius_px,
-            table: effort.profiles(radius_px, self.blur_px).of_ball(&self.terms),
+            table: settings.profiles(radius_px, self.blur_px).of_ball(&self.terms),
             ..self.clone()
         })
     }
 }
 
 /// Departures of a frame from what is usual.
-pub const DEPARTURES: usize = 4;
+pub const NUISANCES: usize = 4;
 /// The place of the radius among them.
 pub const SIZE: usize = 3;
-const FREE: usize = 2 + DEPARTURES;
+const FREE: usize = 2 + NUISANCES;
 
 /// How much work a fit may spend.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Effort {
+pub struct FitSettings {
     /// Inwards from the edge, as a part of the radius; at least the blur's own reach.
     pub inside: f64,
     /// Pixels times points of the swept path, at most.
@@ -79,12 +79,12 @@ pub struct Effort {
 /// Blurs from the edge to where nothing of it is left.
 pub const EDGE_BLURS: f64 = 3.5;
 
-impl Effort {
+impl FitSettings {
     /// The band for a ball of this size.
     #[must_use]
-    pub fn reach(&self, radius_px: f64, blur_px: f64, points: usize) -> Reach {
+    pub fn reach(&self, radius_px: f64, blur_px: f64, points: usize) -> BandLimits {
         let edge = EDGE_BLURS * blur_px + 1.0;
-        Reach {
+        BandLimits {
             inside_px: edge.max(self.inside * radius_px),
             outside_px: edge,
             most_pixels: (self.most_lookups / points).max(200),
@@ -101,13 +101,13 @@ impl Effort {
 
 /// A fitted centre.
 #[derive(Debug, Clone, Copy)]
-pub struct Fitted {
+pub struct CentreFit {
     /// The centre; its covariance takes residuals for independent.
     pub centre: Centre,
-    /// The departures found.
-    pub departures: [f64; DEPARTURES],
+    /// The nuisance found.
+    pub nuisance: [f64; NUISANCES],
     /// Their variances by the fit, without what was known beforehand.
-    pub departure_variances: [f64; DEPARTURES],
+    pub nuisance_variances: [f64; NUISANCES],
 }
 
 /// Least part of the outline that fixes a centre.
@@ -126,77 +126,83 @@ const TUKEY: f64 = 4.685;
 /// The centre near `start` (its swept path is taken as given, its radius as the first guess); `gain` is the frame's brightness over the usual one.
 /// `None` where the pixels do not hold it.
 #[must_use]
-pub fn fit(patch: &Patch<'_>, ball: &Appearance, start: &Disc, gain: f64, effort: &Effort) -> Option<Fitted> {
+pub fn fit(
+    patch: &Patch<'_>,
+    ball: &Appearance,
+    start: &Disc,
+    gain: f64,
+    settings: &FitSettings,
+) -> Option<CentreFit> {
     let points = ball::path_points(start.swept_px, ball.blur_px);
-    let reach = effort.reach(ball.radius_px, ball.blur_px, points);
-    let mut state = State {
+    let reach = settings.reach(ball.radius_px, ball.blur_px, points);
+    let mut here = FrameParameters {
         disc: *start,
-        departures: [0.0, 0.0, 0.0, start.radius_px - ball.radius_px],
+        nuisance: [0.0, 0.0, 0.0, start.radius_px - ball.radius_px],
     };
     let mut usable = vec![true; ball::sector_count(ball.radius_px)];
-    let mut pixels = ball::band(patch, &state.disc, ball.blur_px, reach, usable.len());
-    let mut gathered_at = state.disc.centre;
+    let mut pixels = ball::band(patch, &here.disc, ball.blur_px, reach, usable.len());
+    let mut gathered_at = here.disc.centre;
     let floor_grey = patch.noise_grey.max(ROUNDING_STD_GREY);
     for round in 0.. {
         let mut system = None;
         let mut moved = f64::INFINITY;
-        for step in 0..effort.steps {
-            if state.disc.centre.distance_px(gathered_at) > 0.7 {
-                pixels = ball::band(patch, &state.disc, ball.blur_px, reach, usable.len());
-                gathered_at = state.disc.centre;
+        for step in 0..settings.steps {
+            if here.disc.centre.distance_px(gathered_at) > 0.7 {
+                pixels = ball::band(patch, &here.disc, ball.blur_px, reach, usable.len());
+                gathered_at = here.disc.centre;
             }
-            let mut now = System::build(&pixels, &state, ball, gain, points, &usable, floor_grey)?;
+            let mut now = Linearisation::build(&pixels, &here, ball, gain, points, &usable, floor_grey)?;
             // Far from the place, outliers are what leads there.
             now.weigh(round == 0 && step == 0);
             let change = now.solve(ball)?;
             moved = norm(change[0], change[1]);
             let most = 0.5 * ball.radius_px.max(2.0);
             let part = (most / moved).min(1.0);
-            state.disc.centre.u_px += part * change[0];
-            state.disc.centre.v_px += part * change[1];
-            for (d, c) in state.departures.iter_mut().zip(change.iter().skip(2)) {
+            here.disc.centre.u_px += part * change[0];
+            here.disc.centre.v_px += part * change[1];
+            for (d, c) in here.nuisance.iter_mut().zip(change.iter().skip(2)) {
                 *d += part * c;
             }
-            state.disc.radius_px = ball.radius_px + state.departures[SIZE];
-            if !(state.departures[SIZE].abs() < 0.5 * ball.radius_px) {
+            here.disc.radius_px = ball.radius_px + here.nuisance[SIZE];
+            if !(here.nuisance[SIZE].abs() < 0.5 * ball.radius_px) {
                 return None;
             }
-            if !(state.disc.centre.distance_px(start.centre) < 0.7 * ball.radius_px + 1.0) {
+            if !(here.disc.centre.distance_px(start.centre) < 0.7 * ball.radius_px + 1.0) {
                 return None;
             }
             system = Some(now);
-            if moved < effort.converged_px {
+            if moved < settings.converged_px {
                 break;
             }
         }
         // A fit that still wanders is no centre; the last thousandths do not matter.
-        if !(moved < 0.02_f64.max(3.0 * effort.converged_px)) {
+        if !(moved < 0.02_f64.max(3.0 * settings.converged_px)) {
             return None;
         }
         let system = system?;
         let spoilt = system.spoilt(&pixels, usable.len(), ball.residual_grey.max(floor_grey));
         let again = spoilt.iter().zip(&usable).any(|(&s, &u)| s && u);
-        if !again || round >= effort.rounds {
-            return system.fitted(&pixels, &state, ball, &usable);
+        if !again || round >= settings.rounds {
+            return system.fitted(&pixels, &here, ball, &usable);
         }
         let left: Vec<bool> = usable.iter().zip(&spoilt).map(|(&u, &s)| u && !s).collect();
         let share = left.iter().filter(|&&u| u).count() as f64 / left.len() as f64;
         if share < LEAST_OUTLINE {
             // This ball does not look like the others, all around: the centre is as unsure as the residuals say.
-            return system.inflated().fitted(&pixels, &state, ball, &usable);
+            return system.inflated().fitted(&pixels, &here, ball, &usable);
         }
         usable = left;
     }
     None
 }
 
-struct State {
+struct FrameParameters {
     disc: Disc,
-    departures: [f64; DEPARTURES],
+    nuisance: [f64; NUISANCES],
 }
 
 /// Residuals, slopes and weights of one step.
-struct System {
+struct Linearisation {
     rows: Vec<[f64; FREE]>,
     residuals: Vec<f64>,
     weights: Vec<f64>,
@@ -204,13 +210,13 @@ struct System {
     scale: f64,
     normal: SMatrix<f64, FREE, FREE>,
     contrast: (f64, f64, f64),
-    departures: [f64; DEPARTURES],
+    nuisance: [f64; NUISANCES],
 }
 
-impl System {
+impl Linearisation {
     fn build(
         pixels: &[BandPixel],
-        state: &State,
+        here: &FrameParameters,
         ball: &Appearance,
         gain: f64,
         points: usize,
@@ -223,17 +229,17 @@ impl System {
         let mut rows = Vec::with_capacity(pixels.len());
         let mut residuals = Vec::with_capacity(pixels.len());
         let mut contrast = (0.0, 0.0, 0.0);
-        let strength = gain + state.departures[0];
-        let pose = Pose {
+        let strength = gain + here.nuisance[0];
+        let swept = SweptBall {
             radius_px: ball.radius_px,
-            larger_px: state.departures[SIZE],
-            swept_px: state.disc.swept_px,
+            larger_px: here.nuisance[SIZE],
+            swept_px: here.disc.swept_px,
             points,
         };
         for p in pixels {
-            let at = ball::offset(state.disc.centre, p);
-            let l = ball::light(&ball.table, &pose, at);
-            let tilt = state.departures[1] * l.dipole[0] + state.departures[2] * l.dipole[1];
+            let at = ball::offset(here.disc.centre, p);
+            let l = ball::pixel_model(&ball.table, &swept, at);
+            let tilt = here.nuisance[1] * l.dipole[0] + here.nuisance[2] * l.dipole[1];
             let grey = p.background * (1.0 - l.cover) + strength * l.ball + tilt;
             residuals.push(p.grey - grey);
             // The pixel's place in the ball moves against the centre.
@@ -268,7 +274,7 @@ impl System {
             scale,
             normal: SMatrix::zeros(),
             contrast,
-            departures: state.departures,
+            nuisance: here.nuisance,
         })
     }
 
@@ -286,8 +292,8 @@ impl System {
         }
     }
 
-    /// What is known of the departures beforehand, in units of the residuals' variance.
-    fn known(&self, ball: &Appearance) -> [f64; DEPARTURES] {
+    /// What is known of the nuisance beforehand, in units of the residuals' variance.
+    fn known(&self, ball: &Appearance) -> [f64; NUISANCES] {
         ball.scatter.map(|s| (self.scale / s.max(1e-9)).powi(2))
     }
 
@@ -314,7 +320,7 @@ impl System {
         self.normal = normal;
         for (i, k) in self.known(ball).into_iter().enumerate() {
             normal[(2 + i, 2 + i)] += k;
-            right[2 + i] -= k * self.departures[i];
+            right[2 + i] -= k * self.nuisance[i];
         }
         let change = normal.cholesky()?.solve(&right);
         change.iter().all(|x| x.is_finite()).then_some(change)
@@ -356,10 +362,10 @@ impl System {
     fn fitted(
         &self,
         pixels: &[BandPixel],
-        state: &State,
+        here: &FrameParameters,
         ball: &Appearance,
         usable: &[bool],
-    ) -> Option<Fitted> {
+    ) -> Option<CentreFit> {
         let mut normal = self.normal;
         for (i, k) in self.known(ball).into_iter().enumerate() {
             normal[(2 + i, 2 + i)] += k;
@@ -371,7 +377,7 @@ impl System {
             [variance * inverse[(0, 0)], variance * inverse[(0, 1)]],
             [variance * inverse[(1, 0)], variance * inverse[(1, 1)]],
         ];
-        let outline_used = outline_seen(pixels, &state.disc, usable);
+        let outline_used = outline_seen(pixels, &here.disc, usable);
         let (step, magnitude, n) = self.contrast;
         let contrast_grey = if n > 0.0 {
             (magnitude / n) * f64::signum(step)
@@ -381,16 +387,16 @@ impl System {
         let std_px = (0.5 * (covariance_px2[0][0] + covariance_px2[1][1])).sqrt();
         let good = std_px.is_finite() && std_px < 0.25 * ball.radius_px && outline_used >= LEAST_OUTLINE;
         // An edge that does not stand out of its own residuals is no edge.
-        (good && contrast_grey.abs() > self.scale).then(|| Fitted {
+        (good && contrast_grey.abs() > self.scale).then(|| CentreFit {
             centre: Centre {
-                disc: state.disc,
+                disc: here.disc,
                 covariance_px2,
                 outline_used,
                 residual_grey: self.scale,
                 contrast_grey,
             },
-            departures: state.departures,
-            departure_variances: std::array::from_fn(|i| {
+            nuisance: here.nuisance,
+            nuisance_variances: std::array::from_fn(|i| {
                 free.as_ref()
                     .map_or(f64::INFINITY, |c| variance * c[(2 + i, 2 + i)])
             }),

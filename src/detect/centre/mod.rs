@@ -6,12 +6,12 @@
 //! | [`ball`] | what a ball looks like: the model that the likelihood fits share |
 //! | [`appearance`] | what this recording's ball looks like, learned from many frames |
 //! | [`known_ball`] | the likelihood fit of a centre once that is known |
-//! | [`drawn_out`] | the ellipse that perspective and lens make of a ball, as a circle |
+//! | [`affine_patch`] | the ellipse that perspective and lens make of a ball, as a circle |
 //! | [`fast`], [`standard`], [`fine`] | the methods behind `--accuracy`, each with its cost and error |
 
+pub mod affine_patch;
 pub mod appearance;
 pub mod ball;
-pub mod drawn_out;
 pub mod fast;
 pub mod fine;
 pub mod known_ball;
@@ -20,7 +20,7 @@ pub mod standard;
 
 use super::blobs::Crop;
 use crate::geometry::PixelPoint;
-use drawn_out::DrawnOut;
+use affine_patch::AffinePatch;
 
 /// How much time to spend on accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,7 +45,7 @@ pub struct Patch<'a> {
     pub noise_grey: f64,
     /// How perspective and lens draw the ball out here; `None` where it is as round as can be seen. The centre methods then
     /// have their discs and centres in the round picture.
-    pub drawn_out: Option<DrawnOut>,
+    pub affine: Option<AffinePatch>,
 }
 
 /// The outline of a ball that moves by `swept` while the shutter is open: a disc, or a capsule.
@@ -53,7 +53,7 @@ pub struct Patch<'a> {
 pub struct Disc {
     /// Centre at mid-exposure, in the frame's picture.
     pub centre: PixelPoint,
-    /// Radius, px.
+    /// RadiusSource, px.
     pub radius_px: f64,
     /// Displacement during the exposure, px (u, v); its sign does not matter.
     pub swept_px: [f64; 2],

@@ -29,7 +29,7 @@ const SMALLEST_RADIUS_PX: f64 = 1.2;
 
 /// An edge candidate: place in the crop and the ray it lies on.
 #[derive(Debug, Clone, Copy)]
-struct Edge {
+struct EdgePoint {
     u: f64,
     v: f64,
     ray: usize,
@@ -114,9 +114,9 @@ pub fn edges_near(
     gate_px: f64,
 ) -> Vec<PixelPoint> {
     let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
-    let seen = patch.drawn_out.map_or(from, |d| d.frame(from));
+    let seen = patch.affine.map_or(from, |d| d.frame_from_patch(from));
     let start = (seen.u_px - u0, seen.v_px - v0);
-    let within_px = if patch.drawn_out.is_some() {
+    let within_px = if patch.affine.is_some() {
         0.0..f64::INFINITY
     } else {
         radius_px - gate_px..radius_px + gate_px
@@ -124,9 +124,9 @@ pub fn edges_near(
     let mut nearest: [Option<(f64, PixelPoint)>; RAYS] = [None; RAYS];
     for e in edges_along_rays(patch, change, start, within_px) {
         let edge = PixelPoint::new(e.u + u0, e.v + v0);
-        let (edge, r) = match patch.drawn_out {
-            Some(drawn_out) => {
-                let (u, v) = drawn_out.round(edge.u_px, edge.v_px);
+        let (edge, r) = match patch.affine {
+            Some(affine) => {
+                let (u, v) = affine.patch_from_frame(edge.u_px, edge.v_px);
                 let edge = PixelPoint::new(u, v);
                 (edge, edge.distance_px(from))
             }
@@ -147,7 +147,7 @@ fn edges_along_rays(
     change: &[f32],
     from: (f64, f64),
     within_px: std::ops::Range<f64>,
-) -> Vec<Edge> {
+) -> Vec<EdgePoint> {
     const STEP_PX: f64 = 0.5;
     /// Edges are blurred over about this length.
     const REACH: usize = 5;
@@ -193,7 +193,7 @@ fn edges_along_rays(
             if crossing && inner - outer > least && outer < 0.6 * inner {
                 let share = (profile[i - 1] - middle) / (profile[i - 1] - profile[i]);
                 let r = STEP_PX * ((begin + i) as f64 - 1.0 + share);
-                edges.push(Edge {
+                edges.push(EdgePoint {
                     u: from.0 + r * c,
                     v: from.1 + r * s,
                     ray,
@@ -212,7 +212,7 @@ struct Circle {
 }
 
 impl Circle {
-    fn through(a: Edge, b: Edge, c: Edge) -> Option<Self> {
+    fn through(a: EdgePoint, b: EdgePoint, c: EdgePoint) -> Option<Self> {
         let (bx, by, cx, cy) = (b.u - a.u, b.v - a.v, c.u - a.u, c.v - a.v);
         let d = 2.0 * (bx * cy - by * cx);
         if d.abs() < 1e-6 {
@@ -227,7 +227,7 @@ impl Circle {
         })
     }
 
-    fn residual(&self, e: &Edge) -> f64 {
+    fn residual(&self, e: &EdgePoint) -> f64 {
         let (u, v) = (e.u - self.u, e.v - self.v);
         (u * u + v * v).sqrt() - self.r
     }
@@ -238,7 +238,7 @@ impl Circle {
 }
 
 /// The circle that most rays agree with, and the part of the rays that do.
-fn agree(edges: &[Edge], patch: &Patch<'_>, radius_px: Option<f64>) -> Option<(Circle, f64)> {
+fn agree(edges: &[EdgePoint], patch: &Patch<'_>, radius_px: Option<f64>) -> Option<(Circle, f64)> {
     if edges.len() < 5 {
         return None;
     }
@@ -271,7 +271,7 @@ fn agree(edges: &[Edge], patch: &Patch<'_>, radius_px: Option<f64>) -> Option<(C
     Some((fitted, count as f64 / RAYS as f64))
 }
 
-fn rays_on(edges: &[Edge], circle: &Circle) -> usize {
+fn rays_on(edges: &[EdgePoint], circle: &Circle) -> usize {
     let tolerance = circle.tolerance();
     let mut seen = 0_u64;
     for e in edges {
@@ -284,7 +284,7 @@ fn rays_on(edges: &[Edge], circle: &Circle) -> usize {
 
 /// Least squares of the distances to the circle (no algebraic shortcut: those are biased on short arcs), over the
 /// edges that lie on it.
-fn geometric_fit(edges: &[Edge], start: Circle) -> Circle {
+fn geometric_fit(edges: &[EdgePoint], start: Circle) -> Circle {
     let mut circle = start;
     for _ in 0..8 {
         let tolerance = circle.tolerance();

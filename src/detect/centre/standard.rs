@@ -4,11 +4,11 @@
 //! Error: within 1.15 times the Cramér-Rao bound up to R 40 px; bias of a shaded ball below 0.01 px. Cost: 0.1 to 0.3 ms a
 //! frame for a ball of R 15 to 20 px, and some 0.3 s a recording for learning (two cores).
 
-use super::appearance::Lesson;
-use super::known_ball::Effort;
+use super::appearance::AppearanceSettings;
+use super::known_ball::FitSettings;
 
 /// How much work the centre of a frame is worth.
-pub const EFFORT: Effort = Effort {
+pub const FIT: FitSettings = FitSettings {
     inside: 0.25,
     most_lookups: 1600,
     steps: 15,
@@ -17,9 +17,9 @@ pub const EFFORT: Effort = Effort {
 };
 
 /// How much is learned beforehand.
-pub const LESSON: Lesson = Lesson {
-    examples: 40,
+pub const APPEARANCE: AppearanceSettings = AppearanceSettings {
+    frames: 40,
     most_pixels: 300,
     rounds: 3,
-    effort: EFFORT,
+    fit: FIT,
 };

@@ -2,9 +2,9 @@
 //! (Levenberg and Marquardt: radius, blur and the light's fall towards the rim can hardly be told apart in a small ball, and
 //! undamped steps ran away).
 
-use super::{LEAST_EXAMPLES, Lesson, OUTLINE_STD_PX, Shared, Studied};
+use super::{AppearanceSettings, FrameEstimate, LEAST_FRAMES, OUTLINE_STD_PX, SharedParameters};
 use crate::detect::background::{ROUNDING_STD_GREY, median_in_place};
-use crate::detect::centre::ball::{self, BandPixel, Light, Pose, RadialTable, norm};
+use crate::detect::centre::ball::{self, BandPixel, PixelModel, RadialTable, SweptBall, norm};
 use crate::detect::centre::known_ball::SIZE;
 use crate::geometry::PixelPoint;
 use nalgebra::{DMatrix, DVector};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What was fitted.
-pub struct Pool {
+pub struct JointFit {
     /// Covariance of the light's terms, grey levels²; `None` where the equations do not tell.
     light: Option<DMatrix<f64>>,
     /// Shift that all centres share, px.
@@ -54,16 +54,16 @@ const UNKNOWN_SHIFT_STD_PX: f64 = 0.1;
 const TUKEY: f64 = 4.685;
 
 /// A frame and its pixels around the outline.
-pub type Banded<'a> = (&'a Studied<'a>, Vec<BandPixel>);
+pub type FrameBand<'a> = (&'a FrameEstimate<'a>, Vec<BandPixel>);
 
 /// Where a fit stands.
 #[derive(Debug, Clone)]
-struct Stand {
-    shared: Shared,
+struct Iterate {
+    shared: SharedParameters,
     shift: [f64; 2],
 }
 
-impl Stand {
+impl Iterate {
     /// Moved by a step; `None` where that is no ball any more.
     fn moved(&self, change: &DVector<f64>, begin_radius_px: f64) -> Option<Self> {
         let mut to = self.clone();
@@ -86,36 +86,44 @@ impl Stand {
     }
 }
 
-impl Pool {
+impl JointFit {
     /// Fits `shared` (and a common shift) to the frames.
-    pub fn settle(frames: &[Studied<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Self> {
-        let rough = gather(frames, shared, lesson);
-        let mut stand = Stand {
+    pub fn of_frames(
+        frames: &[FrameEstimate<'_>],
+        shared: &mut SharedParameters,
+        settings: &AppearanceSettings,
+    ) -> Option<Self> {
+        let rough = gather_bands(frames, shared, settings);
+        let mut iterate = Iterate {
             shared: shared.clone(),
             shift: [0.0; 2],
         };
-        descend(&rough, &mut stand, lesson, NEAR)?;
+        descend(&rough, &mut iterate, settings, NEAR)?;
         // Pixels are chosen around the frames' own centres; the common shift is small beside the band.
-        let near = gather(frames, &stand.shared, lesson);
-        let equations = descend(&near, &mut stand, lesson, STEPS)?;
-        Some(Self::of(equations, stand, shared))
+        let near = gather_bands(frames, &iterate.shared, settings);
+        let equations = descend(&near, &mut iterate, settings, STEPS)?;
+        Some(Self::of(equations, iterate, shared))
     }
 
     /// The same on these pixels.
-    pub fn settle_on(bands: &[Banded<'_>], shared: &mut Shared, lesson: &Lesson) -> Option<Self> {
-        let mut stand = Stand {
+    pub fn on_pixels(
+        bands: &[FrameBand<'_>],
+        shared: &mut SharedParameters,
+        settings: &AppearanceSettings,
+    ) -> Option<Self> {
+        let mut iterate = Iterate {
             shared: shared.clone(),
             shift: [0.0; 2],
         };
-        let equations = descend(bands, &mut stand, lesson, STEPS)?;
-        Some(Self::of(equations, stand, shared))
+        let equations = descend(bands, &mut iterate, settings, STEPS)?;
+        Some(Self::of(equations, iterate, shared))
     }
 
-    fn of(equations: Equations, stand: Stand, shared: &mut Shared) -> Self {
-        *shared = stand.shared;
+    fn of(equations: NormalEquations, iterate: Iterate, shared: &mut SharedParameters) -> Self {
+        *shared = iterate.shared;
         Self {
             light: equations.light_covariance(),
-            shift: stand.shift,
+            shift: iterate.shift,
             shift_std_px: equations
                 .std(0)
                 .zip(equations.std(1))
@@ -171,35 +179,40 @@ fn cost(residuals: &[f64], scale: f64) -> f64 {
     residuals.iter().map(|&r| cost(r)).sum()
 }
 
-/// Up to `steps` steps downhill from `stand`; the equations there. `None` where that
+/// Up to `steps` steps downhill from `iterate`; the equations there. `None` where that
 /// leads away from any ball.
-fn descend(bands: &[Banded<'_>], stand: &mut Stand, lesson: &Lesson, steps: usize) -> Option<Equations> {
-    if bands.len() < LEAST_EXAMPLES {
+fn descend(
+    bands: &[FrameBand<'_>],
+    iterate: &mut Iterate,
+    settings: &AppearanceSettings,
+    steps: usize,
+) -> Option<NormalEquations> {
+    if bands.len() < LEAST_FRAMES {
         return None;
     }
-    let begin_radius_px = stand.shared.radius_px;
-    if stand.shared.terms.iter().all(|&t| t == 0.0) {
+    let begin_radius_px = iterate.shared.radius_px;
+    if iterate.shared.terms.iter().all(|&t| t == 0.0) {
         // Without a brightness the edge has no sign: the first step finds the light alone.
-        let mut light = Equations::build(bands, stand, lesson, f64::INFINITY);
+        let mut light = NormalEquations::build(bands, iterate, settings, f64::INFINITY);
         light.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
-        *stand = stand.moved(&light.solve(LEAST_DAMPING)?, begin_radius_px)?;
+        *iterate = iterate.moved(&light.solve(LEAST_DAMPING)?, begin_radius_px)?;
     }
     // The first step is led by what the median of the residuals would call outliers.
-    let scale = root_mean_square(&residuals(bands, stand, lesson));
-    let mut now = Equations::build(bands, stand, lesson, scale);
+    let scale = root_mean_square(&residuals(bands, iterate, settings));
+    let mut now = NormalEquations::build(bands, iterate, settings, scale);
     let mut damping = DAMPING;
     for _ in 0..steps {
-        now.hold_what_is_held(&stand.shared);
+        now.hold_fixed_parameters(&iterate.shared);
         let change = now.solve(damping)?;
         let before = cost(&now.residuals, now.weighed_at);
-        let better = stand.moved(&change, begin_radius_px).and_then(|to| {
-            let next = Equations::build(bands, &to, lesson, now.scale);
+        let better = iterate.moved(&change, begin_radius_px).and_then(|to| {
+            let next = NormalEquations::build(bands, &to, settings, now.scale);
             (cost(&next.residuals, now.weighed_at) <= before).then_some((to, next))
         });
         let px = [0, 1, RADIUS, BLUR].map(|i| change[i].abs());
         match better {
             Some((to, next)) => {
-                (*stand, now) = (to, next);
+                (*iterate, now) = (to, next);
                 damping = (0.1 * damping).max(LEAST_DAMPING);
             }
             None => damping = (10.0 * damping).max(DAMPING),
@@ -208,12 +221,16 @@ fn descend(bands: &[Banded<'_>], stand: &mut Stand, lesson: &Lesson, steps: usiz
             break;
         }
     }
-    now.hold_what_is_held(&stand.shared);
+    now.hold_fixed_parameters(&iterate.shared);
     Some(now)
 }
 
 /// The pixels of every good frame's band.
-pub fn gather<'a, 'b>(frames: &'b [Studied<'a>], shared: &Shared, lesson: &Lesson) -> Vec<Banded<'b>>
+pub fn gather_bands<'a, 'b>(
+    frames: &'b [FrameEstimate<'a>],
+    shared: &SharedParameters,
+    settings: &AppearanceSettings,
+) -> Vec<FrameBand<'b>>
 where
     'a: 'b,
 {
@@ -222,10 +239,10 @@ where
         .filter(|f| f.good)
         .map(|f| {
             let disc = f.disc_with(shared);
-            let radius_px = shared.radius_px * f.example.magnification;
-            let mut reach = lesson.effort.reach(radius_px, shared.blur_px, 1);
-            reach.most_pixels = lesson.most_pixels;
-            let pixels = ball::band(&f.example.patch, &disc, shared.blur_px, reach, 1);
+            let radius_px = shared.radius_px * f.input.magnification;
+            let mut reach = settings.fit.reach(radius_px, shared.blur_px, 1);
+            reach.most_pixels = settings.most_pixels;
+            let pixels = ball::band(&f.input.patch, &disc, shared.blur_px, reach, 1);
             (f, pixels)
         })
         .filter(|(_, pixels)| pixels.len() > 20)
@@ -233,7 +250,7 @@ where
 }
 
 /// The ball's picture at one magnification, and what it is with a slightly larger radius or blur.
-struct Tables {
+struct ProfileTables {
     magnification: f64,
     profiles: RadialTable,
     table: RadialTable,
@@ -241,7 +258,7 @@ struct Tables {
     softer: RadialTable,
 }
 
-/// Sizes of a class differ by no more than this part, which [`Pose::larger_px`] bridges.
+/// Sizes of a class differ by no more than this part, which [`SweptBall::larger_px`] bridges.
 const SIZE_CLASS: f64 = 0.02;
 
 /// The class of a magnification; that of 1 is exact.
@@ -250,20 +267,25 @@ fn size_class(magnification: f64) -> i32 {
 }
 
 /// What `make` makes of the magnification of every class of sizes that the frames have, by class.
-fn by_class<T: Send>(bands: &[Banded<'_>], make: impl Fn(f64) -> T + Sync) -> BTreeMap<i32, T> {
+fn by_class<T: Send>(bands: &[FrameBand<'_>], make: impl Fn(f64) -> T + Sync) -> BTreeMap<i32, T> {
     let classes: BTreeSet<i32> = bands
         .iter()
-        .map(|(f, _)| size_class(f.example.magnification))
+        .map(|(e, _)| size_class(e.input.magnification))
         .collect();
     let of_class = |class: i32| (class, make((SIZE_CLASS * f64::from(class)).exp()));
     classes.into_par_iter().map(of_class).collect()
 }
 
-impl Tables {
+impl ProfileTables {
     /// Slopes by radius and blur are the model's own, by differences.
-    fn new(magnification: f64, shared: &Shared, step_px: f64, lesson: &Lesson) -> Self {
+    fn new(
+        magnification: f64,
+        shared: &SharedParameters,
+        step_px: f64,
+        settings: &AppearanceSettings,
+    ) -> Self {
         let profiles =
-            |radius_px: f64, blur_px: f64| lesson.effort.profiles(magnification * radius_px, blur_px);
+            |radius_px: f64, blur_px: f64| settings.fit.profiles(magnification * radius_px, blur_px);
         let usual = || profiles(shared.radius_px, shared.blur_px);
         let wider = || profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms);
         let softer = || profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms);
@@ -279,7 +301,7 @@ impl Tables {
 }
 
 /// The normal equations of one step.
-struct Equations {
+struct NormalEquations {
     normal: DMatrix<f64>,
     right: DVector<f64>,
     residuals: Vec<f64>,
@@ -294,7 +316,7 @@ struct Equations {
 }
 
 /// One frame's share in them.
-struct Part {
+struct FrameEquations {
     /// Row by row.
     normal: Vec<f64>,
     pull: Vec<f64>,
@@ -302,71 +324,71 @@ struct Part {
 }
 
 /// How one frame sees the ball where the fit stands.
-struct View {
+struct FrameModel {
     centre: PixelPoint,
-    pose: Pose,
+    swept: SweptBall,
     strength: f64,
     tilt: [f64; 2],
 }
 
-impl View {
-    fn new(frame: &Studied<'_>, stand: &Stand, tables_magnification: f64) -> Self {
-        let shared = &stand.shared;
+impl FrameModel {
+    fn new(frame: &FrameEstimate<'_>, iterate: &Iterate, tables_magnification: f64) -> Self {
+        let shared = &iterate.shared;
         let mut disc = frame.disc_with(shared);
-        disc.centre.u_px += stand.shift[0];
-        disc.centre.v_px += stand.shift[1];
-        let magnification = frame.example.magnification;
+        disc.centre.u_px += iterate.shift[0];
+        disc.centre.v_px += iterate.shift[1];
+        let magnification = frame.input.magnification;
         Self {
             centre: disc.centre,
-            pose: Pose {
+            swept: SweptBall {
                 radius_px: shared.radius_px * tables_magnification,
-                larger_px: frame.departures[SIZE] + shared.radius_px * (magnification - tables_magnification),
+                larger_px: frame.nuisance[SIZE] + shared.radius_px * (magnification - tables_magnification),
                 swept_px: disc.swept_px,
                 points: ball::path_points(disc.swept_px, shared.blur_px),
             },
-            strength: frame.example.gain + frame.departures[0],
-            tilt: [frame.departures[1], frame.departures[2]],
+            strength: frame.input.gain + frame.nuisance[0],
+            tilt: [frame.nuisance[1], frame.nuisance[2]],
         }
     }
 
     /// What a pixel that holds the ball's light `l` has beyond that, grey levels.
-    fn residual(&self, p: &BandPixel, l: &Light) -> f64 {
+    fn residual(&self, p: &BandPixel, l: &PixelModel) -> f64 {
         let tilt = self.tilt[0] * l.dipole[0] + self.tilt[1] * l.dipole[1];
         p.grey - (p.background * (1.0 - l.cover) + self.strength * l.ball + tilt)
     }
 }
 
 /// The residuals where the fit stands, grey levels.
-fn residuals(bands: &[Banded<'_>], stand: &Stand, lesson: &Lesson) -> Vec<f64> {
-    let shared = &stand.shared;
+fn residuals(bands: &[FrameBand<'_>], iterate: &Iterate, settings: &AppearanceSettings) -> Vec<f64> {
+    let shared = &iterate.shared;
     let tables = by_class(bands, |times| {
-        let profiles = lesson.effort.profiles(times * shared.radius_px, shared.blur_px);
+        let profiles = settings.fit.profiles(times * shared.radius_px, shared.blur_px);
         (times, profiles.of_ball(&shared.terms))
     });
-    let of_band = |(frame, pixels): &Banded<'_>| -> Vec<f64> {
-        let Some((times, table)) = tables.get(&size_class(frame.example.magnification)) else {
+    let of_band = |(frame, pixels): &FrameBand<'_>| -> Vec<f64> {
+        let Some((times, table)) = tables.get(&size_class(frame.input.magnification)) else {
             return Vec::new();
         };
-        let view = View::new(frame, stand, *times);
-        let light = |p| ball::light(table, &view.pose, ball::offset(view.centre, p));
+        let view = FrameModel::new(frame, iterate, *times);
+        let light = |p| ball::pixel_model(table, &view.swept, ball::offset(view.centre, p));
         pixels.iter().map(|p| view.residual(p, &light(p))).collect()
     };
     let each: Vec<Vec<f64>> = bands.par_iter().map(of_band).collect();
     each.concat()
 }
 
-impl Part {
+impl FrameEquations {
     fn build(
-        frame: &Studied<'_>,
+        frame: &FrameEstimate<'_>,
         pixels: &[BandPixel],
-        stand: &Stand,
-        tables: &Tables,
+        iterate: &Iterate,
+        tables: &ProfileTables,
         step_px: f64,
         scale: f64,
     ) -> Self {
-        let shared = &stand.shared;
-        let view = View::new(frame, stand, tables.magnification);
-        let View { pose, strength, .. } = view;
+        let shared = &iterate.shared;
+        let view = FrameModel::new(frame, iterate, tables.magnification);
+        let FrameModel { swept, strength, .. } = view;
         let n = TERMS + shared.terms.len();
         let mut part = Self {
             normal: vec![0.0; n * n],
@@ -377,7 +399,7 @@ impl Part {
         let mut row = vec![0.0; n];
         for p in pixels {
             let at = ball::offset(view.centre, p);
-            let l = ball::light(&tables.table, &pose, at);
+            let l = ball::pixel_model(&tables.table, &swept, at);
             let residual = view.residual(p, &l);
             part.residuals.push(residual);
             let x = residual / cut;
@@ -390,7 +412,7 @@ impl Part {
             let others = ball::shares(
                 [&tables.wider, &tables.softer],
                 &tables.profiles,
-                &pose,
+                &swept,
                 at,
                 &mut row[TERMS..],
             );
@@ -424,18 +446,22 @@ impl Part {
     }
 }
 
-impl Equations {
+impl NormalEquations {
     /// The equations where the fit stands, weighed for residuals of this scale.
-    fn build(bands: &[Banded<'_>], stand: &Stand, lesson: &Lesson, scale: f64) -> Self {
-        let n = TERMS + stand.shared.terms.len();
-        let step_px = 1e-3 * stand.shared.radius_px.min(1.0);
-        let tables = by_class(bands, |times| Tables::new(times, &stand.shared, step_px, lesson));
+    fn build(bands: &[FrameBand<'_>], iterate: &Iterate, settings: &AppearanceSettings, scale: f64) -> Self {
+        let n = TERMS + iterate.shared.terms.len();
+        let step_px = 1e-3 * iterate.shared.radius_px.min(1.0);
+        let tables = by_class(bands, |times| {
+            ProfileTables::new(times, &iterate.shared, step_px, settings)
+        });
         // In the frames' order, whichever core is first: sums are then the same in every run.
-        let parts: Vec<Part> = bands
+        let parts: Vec<FrameEquations> = bands
             .par_iter()
             .filter_map(|(frame, pixels)| {
-                let tables = tables.get(&size_class(frame.example.magnification))?;
-                Some(Part::build(frame, pixels, stand, tables, step_px, scale))
+                let tables = tables.get(&size_class(frame.input.magnification))?;
+                Some(FrameEquations::build(
+                    frame, pixels, iterate, tables, step_px, scale,
+                ))
             })
             .collect();
         let mut normal = DMatrix::zeros(n, n);
@@ -462,7 +488,7 @@ impl Equations {
         }
     }
 
-    fn hold_what_is_held(&mut self, shared: &Shared) {
+    fn hold_fixed_parameters(&mut self, shared: &SharedParameters) {
         if shared.exposure_s == 0.0 {
             self.hold(&[EXPOSURE]);
         }

@@ -33,39 +33,39 @@ const FOLLOWED_STD_PX: f64 = 0.1;
 
 /// What a shift has to be to count: more than so many standard deviations, and than this.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Least {
+pub struct ShiftThreshold {
     sigmas: f64,
     px: f64,
     /// In what frames of a camera that stands still seem to be shifted by.
-    quiets: f64,
+    rest_multiples: f64,
 }
 
-impl Least {
+impl ShiftThreshold {
     /// Of a camera that stood still so far: what is smaller is within a centre's own uncertainty, and a codec moves edges by
     /// as much.
-    pub const OF_A_BUMP: Self = Self {
+    pub const ONSET: Self = Self {
         sigmas: 4.5,
         px: 0.1,
-        quiets: 5.0,
+        rest_multiples: 5.0,
     };
 
     /// Of one that swings, while that dies away.
-    pub const OF_THE_REST: Self = Self {
+    pub const DECAY: Self = Self {
         sigmas: 0.5,
         px: 0.0,
-        quiets: 0.5,
+        rest_multiples: 0.5,
     };
 }
 
 /// Errors of a codec hang together from pixel to pixel: the noise is this many times worse than it looks.
-const LASTING: f64 = 2.0;
+const NOISE_CORRELATION: f64 = 2.0;
 
 /// Steps between the pixels.
 const STEPS: usize = 8;
 
 /// A pixel of the empty scene with its gradient.
 #[derive(Debug, Clone, Copy)]
-struct Edge {
+struct EdgePixel {
     u: i32,
     v: i32,
     grey: f64,
@@ -74,19 +74,19 @@ struct Edge {
 
 /// Compares frames with the edges of the empty scene.
 #[derive(Debug, Clone)]
-pub struct Edges {
-    pixels: Vec<Edge>,
+pub struct SceneEdges {
+    pixels: Vec<EdgePixel>,
     noise_grey: f64,
     /// What frames of a camera that stands still seem to be shifted by: a codec draws the scene's edges anew in each.
-    quiet_px: f64,
+    rest_shift_px: f64,
     width: i32,
     height: i32,
 }
 
 /// A region of the picture: columns and rows.
-pub type Region = (std::ops::Range<usize>, std::ops::Range<usize>);
+pub type PixelRegion = (std::ops::Range<usize>, std::ops::Range<usize>);
 
-impl Edges {
+impl SceneEdges {
     /// The edges of the scene `grey`, row by row, whose frames have noise of `noise_grey`.
     #[must_use]
     pub fn new(grey: &[f32], width: usize, noise_grey: f64) -> Self {
@@ -102,7 +102,7 @@ impl Edges {
                     0.5 * (at(u, v + 1) - at(u, v - 1)),
                 );
                 if gradient.norm_squared() > least * least {
-                    pixels.push(Edge {
+                    pixels.push(EdgePixel {
                         u: u as i32,
                         v: v as i32,
                         grey: at(u, v),
@@ -112,8 +112,8 @@ impl Edges {
             }
         }
         // Evenly over the scene, but for edges of which there are few: those along the rarer direction all stay.
-        let upright = |e: &Edge| e.gradient.x.abs() > e.gradient.y.abs();
-        let (mut a, mut b): (Vec<Edge>, Vec<Edge>) = pixels.into_iter().partition(upright);
+        let upright = |e: &EdgePixel| e.gradient.x.abs() > e.gradient.y.abs();
+        let (mut a, mut b): (Vec<EdgePixel>, Vec<EdgePixel>) = pixels.into_iter().partition(upright);
         for part in [&mut a, &mut b] {
             let step = part.len().div_ceil(MOST_PIXELS / 2).max(1);
             *part = part.iter().copied().step_by(step).collect();
@@ -122,7 +122,7 @@ impl Edges {
         Self {
             pixels: a,
             noise_grey,
-            quiet_px: 0.0,
+            rest_shift_px: 0.0,
             width: width as i32,
             height: height as i32,
         }
@@ -131,10 +131,10 @@ impl Edges {
     /// The same with what most of `frames`, whose light is `lights`, seem to be shifted by where nothing swings.
     #[must_use]
     pub fn judged_by(mut self, frames: &[&Luma], lights: &[Registration]) -> Self {
-        let any = Least {
+        let any = ShiftThreshold {
             sigmas: 0.0,
             px: 0.0,
-            quiets: 0.0,
+            rest_multiples: 0.0,
         };
         let mut shifts: Vec<f64> = frames
             .par_iter()
@@ -144,7 +144,7 @@ impl Edges {
                 shift.map_or(0.0, |[u, v]| u.hypot(v))
             })
             .collect();
-        self.quiet_px = crate::quantity::median(&mut shifts).unwrap_or(0.0);
+        self.rest_shift_px = crate::quantity::median(&mut shifts).unwrap_or(0.0);
         self
     }
 
@@ -155,28 +155,28 @@ impl Edges {
         &self,
         frame: &Luma,
         light: &Registration,
-        balls: &[Region],
-        least: Least,
+        balls: &[PixelRegion],
+        least: ShiftThreshold,
     ) -> Option<[f64; 2]> {
-        let there = |e: &&Edge| {
+        let there = |e: &&EdgePixel| {
             let inside = |r: &std::ops::Range<usize>, x: i32| r.contains(&(x.max(0) as usize));
             !balls.iter().any(|(us, vs)| inside(us, e.u) && inside(vs, e.v))
         };
-        let pixels: Vec<Edge> = self.pixels.iter().filter(there).copied().collect();
+        let pixels: Vec<EdgePixel> = self.pixels.iter().filter(there).copied().collect();
         if pixels.len() < LEAST_PIXELS {
             return None;
         }
-        let wanted = |e: &Edge| light.gain * e.grey + light.offset_grey;
+        let wanted = |e: &EdgePixel| light.gain * e.grey + light.offset_grey;
         let whole = |s: (i32, i32)| {
-            move |e: &Edge| f64::from(pixel(frame, self.width, e.u + s.0, e.v + s.1)) - wanted(e)
+            move |e: &EdgePixel| f64::from(pixel(frame, self.width, e.u + s.0, e.v + s.1)) - wanted(e)
         };
         // As it stands, one step tells whether there is anything to look for.
         let (still, _, _) = self.step(&pixels, light.gain, whole((0, 0)))?;
         // What the edges tell of a frame in its place; one that is not has residuals beyond its noise.
         let all: Matrix2<f64> = pixels.iter().map(|e| e.gradient * e.gradient.transpose()).sum();
-        let followed = Followed::new(&(light.gain.powi(2) * all), self.noise_grey);
-        let least = Least {
-            px: least.px.max(least.quiets * self.quiet_px),
+        let followed = ObservableAxes::new(&(light.gain.powi(2) * all), self.noise_grey);
+        let least = ShiftThreshold {
+            px: least.px.max(least.rest_multiples * self.rest_shift_px),
             ..least
         };
         if !followed.stands_out(&still, least) {
@@ -186,7 +186,7 @@ impl Edges {
         let mut shift = Vector2::new(f64::from(start.0), f64::from(start.1));
         let mut last = None;
         for _ in 0..STEPS {
-            let between = |e: &Edge| {
+            let between = |e: &EdgePixel| {
                 cubic(
                     frame,
                     self.width,
@@ -205,7 +205,7 @@ impl Edges {
         let shift = followed.along(&shift);
         let sane = shift.amax() < f64::from(REACH_PX) && self.height > 0;
         let sure = last.is_some_and(|(information, spread)| {
-            Followed::new(&information, spread).stands_out(&shift, least)
+            ObservableAxes::new(&information, spread).stands_out(&shift, least)
         });
         (sane && sure).then_some([shift.x, shift.y])
     }
@@ -213,9 +213,9 @@ impl Edges {
     /// A step of Gauss-Newton by `residual`s in grey levels, Σ w g gᵀ, and the residuals' standard deviation.
     fn step(
         &self,
-        pixels: &[Edge],
+        pixels: &[EdgePixel],
         gain: f64,
-        residual: impl Fn(&Edge) -> f64,
+        residual: impl Fn(&EdgePixel) -> f64,
     ) -> Option<(Vector2<f64>, Matrix2<f64>, f64)> {
         let residuals: Vec<f64> = pixels.iter().map(&residual).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
@@ -235,9 +235,9 @@ impl Edges {
     }
 
     /// The whole pixels by which the frame is shifted, by the least sum of bounded squares.
-    fn best_whole<F: Fn(&Edge) -> f64>(
+    fn best_whole<F: Fn(&EdgePixel) -> f64>(
         &self,
-        pixels: &[Edge],
+        pixels: &[EdgePixel],
         whole: impl Fn((i32, i32)) -> F,
     ) -> (i32, i32) {
         let most = (6.0 * self.noise_grey).max(10.0).powi(2);
@@ -255,15 +255,15 @@ impl Edges {
 }
 
 /// The directions along which edges tell a shift.
-struct Followed {
+struct ObservableAxes {
     axes: [(Vector2<f64>, f64); 2],
 }
 
-impl Followed {
+impl ObservableAxes {
     fn new(information: &Matrix2<f64>, spread: f64) -> Self {
         let eigen = SymmetricEigen::new(*information);
         let axis = |i: usize| {
-            let std = LASTING * spread / eigen.eigenvalues[i].max(f64::MIN_POSITIVE).sqrt();
+            let std = NOISE_CORRELATION * spread / eigen.eigenvalues[i].max(f64::MIN_POSITIVE).sqrt();
             (eigen.eigenvectors.column(i).into_owned(), std)
         };
         Self {
@@ -282,7 +282,7 @@ impl Followed {
         part(&self.axes[0]) + part(&self.axes[1])
     }
 
-    fn stands_out(&self, v: &Vector2<f64>, least: Least) -> bool {
+    fn stands_out(&self, v: &Vector2<f64>, least: ShiftThreshold) -> bool {
         self.axes.iter().any(|(axis, std)| {
             *std < FOLLOWED_STD_PX && axis.dot(v).abs() > (least.sigmas * std).max(least.px)
         })
@@ -349,13 +349,13 @@ mod tests {
         })
     }
 
-    fn edges(bench: bool) -> Edges {
+    fn edges(bench: bool) -> SceneEdges {
         let grey: Vec<f32> = scene([0.0; 2], bench, 0.0, 1)
             .data
             .iter()
             .map(|&p| f32::from(p))
             .collect();
-        Edges::new(&grey, SIZE.0, 2.0)
+        SceneEdges::new(&grey, SIZE.0, 2.0)
     }
 
     #[test]
@@ -367,7 +367,7 @@ mod tests {
         {
             let frame = scene(s, true, 2.0, 7 + i as u64);
             let found = edges
-                .swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP)
+                .swing(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET)
                 .unwrap();
             assert!((found[0] - s[0]).abs() < 0.08, "{found:?} for {s:?}");
             assert!((found[1] - s[1]).abs() < 0.03, "{found:?} for {s:?}");
@@ -380,7 +380,7 @@ mod tests {
         for seed in 0..40 {
             let frame = scene([0.0; 2], true, 2.0, 100 + seed);
             assert_eq!(
-                edges.swing(&frame, &Registration::IDENTITY, &[], Least::OF_A_BUMP),
+                edges.swing(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
                 None,
                 "{seed}"
             );
@@ -395,7 +395,7 @@ mod tests {
                 &scene([2.0, 1.2], false, 2.0, 3),
                 &Registration::IDENTITY,
                 &[],
-                Least::OF_A_BUMP,
+                ShiftThreshold::ONSET,
             )
             .unwrap();
         assert!(
@@ -404,7 +404,7 @@ mod tests {
         );
         let aside = scene([2.0, 0.0], false, 2.0, 4);
         assert_eq!(
-            edges.swing(&aside, &Registration::IDENTITY, &[], Least::OF_A_BUMP),
+            edges.swing(&aside, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
             None
         );
     }
@@ -416,9 +416,9 @@ mod tests {
         for v in 120..150 {
             frame.data[v * SIZE.0 + 45..v * SIZE.0 + 75].fill(200);
         }
-        let ball: Region = (43..77, 118..152);
+        let ball: PixelRegion = (43..77, 118..152);
         assert_eq!(
-            edges.swing(&frame, &Registration::IDENTITY, &[ball], Least::OF_A_BUMP),
+            edges.swing(&frame, &Registration::IDENTITY, &[ball], ShiftThreshold::ONSET),
             None
         );
     }

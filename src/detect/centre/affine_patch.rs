@@ -11,13 +11,13 @@ use nalgebra::{Matrix2, Vector2};
 
 /// How round things are drawn out around a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DrawnOut {
+pub struct AffinePatch {
     fixed: Vector2<f64>,
     stretch: Matrix2<f64>,
     back: Matrix2<f64>,
 }
 
-impl DrawnOut {
+impl AffinePatch {
     /// By `stretch` about `fixed`; `None` where that cannot be undone.
     #[must_use]
     pub fn new(fixed: PixelPoint, stretch: Matrix2<f64>) -> Option<Self> {
@@ -30,28 +30,28 @@ impl DrawnOut {
 
     /// How many times farther than in the round picture a thing may reach.
     #[must_use]
-    pub fn most(&self) -> f64 {
+    pub fn largest_stretch(&self) -> f64 {
         self.stretch.norm()
     }
 
     /// Where a point of the frame is in the round picture.
     #[must_use]
-    pub fn round(&self, u: f64, v: f64) -> (f64, f64) {
+    pub fn patch_from_frame(&self, u: f64, v: f64) -> (f64, f64) {
         let w = self.fixed + self.back * (Vector2::new(u, v) - self.fixed);
         (w.x, w.y)
     }
 
     /// Where a point of the round picture is in the frame.
     #[must_use]
-    pub fn frame(&self, w: PixelPoint) -> PixelPoint {
+    pub fn frame_from_patch(&self, w: PixelPoint) -> PixelPoint {
         let p = self.fixed + self.stretch * (Vector2::new(w.u_px, w.v_px) - self.fixed);
         PixelPoint::new(p.x, p.y)
     }
 
     /// The circle that `disc`, drawn out, is in the round picture.
     #[must_use]
-    pub fn round_disc(&self, disc: &Disc) -> Disc {
-        let (u, v) = self.round(disc.centre.u_px, disc.centre.v_px);
+    pub fn disc_in_patch(&self, disc: &Disc) -> Disc {
+        let (u, v) = self.patch_from_frame(disc.centre.u_px, disc.centre.v_px);
         let swept = self.back * Vector2::from(disc.swept_px);
         Disc {
             centre: PixelPoint::new(u, v),
@@ -62,13 +62,13 @@ impl DrawnOut {
 
     /// A centre of the round picture in the frame; its radius stays that of the circle.
     #[must_use]
-    pub fn frame_centre(&self, found: &Centre) -> Centre {
+    pub fn centre_in_frame(&self, found: &Centre) -> Centre {
         let swept = self.stretch * Vector2::from(found.disc.swept_px);
         let [[uu, uv], [vu, vv]] = found.covariance_px2;
         let covariance = self.stretch * Matrix2::new(uu, uv, vu, vv) * self.stretch.transpose();
         Centre {
             disc: Disc {
-                centre: self.frame(found.disc.centre),
+                centre: self.frame_from_patch(found.disc.centre),
                 swept_px: [swept.x, swept.y],
                 ..found.disc
             },
@@ -85,7 +85,7 @@ impl DrawnOut {
 mod tests {
     use super::*;
     use crate::detect::blobs::Crop;
-    use crate::detect::centre::appearance::{Example, Radius, learn};
+    use crate::detect::centre::appearance::{AppearanceFrame, RadiusSource, estimate};
     use crate::detect::centre::{Patch, known_ball, standard};
     use crate::frames::Luma;
 
@@ -140,10 +140,10 @@ mod tests {
             crop: &crops[i],
             background: vec![60.0; crops[i].luma.data.len()],
             noise_grey: 0.5,
-            drawn_out: DrawnOut::new(disc.centre, stretch),
+            affine: AffinePatch::new(disc.centre, stretch),
         };
-        let examples: Vec<Example<'_>> = (0..balls.len())
-            .map(|i| Example {
+        let examples: Vec<AppearanceFrame<'_>> = (0..balls.len())
+            .map(|i| AppearanceFrame {
                 patch: patch(i, &start(i, -0.5)),
                 disc: start(i, -0.5),
                 velocity_px_s: [0.0; 2],
@@ -151,15 +151,15 @@ mod tests {
                 magnification: balls[i].1,
             })
             .collect();
-        let ball = learn(&examples, 0.01, &standard::LESSON, Radius::Fitted).unwrap();
+        let ball = estimate(&examples, 0.01, &standard::APPEARANCE, RadiusSource::Fitted).unwrap();
         assert!((ball.radius_px - radius_px).abs() < 0.05, "{}", ball.radius_px);
         let mut squares = 0.0;
         for (i, &(at, m)) in balls.iter().enumerate() {
-            let sized = ball.magnified(m, &standard::EFFORT);
+            let sized = ball.magnified(m, &standard::FIT);
             let start = start(i, 0.0);
             let patch = patch(i, &start);
-            let found = known_ball::fit(&patch, &sized, &start, 1.0, &standard::EFFORT).unwrap();
-            let centre = patch.drawn_out.unwrap().frame_centre(&found.centre);
+            let found = known_ball::fit(&patch, &sized, &start, 1.0, &standard::FIT).unwrap();
+            let centre = patch.affine.unwrap().centre_in_frame(&found.centre);
             let off = centre
                 .disc
                 .centre
@@ -174,11 +174,11 @@ mod tests {
     #[test]
     fn the_round_picture_and_back_is_the_same_place() {
         let stretch = Matrix2::new(1.1, 0.05, 0.05, 1.02);
-        let d = DrawnOut::new(PixelPoint::new(300.0, 200.0), stretch).unwrap();
-        let (u, v) = d.round(317.0, 180.5);
-        let p = d.frame(PixelPoint::new(u, v));
+        let d = AffinePatch::new(PixelPoint::new(300.0, 200.0), stretch).unwrap();
+        let (u, v) = d.patch_from_frame(317.0, 180.5);
+        let p = d.frame_from_patch(PixelPoint::new(u, v));
         assert!((p.u_px - 317.0).hypot(p.v_px - 180.5) < 1e-12);
-        assert_eq!(d.round(300.0, 200.0), (300.0, 200.0));
-        assert!(DrawnOut::new(p, Matrix2::zeros()).is_none());
+        assert_eq!(d.patch_from_frame(300.0, 200.0), (300.0, 200.0));
+        assert!(AffinePatch::new(p, Matrix2::zeros()).is_none());
     }
 }
