@@ -16,7 +16,7 @@ use track::detect::centre::Accuracy;
 use track::frames::{self, FrameSource, Luma};
 use track::pipeline::measure;
 use track::simulate::truth::Truth;
-use track::simulate::{Recording, Scene, write};
+use track::simulate::{Scene, SimulatedRecording, write};
 
 /// How long the recording goes on after the fifth bounce, s: a clip of 2 s and one of 9 s, since part of the work (the empty
 /// scene, the ball's appearance) is done once.
@@ -60,7 +60,7 @@ fn main() -> Result<()> {
 fn compare(tail_s: f64, rounds: usize) -> Result<()> {
     let dir = tempfile::tempdir()?;
     let scene = Scene::from_json(&SCENE.replace("TAIL", &tail_s.to_string()))?;
-    let recording = Recording::new(&scene)?;
+    let recording = SimulatedRecording::new(&scene)?;
     let truth = recording.truth();
     let written = write(&recording, "speed", dir.path(), |_| {})?;
     let calibration = Calibration::read(&written.calib)?;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::pipeline::{PointUse, measure};
-use track::simulate::{Recording, Scene, write};
+use track::simulate::{Scene, SimulatedRecording, write};
 
 /// Grey levels of the simulator's flat ball over its background.
 const CONTRAST_GREY: f64 = 140.0;
@@ -169,7 +169,7 @@ fn recording(
         look.codec,
         look.look
     );
-    let recording = Recording::new(&Scene::from_json(&json)?)?;
+    let recording = SimulatedRecording::new(&Scene::from_json(&json)?)?;
     let written = write(&recording, "clip", dir, |_| {})?;
     let calibration = Calibration::read(&written.calib)?;
     Ok((calibration, written.video, recording.truth()))

@@ -4,7 +4,7 @@
 use anyhow::Result;
 use std::time::Instant;
 use track::simulate::scene::{EffectsChoice, Switch};
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 /// Name, ball, contact.
 const BALLS: [(&str, &str, &str); 5] = [
@@ -53,7 +53,7 @@ fn main() -> Result<()> {
                 ..Scene::from_json(&text)?
             };
             let start = Instant::now();
-            let recording = Recording::new(&scene)?;
+            let recording = SimulatedRecording::new(&scene)?;
             let flight_ms = start.elapsed().as_secs_f64() * 1e3;
             let start = Instant::now();
             let frames = recording.frames().count();

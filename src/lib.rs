@@ -20,7 +20,7 @@
 //! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `impact` or `rebound::fit` | |
 //! | [`cost`] | accuracy against time: scenes with known truth, measured at many settings | [`cost::Report`] |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
-//! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::Finished`] |
+//! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::BatchSummary`] |
 //! | [`schemas`] | JSON Schemas of all files that are read or written, from their types | `docs/schemas/` |
 //! | [`cli`] | a file a command; the only place that prints or draws progress | |
 //!

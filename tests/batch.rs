@@ -20,7 +20,7 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime};
 use tempfile::{TempDir, tempdir};
 use track::frames::{Coding, Luma, VideoOptions, VideoWriter};
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 const BINARY: &str = env!("CARGO_BIN_EXE_track");
 
@@ -47,7 +47,7 @@ fn clips() -> &'static Path {
         let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("batch-clips");
         let _ = fs::remove_dir_all(&dir);
         for (i, name) in CLIPS.iter().enumerate() {
-            let recording = Recording::new(&Scene::from_json(&scene(i + 1)).unwrap()).unwrap();
+            let recording = SimulatedRecording::new(&Scene::from_json(&scene(i + 1)).unwrap()).unwrap();
             track::simulate::write(&recording, name, &dir, |_| ()).unwrap();
         }
         dir

@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Duration;
 use track::rebound::mu_e::Parameters;
 use track::rebound::{SOLID_SPHERE, mu_e};
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 /// A ball and how it is launched.
 struct Group {
@@ -104,7 +104,8 @@ fn render(groups: &[Group], dir: &Path) {
         .flat_map(|g| (0..g.angles_deg.len()).map(move |i| (g, i)))
         .collect();
     launches.par_iter().for_each(|&(group, i)| {
-        let recording = Recording::new(&Scene::from_json(&scene(group, i).to_string()).unwrap()).unwrap();
+        let recording =
+            SimulatedRecording::new(&Scene::from_json(&scene(group, i).to_string()).unwrap()).unwrap();
         track::simulate::write(&recording, &format!("{}-{}", group.name, i + 1), dir, |_| ()).unwrap();
     });
     let mut manifest = String::from("video,group\n");

@@ -26,7 +26,7 @@ use track::frames::{Coding, Luma, VideoWriter};
 use track::geometry::{PixelPoint, PlanePoint};
 use track::pipeline::{Outcome, PointUse, measure};
 use track::quantity::Quantity;
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 const BOARD: Board = Board {
     columns: 9,
@@ -255,7 +255,7 @@ fn errors(r: &Rendered, calibration: &Calibration) -> [f64; 4] {
 
 /// Where the oblique picture shows the world's origin, as a user may read it off: to half a pixel.
 fn origin_read_off() -> String {
-    let recording = Recording::new(&Scene::from_json(&scene(0, true).to_string()).unwrap()).unwrap();
+    let recording = SimulatedRecording::new(&Scene::from_json(&scene(0, true).to_string()).unwrap()).unwrap();
     let truth = Calibration::parse(&track::simulate::calibration(&recording).to_string(), "truth").unwrap();
     let map = truth.rectification().unwrap();
     let p = map.pixel_from_plane(PlanePoint::new(0.0, 0.0)).unwrap();
@@ -409,7 +409,7 @@ fn a_drawn_out_ball_has_its_centre_where_a_round_one_has_it_at_every_accuracy() 
 #[test]
 fn the_plane_is_where_the_board_stood_within_the_stated_deviations() {
     let (calibration, _) = oblique_calibration();
-    let recording = Recording::new(&Scene::from_json(&scene(0, true).to_string()).unwrap()).unwrap();
+    let recording = SimulatedRecording::new(&Scene::from_json(&scene(0, true).to_string()).unwrap()).unwrap();
     let exact = Calibration::parse(&track::simulate::calibration(&recording).to_string(), "truth").unwrap();
     let maps = |c: &Calibration| c.rectification().unwrap();
     let (found, truth) = (maps(calibration), maps(&exact));

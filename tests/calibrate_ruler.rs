@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::tempdir;
 use track::calibration::{Calibration, Scale};
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 /// 2.5 mm a pixel, the launch edge at column 20, the floor at row 220.
 const SCENE: &str = r#"{"schema": "track.scene/1", "seed": 7,
@@ -34,7 +34,7 @@ fn clip() -> &'static PathBuf {
     static CLIP: OnceLock<PathBuf> = OnceLock::new();
     CLIP.get_or_init(|| {
         let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("calibrate_ruler");
-        let recording = Recording::new(&Scene::from_json(SCENE).unwrap()).unwrap();
+        let recording = SimulatedRecording::new(&Scene::from_json(SCENE).unwrap()).unwrap();
         track::simulate::write(&recording, "ball", &dir, |_| ())
             .unwrap()
             .video

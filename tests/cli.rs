@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::{TempDir, tempdir};
 use track::frames::{Coding, Luma, Timing, VideoOptions, VideoWriter, open};
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 const BINARY: &str = env!("CARGO_BIN_EXE_track");
 
@@ -51,7 +51,7 @@ fn clip() -> &'static (PathBuf, PathBuf) {
     static CLIP: OnceLock<(PathBuf, PathBuf)> = OnceLock::new();
     CLIP.get_or_init(|| {
         let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli");
-        let recording = Recording::new(&Scene::from_json(SCENE).unwrap()).unwrap();
+        let recording = SimulatedRecording::new(&Scene::from_json(SCENE).unwrap()).unwrap();
         let written = track::simulate::write(&recording, "ball", &dir, |_| ()).unwrap();
         (written.video, written.calib)
     })

@@ -20,7 +20,7 @@ use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::pipeline::{Outcome, measure};
 use track::quantity::Quantity;
-use track::simulate::{Recording, Scene, calibration, write};
+use track::simulate::{Scene, SimulatedRecording, calibration, write};
 
 /// Recordings where none are asked for.
 const RECORDINGS: usize = 48;
@@ -207,7 +207,7 @@ fn described(seed: u64) -> String {
 }
 
 /// The calibration as an experimenter would have it: the simulator knows how the camera is rolled, he does not.
-fn known(recording: &Recording, up_given: bool) -> Calibration {
+fn known(recording: &SimulatedRecording, up_given: bool) -> Calibration {
     let mut file = calibration(recording);
     let keys = file.as_object_mut().unwrap();
     keys.remove("up_px");
@@ -233,7 +233,7 @@ struct Tried {
 fn try_one(seed: u64) -> Result<Tried, String> {
     let dir = tempfile::tempdir().unwrap();
     let Drawn { scene, up_given } = drawn(seed);
-    let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
+    let recording = SimulatedRecording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
     let written = write(&recording, "clip", dir.path(), |_| {}).unwrap();
     let calibration = known(&recording, up_given);
     let m = measure(

@@ -11,7 +11,7 @@ use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::Luma;
 use track::pipeline::measure;
-use track::simulate::{Recording, Scene, write};
+use track::simulate::{Scene, SimulatedRecording, write};
 
 /// That no number is wrong without a word that names the cause: `codes` are words that do.
 fn assert_honest(found: &Judged, codes: &[&str], what: &str) {
@@ -224,7 +224,7 @@ fn a_fixed_camera_before_a_faint_texture_has_not_moved() {
     for (seed, texture_grey) in [(761, 1), (762, 3), (763, 3), (764, 5)] {
         let coded = with(scene(seed), "camera", json!({"codec": "h264", "noise_grey": 2}));
         let coded = with(coded, "look", json!({"texture_grey": texture_grey}));
-        let recording = Recording::new(&Scene::from_json(&coded.to_string()).unwrap()).unwrap();
+        let recording = SimulatedRecording::new(&Scene::from_json(&coded.to_string()).unwrap()).unwrap();
         let written = write(&recording, &format!("faint{seed}"), dir.path(), |_| {}).unwrap();
         let calibration = Calibration::read(&written.calib).unwrap();
         let m = measure(&written.video, &calibration, "truth", Accuracy::Fast, &mut |_| {}).unwrap();

@@ -168,7 +168,8 @@ fn slow_and_fast_cameras_are_alike() {
 #[test]
 fn a_container_that_rounds_times_away_is_not_written() {
     let fast = at_rate(scene(1), 2000.0);
-    let recording = track::simulate::Recording::new(&Scene::from_json(&fast.to_string()).unwrap()).unwrap();
+    let recording =
+        track::simulate::SimulatedRecording::new(&Scene::from_json(&fast.to_string()).unwrap()).unwrap();
     let dir = tempfile::tempdir().unwrap();
     let refused = track::simulate::write(&recording, "clip", dir.path(), |_| {}).unwrap_err();
     assert!(refused.to_string().contains("write H.264"), "{refused}");

@@ -5,7 +5,7 @@
 use assert_cmd::Command;
 use serde_json::Value;
 use track::rebound::{SOLID_SPHERE, e_e, launch, mu_e};
-use track::simulate::{Recording, Scene, write};
+use track::simulate::{Scene, SimulatedRecording, write};
 
 const STEEL: mu_e::Parameters = mu_e::Parameters {
     restitution: 0.78,
@@ -26,7 +26,7 @@ fn measured(contact: &str, height_m: f64, spin_ratio: f64) -> Value {
             "effects": {{"drag": "off", "magnus": "off", "buoyancy": "off", "contact_time": "off"}}}}"#
     );
     let folder = tempfile::tempdir().unwrap();
-    let recording = Recording::new(&Scene::from_json(&text).unwrap()).unwrap();
+    let recording = SimulatedRecording::new(&Scene::from_json(&text).unwrap()).unwrap();
     let written = write(&recording, "launch", folder.path(), |_| {}).unwrap();
     let output = Command::cargo_bin("track")
         .unwrap()

@@ -7,7 +7,7 @@ use std::path::Path;
 use track::rebound::{SOLID_SPHERE, launch, mu_e};
 use track::simulate::effects::{Decision, drag_coefficient};
 use track::simulate::scene::{Codec, Contact, EffectsChoice, Switch, View};
-use track::simulate::{Recording, Scene, SceneError, write};
+use track::simulate::{Scene, SceneError, SimulatedRecording, write};
 
 const STEEL: &str = r#"{"model": "mu_e", "restitution": 0.78, "friction": 0.07}"#;
 
@@ -80,7 +80,7 @@ fn any_scene() -> impl Strategy<Value = String> {
 }
 
 /// The largest distance of centres between two recordings of a scene, px, over frames in which both show the ball.
-fn apart_px(one: &Recording, two: &Recording) -> f64 {
+fn apart_px(one: &SimulatedRecording, two: &SimulatedRecording) -> f64 {
     one.truth()
         .centres
         .iter()
@@ -107,7 +107,7 @@ fn centres_with_auto_are_within_tolerance_of_centres_with_all() {
         .run(&any_scene(), |text| {
             let scene = Scene::from_json(&text).unwrap();
             // A picture of 0.2 mm/px is 26 cm wide: some balls never enter it, and say so.
-            let auto = match Recording::new(&with_effects(&scene, Switch::Auto)) {
+            let auto = match SimulatedRecording::new(&with_effects(&scene, Switch::Auto)) {
                 Ok(auto) => auto,
                 Err(error) => {
                     // Or, thrown aside by its spin, it flies into the camera.
@@ -117,7 +117,7 @@ fn centres_with_auto_are_within_tolerance_of_centres_with_all() {
                     return Err(TestCaseError::reject("never seen"));
                 }
             };
-            let all = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
+            let all = SimulatedRecording::new(&with_effects(&scene, Switch::On)).unwrap();
             let apart = apart_px(&auto, &all);
             prop_assert!(
                 apart <= scene.tolerance_px,
@@ -235,7 +235,7 @@ fn an_effect_can_be_switched_by_name() {
 fn complaint(text: &str) -> String {
     let error = match Scene::from_json(text) {
         Err(error) => error,
-        Ok(scene) => match Recording::new(&scene) {
+        Ok(scene) => match SimulatedRecording::new(&scene) {
             Err(error) => error,
             Ok(_) => panic!("accepted: {text}"),
         },
@@ -438,7 +438,7 @@ proptest! {
 
 // ---------------------------------------------------------------------------------------------- decision
 
-fn decision(recording: &Recording, name: &str) -> Decision {
+fn decision(recording: &SimulatedRecording, name: &str) -> Decision {
     recording
         .decisions()
         .iter()
@@ -464,7 +464,7 @@ const TABLE_TENNIS: &str = r#"{"radius_m": 0.020, "mass_kg": 0.0027, "inertia_fa
 #[test]
 fn val_drag_and_buoyancy_of_a_dropped_ball() {
     for (ball, drag_mm, buoyancy_mm) in [(STEEL_20_MM, 0.2, 0.12), (TABLE_TENNIS, 9.0, 11.0)] {
-        let recording = Recording::new(&drop_scene(ball, 0.02)).unwrap();
+        let recording = SimulatedRecording::new(&drop_scene(ball, 0.02)).unwrap();
         let drag = decision(&recording, "drag").estimate.amount;
         let buoyancy = decision(&recording, "buoyancy").estimate.amount;
         assert!((drag / drag_mm - 1.0).abs() < 0.15, "{ball}: drag {drag} mm");
@@ -489,7 +489,10 @@ fn an_estimate_is_what_the_effect_does() {
         };
         let mut with = scene.clone();
         with.effects.named.insert(name.into(), Switch::On);
-        let (without, with) = (Recording::new(&scene).unwrap(), Recording::new(&with).unwrap());
+        let (without, with) = (
+            SimulatedRecording::new(&scene).unwrap(),
+            SimulatedRecording::new(&with).unwrap(),
+        );
         let last = scene.camera.frame_rate_hz.recip() * (without.frame_count() - 1) as f64;
         let moved =
             (without.trajectory().state(last).position_m - with.trajectory().state(last).position_m).norm();
@@ -503,12 +506,15 @@ fn an_estimate_is_what_the_effect_does() {
 
 #[test]
 fn the_decision_flips_with_the_tolerance() {
-    let amount = decision(&Recording::new(&drop_scene(STEEL_20_MM, 0.02)).unwrap(), "drag")
-        .estimate
-        .amount;
+    let amount = decision(
+        &SimulatedRecording::new(&drop_scene(STEEL_20_MM, 0.02)).unwrap(),
+        "drag",
+    )
+    .estimate
+    .amount;
     let used = |tolerance_px: f64| {
         decision(
-            &Recording::new(&drop_scene(STEEL_20_MM, tolerance_px)).unwrap(),
+            &SimulatedRecording::new(&drop_scene(STEEL_20_MM, tolerance_px)).unwrap(),
             "drag",
         )
         .used
@@ -522,7 +528,7 @@ fn the_decision_flips_with_the_tolerance() {
         (STEEL_20_MM, 1.0, false),
         (TABLE_TENNIS, 100.0, false),
     ] {
-        let recording = Recording::new(&drop_scene(ball, tolerance_px)).unwrap();
+        let recording = SimulatedRecording::new(&drop_scene(ball, tolerance_px)).unwrap();
         for name in ["drag", "buoyancy"] {
             assert_eq!(
                 decision(&recording, name).used,
@@ -541,8 +547,8 @@ fn what_is_off_is_never_evaluated() {
         "launch": {"bench": {"seen_s": 0.02, "bench_grey": 90}}, "floor": {"slope_deg": 3}"#
         .replace(r#""readout_s""#, r#""roll_deg": 4, "bump": {"amplitude_px": [1, 2]}, "readout_s""#);
     let scene = scene_with(STEEL, &small);
-    let none = Recording::new(&with_effects(&scene, Switch::Off)).unwrap();
-    let all = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
+    let none = SimulatedRecording::new(&with_effects(&scene, Switch::Off)).unwrap();
+    let all = SimulatedRecording::new(&with_effects(&scene, Switch::On)).unwrap();
     for recording in [&none, &all] {
         let _ = recording.frame(10);
         let _ = recording.truth();
@@ -578,8 +584,8 @@ fn val_drag_curve() {
 
 // ---------------------------------------------------------------------------------------------- flight
 
-fn rigid(contact: &str, more: &str) -> Recording {
-    Recording::new(&with_effects(&scene_with(contact, more), Switch::Off)).unwrap()
+fn rigid(contact: &str, more: &str) -> SimulatedRecording {
+    SimulatedRecording::new(&with_effects(&scene_with(contact, more), Switch::Off)).unwrap()
 }
 
 #[test]
@@ -652,7 +658,7 @@ proptest! {
             default: Switch::Off,
             named: [("drag".to_owned(), Switch::On), ("buoyancy".to_owned(), Switch::On)].into(),
         }, ..scene } } else { scene };
-        let recording = Recording::new(&scene).unwrap();
+        let recording = SimulatedRecording::new(&scene).unwrap();
         let path = recording.trajectory();
         for i in 0..=2000 {
             let z = path.state(path.end_s() * f64::from(i) / 2000.0).position_m.z;
@@ -672,7 +678,7 @@ fn a_contact_is_a_delay_and_a_dip() {
     let superball = r#""ball": {"radius_m": 0.023, "mass_kg": 0.0464, "contact_modulus_pa": 1e7},
         "effects": {"drag": "off", "magnus": "off", "buoyancy": "off", "contact_time": "on"}"#;
     let contact = r#"{"model": "e_e", "restitution": 0.96, "tangential_restitution_x": 0.5}"#;
-    let recording = Recording::new(&scene_with(contact, superball)).unwrap();
+    let recording = SimulatedRecording::new(&scene_with(contact, superball)).unwrap();
     let impact = recording.trajectory().impacts()[0];
     let v = impact.incident.velocity_m_s.z.abs();
     let hertz_s = 2.87 * (0.0464_f64.powi(2) / (0.023 * 1e14 * v)).powf(0.2);
@@ -739,7 +745,7 @@ fn a_ball_that_rises_looks_larger_from_above() {
     let mut near = with_effects(recording.scene(), Switch::Off);
     near.camera.distance_m = Some(0.5);
     near.effects.named.insert("perspective".into(), Switch::On);
-    let near = Recording::new(&near).unwrap();
+    let near = SimulatedRecording::new(&near).unwrap();
     let (far, near) = (recording.truth(), near.truth());
     let (a, b, z_m) = (far.centres[0], near.centres[0], far.centres[0].z_m);
     // At x = 0, u = 120: D / (D - z) times as far from the middle.
@@ -755,12 +761,15 @@ const SMALL: &str = r#""camera": {"image_size_px": [320, 200], "origin_px": [60,
 #[test]
 fn the_same_seed_gives_the_same_bytes_in_any_order() {
     let scene = scene_with(STEEL, SMALL);
-    let (one, two) = (Recording::new(&scene).unwrap(), Recording::new(&scene).unwrap());
+    let (one, two) = (
+        SimulatedRecording::new(&scene).unwrap(),
+        SimulatedRecording::new(&scene).unwrap(),
+    );
     let forward: Vec<_> = one.frames().take(12).collect();
     for i in (0..12).rev() {
         assert_eq!(two.frame(i), forward[i]);
     }
-    let other = Recording::new(&Scene { seed: 2, ..scene }).unwrap();
+    let other = SimulatedRecording::new(&Scene { seed: 2, ..scene }).unwrap();
     assert_ne!(other.frame(3), forward[3]);
     assert_ne!(forward[3].data, forward[4].data);
 }
@@ -770,7 +779,9 @@ fn noise_has_the_spread_of_the_scene() {
     let spread = |camera: &str| {
         let camera =
             format!(r#""camera": {{"image_size_px": [320, 200], "origin_px": [160, 120], {camera}}}"#);
-        let frame = Recording::new(&scene_with(STEEL, &camera)).unwrap().frame(0);
+        let frame = SimulatedRecording::new(&scene_with(STEEL, &camera))
+            .unwrap()
+            .frame(0);
         // The lower right corner, far from the ball.
         let values: Vec<f64> = (150..200)
             .flat_map(|v| frame.row(v)[220..].to_vec())
@@ -795,7 +806,7 @@ fn noise_has_the_spread_of_the_scene() {
 #[test]
 fn files_appear_and_the_lossless_video_holds_every_grey_level() {
     let folder = tempfile::tempdir().unwrap();
-    let recording = Recording::new(&scene_with(STEEL, SMALL)).unwrap();
+    let recording = SimulatedRecording::new(&scene_with(STEEL, SMALL)).unwrap();
     let mut heard = 0;
     let written = write(&recording, "steel", folder.path(), |done| heard = done).unwrap();
     assert_eq!(written.video, folder.path().join("steel.mkv"));
@@ -832,7 +843,7 @@ fn files_appear_and_the_lossless_video_holds_every_grey_level() {
 fn h264_stays_near_the_frames() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene_with(STEEL, &SMALL.replace("lossless", "h264"));
-    let recording = Recording::new(&scene).unwrap();
+    let recording = SimulatedRecording::new(&scene).unwrap();
     let written = write(&recording, "steel", folder.path(), |_| {}).unwrap();
     assert_eq!(written.video.extension().unwrap(), "mp4");
     let mut video = track::frames::open(&written.video).unwrap();
@@ -854,7 +865,7 @@ fn an_unwritable_folder_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
-    let recording = Recording::new(&scene_with(STEEL, SMALL)).unwrap();
+    let recording = SimulatedRecording::new(&scene_with(STEEL, SMALL)).unwrap();
     let error = write(&recording, "steel", &file.join("out"), |_| {}).unwrap_err();
     assert!(error.to_string().contains("file/out"), "{error}");
 }
@@ -871,7 +882,7 @@ fn the_calibration_puts_the_true_centres_where_they_are() {
         &format!(r#"{lens}, "roll_deg": 7"#),
     ] {
         let small = format!(r#""camera": {{"image_size_px": [320, 200], "origin_px": [60, 180], {camera}}}"#);
-        let recording = Recording::new(&scene_with(STEEL, &small)).unwrap();
+        let recording = SimulatedRecording::new(&scene_with(STEEL, &small)).unwrap();
         let text = track::simulate::calibration(&recording).to_string();
         let calibration = track::calibration::Calibration::parse(&text, "calib.json").unwrap();
         let rectification = calibration.rectification().unwrap();
@@ -892,7 +903,7 @@ fn a_long_exposure_is_rendered_in_bounded_time_and_memory() {
     // 10 m/s over 30 ms: a smear of 375 px.
     let more = r#""launch": {"speed_m_s": 10}, "camera": {"frame_rate_hz": 30, "exposure_s": 0.03, "noise_grey": 0},
                   "effects": {"shading": "off"}"#;
-    let recording = Recording::new(&scene_with(STEEL, more)).unwrap();
+    let recording = SimulatedRecording::new(&scene_with(STEEL, more)).unwrap();
     let frame = recording.frame(1);
     let light: f64 = frame.data.iter().map(|g| f64::from(*g) - 60.0).sum();
     let area_px = std::f64::consts::PI * 15.625 * 15.625;
@@ -908,7 +919,7 @@ proptest! {
             r#""launch": {{"speed_m_s": {speed}}}, "ball": {{"contact_modulus_pa": 1e7}}, "stop": {{"bounces": 1}},
                "effects": {{"drag": "off", "magnus": "off", "buoyancy": "off", "contact_time": "on"}}"#
         );
-        let recording = Recording::new(&scene_with(&contact, &more)).unwrap();
+        let recording = SimulatedRecording::new(&scene_with(&contact, &more)).unwrap();
         let path = recording.trajectory();
         let impact = path.impacts()[0];
         prop_assert!(impact.contact_s > 0.0 && impact.contact_s < 0.02);
@@ -929,7 +940,7 @@ fn every_sample_scene_is_accepted() {
     let mut count = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        let recording = Recording::new(&Scene::read(&path).unwrap());
+        let recording = SimulatedRecording::new(&Scene::read(&path).unwrap());
         assert!(recording.is_ok(), "{}: {:?}", path.display(), recording.err());
         count += 1;
     }
@@ -951,7 +962,7 @@ fn a_turned_camera_comes_with_the_homography_that_undoes_it() {
         (0.0, format!(r#""distance_m": 1.5, {lens}"#)),
     ] {
         let scene = scene_with(STEEL, &format!(r#""camera": {{"tilt_deg": {tilt}, {more}}}"#));
-        let recording = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
+        let recording = SimulatedRecording::new(&with_effects(&scene, Switch::On)).unwrap();
         let calib = track::simulate::calibration(&recording).to_string();
         let c = Calibration::parse(&calib, "scene").unwrap();
         let map = c.rectification().unwrap();
@@ -971,7 +982,7 @@ fn a_turned_camera_comes_with_the_homography_that_undoes_it() {
     }
     // Above 0 the right side is nearer: a pixel there is fewer metres.
     let scene = scene_with(STEEL, r#""camera": {"tilt_deg": 20, "distance_m": 1.5}"#);
-    let calib = track::simulate::calibration(&Recording::new(&scene).unwrap()).to_string();
+    let calib = track::simulate::calibration(&SimulatedRecording::new(&scene).unwrap()).to_string();
     let map = Calibration::parse(&calib, "scene")
         .unwrap()
         .rectification()
@@ -999,8 +1010,8 @@ fn only(scene: &Scene, names: &[&str]) -> Scene {
 }
 
 /// A recording of a scene with no effect but those named.
-fn recorded(contact: &str, more: &str, names: &[&str]) -> Recording {
-    Recording::new(&only(&scene_with(contact, more), names)).unwrap()
+fn recorded(contact: &str, more: &str, names: &[&str]) -> SimulatedRecording {
+    SimulatedRecording::new(&only(&scene_with(contact, more), names)).unwrap()
 }
 
 #[test]
@@ -1008,8 +1019,8 @@ fn bench_slope_roll_and_bump_are_left_out_where_there_is_none() {
     let more =
         r#""floor": {"slope_deg": 0}, "launch": {"bench": null}, "camera": {"roll_deg": 0, "bump": null}"#;
     let scene = scene_with(STEEL, more);
-    let recording = Recording::new(&scene).unwrap();
-    let none = Recording::new(&with_effects(&scene, Switch::On)).unwrap();
+    let recording = SimulatedRecording::new(&scene).unwrap();
+    let none = SimulatedRecording::new(&with_effects(&scene, Switch::On)).unwrap();
     for name in ["bench", "floor_slope", "camera_roll", "bump"] {
         let found = decision(&recording, name);
         assert!(!found.used && found.estimate.amount == 0.0, "{name}");
@@ -1017,7 +1028,7 @@ fn bench_slope_roll_and_bump_are_left_out_where_there_is_none() {
     }
     let truth = recording.truth();
     assert_eq!((truth.launch, truth.floor_slope_deg), (None, 0.0));
-    let plain = Recording::new(&scene_with(STEEL, "")).unwrap();
+    let plain = SimulatedRecording::new(&scene_with(STEEL, "")).unwrap();
     assert_eq!(recording.frame(20), plain.frame(20));
     assert_eq!(recording.truth(), plain.truth());
 }
@@ -1050,8 +1061,12 @@ fn centres_with_auto_are_within_tolerance_over_a_slope_and_after_a_bump() {
                     scene["launch"]["bench"] = json!({"seen_s": seen_s});
                 }
                 let both = Scene::from_json(&scene.to_string()).and_then(|scene| {
-                    let auto = Recording::new(&with_effects(&scene, Switch::Auto))?;
-                    Ok((auto, Recording::new(&with_effects(&scene, Switch::On))?, scene))
+                    let auto = SimulatedRecording::new(&with_effects(&scene, Switch::Auto))?;
+                    Ok((
+                        auto,
+                        SimulatedRecording::new(&with_effects(&scene, Switch::On))?,
+                        scene,
+                    ))
                 });
                 let (auto, all, scene) = match both {
                     Ok(both) => both,
@@ -1120,7 +1135,9 @@ fn a_ball_rolls_along_its_bench_until_the_launch() {
         let first = truth.bounces[0];
         assert!((first.time_s - 0.1 - fall_s).abs() < 1e-12 && (first.spin_in_m_s - ratio).abs() < 1e-12);
         // Without the bench the clip begins at the launch.
-        let bare = Recording::new(&only(recording.scene(), &[])).unwrap().truth();
+        let bare = SimulatedRecording::new(&only(recording.scene(), &[]))
+            .unwrap()
+            .truth();
         assert_eq!((bare.launch, bare.centres[0].x_m), (None, 0.0));
         assert!((bare.bounces[0].time_s - fall_s).abs() < 1e-12);
         assert_eq!(truth.centres.len(), bare.centres.len() + 24);
@@ -1406,8 +1423,8 @@ fn a_rolled_camera_turns_the_picture_about_its_axis() {
             STEEL,
             &format!(r#""camera": {{{camera}, "roll_deg": {roll_deg}}}"#),
         );
-        let upright = Recording::new(&only(&scene, &["perspective"])).unwrap();
-        let rolled = Recording::new(&only(&scene, &["perspective", "camera_roll"])).unwrap();
+        let upright = SimulatedRecording::new(&only(&scene, &["perspective"])).unwrap();
+        let rolled = SimulatedRecording::new(&only(&scene, &["perspective", "camera_roll"])).unwrap();
         let (sin, cos) = roll_deg.to_radians().sin_cos();
         let axis = scene.camera.lens.map_or((639.5, 359.5), |_| (600.0, 300.0));
         let mut farthest = 0.0_f64;
@@ -1460,7 +1477,7 @@ fn cameras_rolled_to_both_sides_see_mirror_images() {
 const BUMPED: &str = r#""look": {"texture_grey": 6, "reflection": 0.3, "shadow": 0.5, "floor_grey": 90, "unevenness": 0},
     "stop": {"bounces": 1, "tail_s": 0.05}, "launch": {"bench": {"seen_s": 0.02, "bench_grey": 110}, "speed_m_s": 0.6}"#;
 
-fn bumped(amplitude_px: [f64; 2], more: &str, switch: Switch) -> Recording {
+fn bumped(amplitude_px: [f64; 2], more: &str, switch: Switch) -> SimulatedRecording {
     let camera = format!(
         r#""camera": {{"image_size_px": [320, 200], "origin_px": [60, 170], "codec": "lossless", "noise_grey": 0,
             "bump": {{"amplitude_px": [{}, {}]}} {more}}}"#,
@@ -1472,11 +1489,11 @@ fn bumped(amplitude_px: [f64; 2], more: &str, switch: Switch) -> Recording {
     for name in ["drag", "magnus", "buoyancy", "contact_time"] {
         scene.effects.named.insert(name.into(), Switch::On);
     }
-    Recording::new(&scene).unwrap()
+    SimulatedRecording::new(&scene).unwrap()
 }
 
 /// The shift that truth says frame `i` has, px.
-fn shift_px(bumped: &Recording, still: &Recording, i: usize) -> (f64, f64) {
+fn shift_px(bumped: &SimulatedRecording, still: &SimulatedRecording, i: usize) -> (f64, f64) {
     let (a, b) = (bumped.truth().centres[i], still.truth().centres[i]);
     (a.u_px - b.u_px, a.v_px - b.v_px)
 }
@@ -1514,8 +1531,8 @@ fn a_bump_shifts_ball_and_backdrop_together() {
 fn bumps_go_with_the_speeds_of_the_impacts_and_add_up() {
     let more = r#""stop": {"bounces": 3}, "camera": {"bump": {"amplitude_px": [0.5, 2], "frequency_hz": 30, "decay_s": 0.4}}"#;
     let scene = scene_with(STEEL, more);
-    let still = Recording::new(&only(&scene, &[])).unwrap();
-    let shaken = Recording::new(&only(&scene, &["bump"])).unwrap();
+    let still = SimulatedRecording::new(&only(&scene, &[])).unwrap();
+    let shaken = SimulatedRecording::new(&only(&scene, &["bump"])).unwrap();
     let impacts: Vec<(f64, f64)> = still
         .truth()
         .bounces

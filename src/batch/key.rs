@@ -4,7 +4,7 @@
 //! the program's version and commit: another build may measure another result. Times of files and their places have none in it, so a copied or touched recording is not measured
 //! again.
 
-use super::{LaunchSpin, Recording};
+use super::{BatchRecording, LaunchSpin};
 use crate::Build;
 use crate::detect::centre::Accuracy;
 use crate::frames::pictures_in;
@@ -20,16 +20,16 @@ const SCHEMA: &str = "track.key/1";
 
 /// What a result depends on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Key(Value);
+pub struct ResultKey(Value);
 
-impl Key {
+impl ResultKey {
     /// Of a recording as it is now. `None` where it cannot be read through; then its process will tell why.
-    pub fn of(recording: &Recording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
+    pub fn of(recording: &BatchRecording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
         Self::of_build(Build::THIS, recording, calib, accuracy)
     }
 
     /// As `build` of the program makes it.
-    fn of_build(build: Build, recording: &Recording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
+    fn of_build(build: Build, recording: &BatchRecording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
         let changes = &recording.changes;
         Some(Self(json!({
             "schema": SCHEMA,
@@ -115,16 +115,16 @@ fn hex(digest: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::Changes;
+    use crate::batch::CalibrationChanges;
     use std::fs;
 
-    fn recording(video: &Path) -> Recording {
-        Recording {
+    fn recording(video: &Path) -> BatchRecording {
+        BatchRecording {
             name: "a".to_owned(),
             video: video.to_owned(),
             calib: None,
             group: "all".to_owned(),
-            changes: Changes::default(),
+            changes: CalibrationChanges::default(),
         }
     }
 
@@ -134,7 +134,8 @@ mod tests {
         let video = dir.path().join("a.mp4");
         fs::write(&video, "frames").unwrap();
         let r = recording(&video);
-        let key = |r: &Recording, calib: &str, accuracy| Key::of(r, calib.as_bytes(), accuracy).unwrap();
+        let key =
+            |r: &BatchRecording, calib: &str, accuracy| ResultKey::of(r, calib.as_bytes(), accuracy).unwrap();
         let first = key(&r, "{}", Accuracy::Standard);
         let copy = dir.path().join("b.mp4");
         fs::copy(&video, &copy).unwrap();
@@ -144,24 +145,24 @@ mod tests {
         assert_ne!(key(&r, "{ }", Accuracy::Standard), first);
         assert_ne!(key(&r, "{}", Accuracy::Fine), first);
         for changes in [
-            Changes {
+            CalibrationChanges {
                 spin: LaunchSpin::Unknown,
-                ..Changes::default()
+                ..CalibrationChanges::default()
             },
-            Changes {
+            CalibrationChanges {
                 spin: LaunchSpin::Ratio(0.0),
-                ..Changes::default()
+                ..CalibrationChanges::default()
             },
-            Changes {
+            CalibrationChanges {
                 frame_rate_hz: Some(240.0),
-                ..Changes::default()
+                ..CalibrationChanges::default()
             },
-            Changes {
+            CalibrationChanges {
                 ball_radius_m: Some(0.02),
-                ..Changes::default()
+                ..CalibrationChanges::default()
             },
         ] {
-            let changed = Recording { changes, ..r.clone() };
+            let changed = BatchRecording { changes, ..r.clone() };
             assert_ne!(key(&changed, "{}", Accuracy::Standard), first, "{changes:?}");
         }
         for build in [
@@ -174,7 +175,7 @@ mod tests {
                 ..Build::THIS
             },
         ] {
-            let built = Key::of_build(build, &r, b"{}", Accuracy::Standard).unwrap();
+            let built = ResultKey::of_build(build, &r, b"{}", Accuracy::Standard).unwrap();
             assert_ne!(built, first, "{build:?}");
         }
         fs::write(&video, "frame5").unwrap();

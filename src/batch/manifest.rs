@@ -12,7 +12,7 @@
 //! An empty cell leaves the calibration as it is. `,`, `;` or a tab may part the cells (with `;`, a decimal comma is read);
 //! lines that begin with `#` are comments.
 
-use super::{Changes, LaunchSpin};
+use super::{CalibrationChanges, LaunchSpin};
 use crate::calibration::{FINITE, POSITIVE};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ const MOST_PROBLEMS: usize = 20;
 
 /// A row of the manifest.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct ManifestRow {
     /// Its line in the file, from 1; the header is one too.
     pub line: u64,
     /// The recording, found from where the manifest lies.
@@ -43,7 +43,7 @@ pub struct Row {
     /// Its group.
     pub group: Option<String>,
     /// What it puts in place of the calibration's.
-    pub changes: Changes,
+    pub changes: CalibrationChanges,
 }
 
 /// Why a manifest cannot be used.
@@ -112,7 +112,7 @@ impl fmt::Display for Listed<'_> {
 ///
 /// # Errors
 /// See [`ManifestError`]; all problems at once.
-pub fn read(path: &Path) -> Result<Vec<Row>, ManifestError> {
+pub fn read(path: &Path) -> Result<Vec<ManifestRow>, ManifestError> {
     let bytes = std::fs::read(path).map_err(|source| ManifestError::Unreadable {
         path: path.to_owned(),
         source,
@@ -124,7 +124,7 @@ pub fn read(path: &Path) -> Result<Vec<Row>, ManifestError> {
 ///
 /// # Errors
 /// See [`ManifestError`].
-pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
+pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<ManifestRow>, ManifestError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let not_csv = |found: String| ManifestError::NotCsv {
         path: path.to_owned(),
@@ -156,7 +156,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<Row>, ManifestError> {
         if record.iter().all(str::is_empty) {
             continue;
         }
-        let cells = Cells {
+        let cells = RowCells {
             line: line_of(bytes, record.position()),
             columns: &columns,
             record: &record,
@@ -192,10 +192,10 @@ fn line_of(bytes: &[u8], position: Option<&::csv::Position>) -> u64 {
 }
 
 /// Which column of the file each of [`COLUMNS`] is.
-type Places = [Option<usize>; COLUMNS.len()];
+type ColumnPlaces = [Option<usize>; COLUMNS.len()];
 
-fn columns(header: &::csv::StringRecord, line: u64) -> Result<Places, Vec<Problem>> {
-    let mut places: Places = [None; COLUMNS.len()];
+fn columns(header: &::csv::StringRecord, line: u64) -> Result<ColumnPlaces, Vec<Problem>> {
+    let mut places: ColumnPlaces = [None; COLUMNS.len()];
     let mut problems = Vec::new();
     let mut refuse = |column: &str, what: String| {
         problems.push(Problem {
@@ -251,14 +251,14 @@ fn nearest(name: &str) -> Option<&'static str> {
 }
 
 /// A row's cells.
-struct Cells<'a> {
+struct RowCells<'a> {
     line: u64,
-    columns: &'a Places,
+    columns: &'a ColumnPlaces,
     record: &'a ::csv::StringRecord,
     decimal_comma: bool,
 }
 
-impl Cells<'_> {
+impl RowCells<'_> {
     /// What stands in a column; `None` for nothing.
     fn get(&self, column: &str) -> Option<&str> {
         let place = COLUMNS.iter().position(|known| *known == column)?;
@@ -267,7 +267,7 @@ impl Cells<'_> {
             .filter(|cell| !cell.is_empty())
     }
 
-    fn row(&self, folder: &Path) -> Result<Row, Vec<Problem>> {
+    fn row(&self, folder: &Path) -> Result<ManifestRow, Vec<Problem>> {
         let mut problems = Vec::new();
         let mut refuse = |column: &str, what: String| {
             problems.push(Problem {
@@ -295,7 +295,7 @@ impl Cells<'_> {
             }
             number
         };
-        let changes = Changes {
+        let changes = CalibrationChanges {
             frame_rate_hz: positive("frame_rate_hz", "Hz"),
             ball_radius_m: positive("ball_radius_m", "metres"),
             spin: LaunchSpin::AsCalibrated,
@@ -325,12 +325,12 @@ impl Cells<'_> {
         if !problems.is_empty() {
             return Err(problems);
         }
-        Ok(Row {
+        Ok(ManifestRow {
             line: self.line,
             video: folder.join(video.unwrap_or_default()),
             calib: self.get("calib").map(|calib| folder.join(calib)),
             group: self.get("group").map(str::to_owned),
-            changes: Changes {
+            changes: CalibrationChanges {
                 spin: spin.unwrap_or_default(),
                 ..changes
             },
@@ -368,7 +368,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn rows(text: &str) -> Vec<Row> {
+    fn rows(text: &str) -> Vec<ManifestRow> {
         parse(text.as_bytes(), Path::new("lab/m.csv")).unwrap()
     }
 

@@ -6,7 +6,7 @@
 //! | [`manifest`] | the table of recordings that a user writes |
 //! | `names` | what recordings are called |
 //! | `key` | what a result depends on, so that only what has changed is measured again |
-//! | `shelf` | the folder of results: what stands in it, and putting new ones there |
+//! | `result_store` | the folder of results: which of them are up to date, and storing new ones |
 //! | [`process`] | a recording in a process of its own: limits, time, why it ended |
 //! | `schedule` | as many processes at once as were asked for |
 //! | [`series`] | the table of all bounces |
@@ -23,13 +23,13 @@ pub mod manifest;
 mod names;
 pub mod plan;
 pub mod process;
+mod result_store;
 mod schedule;
 pub mod series;
 pub mod session;
-mod shelf;
 
-pub use plan::{Plan, PlanError, Request};
-pub use session::{Finished, Progress, run};
+pub use plan::{BatchPlan, BatchRequest, PlanError};
+pub use session::{BatchEvent, BatchSummary, run};
 
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
@@ -41,7 +41,7 @@ use std::time::Duration;
 
 /// A recording of a batch.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Recording {
+pub struct BatchRecording {
     /// What its results are called; no other recording of the batch has the same.
     pub name: String,
     /// The file, or folder of numbered images.
@@ -51,12 +51,12 @@ pub struct Recording {
     /// Which rows of the series it belongs to.
     pub group: String,
     /// What the manifest puts in place of the calibration's.
-    pub changes: Changes,
+    pub changes: CalibrationChanges,
 }
 
 /// What a manifest puts in place of the calibration's.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Changes {
+pub struct CalibrationChanges {
     /// `launch.spin_ratio`.
     pub spin: LaunchSpin,
     /// `frame_rate_hz`, Hz.
@@ -77,7 +77,7 @@ pub enum LaunchSpin {
     Unknown,
 }
 
-impl Changes {
+impl CalibrationChanges {
     /// The calibration with the changes in it.
     #[must_use]
     pub fn applied(&self, mut calibration: Calibration) -> Calibration {
@@ -100,7 +100,7 @@ impl Changes {
 
 /// How a batch is run. Only the accuracy has a part in the results.
 #[derive(Debug, Clone, Copy)]
-pub struct Settings {
+pub struct BatchSettings {
     /// How centres are found.
     pub accuracy: Accuracy,
     /// Processes at once.
@@ -115,7 +115,7 @@ pub struct Settings {
 
 /// How a recording ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Ending {
+pub enum RecordingOutcome {
     /// It has bounces.
     Measured,
     /// It was read, but shows nothing to trust. The result stands.
@@ -130,7 +130,7 @@ pub enum Ending {
     },
 }
 
-impl Ending {
+impl RecordingOutcome {
     /// In a word.
     #[must_use]
     pub fn word(&self) -> &'static str {

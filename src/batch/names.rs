@@ -44,13 +44,13 @@ pub(super) fn names(paths: &[&Path]) -> Result<Vec<String>, PlanError> {
             })
             .collect();
         let deepest = folders.iter().map(Vec::len).max().unwrap_or(0);
-        let told = (0..=deepest)
+        let distinct = (0..=deepest)
             .map(|levels| {
                 let with = |(base, folders): (&String, &Vec<String>)| in_front(base, folders, levels);
                 bases.iter().zip(&folders).map(with).collect::<Vec<String>>()
             })
-            .find(|told| self::alike(told).is_empty());
-        for (&i, name) in alike.iter().zip(told.unwrap_or(bases)) {
+            .find(|distinct| self::alike(distinct).is_empty());
+        for (&i, name) in alike.iter().zip(distinct.unwrap_or(bases)) {
             names[i] = name;
         }
     }

@@ -1,8 +1,8 @@
 //! From paths and a manifest to the list of recordings: which files, what each is called, which calibration it has.
 
-use super::manifest::{self, ManifestError, Row};
+use super::manifest::{self, ManifestError, ManifestRow};
 use super::names::{names, stem, whole};
-use super::{Changes, Recording};
+use super::{BatchRecording, CalibrationChanges};
 use crate::frames::pictures_in;
 use crate::rebound::fit::series::DEFAULT_GROUP;
 use std::collections::HashMap;
@@ -21,7 +21,7 @@ const OVERLAY: &str = ".overlay.mp4";
 
 /// What a user asks for.
 #[derive(Debug, Clone, Default)]
-pub struct Request {
+pub struct BatchRequest {
     /// Files, folders, patterns.
     pub paths: Vec<PathBuf>,
     /// The manifest.
@@ -32,9 +32,9 @@ pub struct Request {
 
 /// The recordings of a batch, by name.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct BatchPlan {
     /// At least one.
-    pub recordings: Vec<Recording>,
+    pub recordings: Vec<BatchRecording>,
 }
 
 /// Why there is nothing to measure.
@@ -122,11 +122,11 @@ pub enum PlanError {
 ///
 /// # Errors
 /// See [`PlanError`]. A recording of the manifest that is not there is none: it costs itself only.
-pub fn make(request: &Request) -> Result<Plan, PlanError> {
+pub fn make(request: &BatchRequest) -> Result<BatchPlan, PlanError> {
     if request.paths.is_empty() && request.manifest.is_none() {
         return Err(PlanError::Nothing);
     }
-    let mut found = Found::default();
+    let mut found = RecordingList::default();
     for path in &request.paths {
         for video in expanded(path)? {
             found.add(video, None);
@@ -139,28 +139,28 @@ pub fn make(request: &Request) -> Result<Plan, PlanError> {
     }
     let paths: Vec<&Path> = found.videos.iter().map(|v| v.path.as_path()).collect();
     let named = names(&paths)?;
-    let mut recordings: Vec<Recording> = found
+    let mut recordings: Vec<BatchRecording> = found
         .videos
         .into_iter()
         .zip(named)
         .map(|(video, name)| recording(video, name, request.calib.as_deref()))
         .collect();
     recordings.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(Plan { recordings })
+    Ok(BatchPlan { recordings })
 }
 
-fn recording(video: Video, name: String, calib: Option<&Path>) -> Recording {
+fn recording(video: ListedRecording, name: String, calib: Option<&Path>) -> BatchRecording {
     let row = video.row;
     let given = row.as_ref().and_then(|row| row.calib.clone());
     let beside = || Some(calib_beside(&video.path)).filter(|path| path.is_file());
-    Recording {
+    BatchRecording {
         name,
         calib: given.or_else(|| calib.map(Path::to_owned)).or_else(beside),
         group: row
             .as_ref()
             .and_then(|row| row.group.clone())
             .unwrap_or_else(|| DEFAULT_GROUP.to_owned()),
-        changes: row.map_or_else(Changes::default, |row| row.changes),
+        changes: row.map_or_else(CalibrationChanges::default, |row| row.changes),
         video: video.path,
     }
 }
@@ -173,29 +173,29 @@ pub fn calib_beside(video: &Path) -> PathBuf {
 }
 
 /// A recording as it was found.
-struct Video {
+struct ListedRecording {
     path: PathBuf,
-    row: Option<Row>,
+    row: Option<ManifestRow>,
 }
 
 /// Recordings, each once, in whichever ways it was named.
 #[derive(Default)]
-struct Found {
-    videos: Vec<Video>,
+struct RecordingList {
+    videos: Vec<ListedRecording>,
     places: HashMap<PathBuf, usize>,
 }
 
-impl Found {
+impl RecordingList {
     /// The place of `path` in the list, where it comes to stand if it is new.
-    fn add(&mut self, path: PathBuf, row: Option<Row>) -> usize {
+    fn add(&mut self, path: PathBuf, row: Option<ManifestRow>) -> usize {
         let identity = path.canonicalize().unwrap_or_else(|_| path.clone());
         *self.places.entry(identity).or_insert_with(|| {
-            self.videos.push(Video { path, row });
+            self.videos.push(ListedRecording { path, row });
             self.videos.len() - 1
         })
     }
 
-    fn add_row(&mut self, manifest: &Path, row: Row) -> Result<(), PlanError> {
+    fn add_row(&mut self, manifest: &Path, row: ManifestRow) -> Result<(), PlanError> {
         let place = self.add(row.video.clone(), None);
         let video = &mut self.videos[place];
         if let Some(first) = &video.row {
@@ -315,10 +315,10 @@ mod tests {
         dir
     }
 
-    fn plan(paths: &[PathBuf]) -> Result<Plan, PlanError> {
-        make(&Request {
+    fn plan(paths: &[PathBuf]) -> Result<BatchPlan, PlanError> {
+        make(&BatchRequest {
             paths: paths.to_vec(),
-            ..Request::default()
+            ..BatchRequest::default()
         })
     }
 
@@ -408,7 +408,7 @@ mod tests {
             "video,group,calib,spin_ratio\na.mp4,steel,own.json,0.5\ngone.mp4,,,unknown\n",
         )
         .unwrap();
-        let mut request = Request {
+        let mut request = BatchRequest {
             paths: vec![dir.path().to_owned()],
             manifest: Some(manifest.clone()),
             calib: None,

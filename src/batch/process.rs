@@ -7,9 +7,9 @@
 //! * gets no more memory than its limit ([`bind`], by `RLIMIT_DATA`), and its share of the cores;
 //! * is killed after the time limit;
 //! * ends with ours, however that ends: the system kills it when the thread that started it is gone
-//!   (`PR_SET_PDEATHSIG`, Linux), and a batch that follows waits for it (`super::shelf`).
+//!   (`PR_SET_PDEATHSIG`, Linux), and a batch that follows waits for it (`super::result_store`).
 
-use super::{Changes, LaunchSpin, Recording, Settings};
+use super::{BatchRecording, BatchSettings, CalibrationChanges, LaunchSpin};
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
@@ -31,26 +31,26 @@ const ERRORS: &str = "errors.txt";
 
 /// A recording, ready to be measured.
 #[derive(Debug)]
-pub struct Job<'a> {
+pub struct RecordingProcess<'a> {
     /// The program.
     pub program: &'a Path,
     /// What is measured.
-    pub recording: &'a Recording,
+    pub recording: &'a BatchRecording,
     /// Its calibration.
     pub calib: &'a Path,
     /// The process's own folder, empty.
-    pub desk: PathBuf,
+    pub work_dir: PathBuf,
     /// Held by the process as long as it lives.
-    pub hold: File,
+    pub lock: File,
     /// Limits, and how centres are found.
-    pub settings: &'a Settings,
+    pub settings: &'a BatchSettings,
     /// Threads it may use.
     pub threads: usize,
 }
 
 /// How a process ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Exit {
+pub enum ProcessExit {
     /// It says that its result is written.
     Done,
     /// It did not come to a result, and why.
@@ -59,27 +59,27 @@ pub enum Exit {
     Stopped,
 }
 
-impl Job<'_> {
+impl RecordingProcess<'_> {
     /// Runs the process to its end, or to that of its time, or until `stop`.
-    pub fn run(self, stop: &AtomicBool) -> Exit {
-        let errors = self.desk.join(ERRORS);
+    pub fn run(self, stop: &AtomicBool) -> ProcessExit {
+        let errors = self.work_dir.join(ERRORS);
         let limit = self.settings.time_limit;
         let memory_bytes = self.settings.memory_bytes;
         let child = match self.start(&errors) {
             Ok(child) => child,
-            Err(e) => return Exit::Failed(format!("its process could not be started: {e}")),
+            Err(e) => return ProcessExit::Failed(format!("its process could not be started: {e}")),
         };
         match wait(child, limit, stop) {
-            Ok(Wait::Ended(status)) => match status.code() {
-                Some(0 | 1) => Exit::Done,
-                _ => Exit::Failed(why(status, &tail(&errors), memory_bytes)),
+            Ok(WaitOutcome::Ended(status)) => match status.code() {
+                Some(0 | 1) => ProcessExit::Done,
+                _ => ProcessExit::Failed(why(status, &tail(&errors), memory_bytes)),
             },
-            Ok(Wait::TooLong) => Exit::Failed(format!(
+            Ok(WaitOutcome::TooLong) => ProcessExit::Failed(format!(
                 "it was not done after {} s and was stopped; if it is only long, give it more with --timeout-s",
                 limit.as_secs_f64()
             )),
-            Ok(Wait::Stopped) => Exit::Stopped,
-            Err(e) => Exit::Failed(format!("its process was lost: {e}")),
+            Ok(WaitOutcome::Stopped) => ProcessExit::Stopped,
+            Err(e) => ProcessExit::Failed(format!("its process was lost: {e}")),
         }
     }
 
@@ -91,7 +91,7 @@ impl Job<'_> {
             .env("OPENCV_FOR_THREADS_NUM", &threads)
             // A trace of calls needs memory: where that was what ran out, std waits for its own lock for ever.
             .env("RUST_BACKTRACE", "0")
-            .stdin(Stdio::from(self.hold))
+            .stdin(Stdio::from(self.lock))
             .stdout(Stdio::null())
             .stderr(Stdio::from(File::create(errors)?))
             .spawn()
@@ -99,7 +99,7 @@ impl Job<'_> {
 
     /// What `cli` reads: `batch-recording --out DESK ... -- VIDEO`.
     fn arguments(&self) -> Vec<OsString> {
-        let Changes {
+        let CalibrationChanges {
             spin,
             frame_rate_hz,
             ball_radius_m,
@@ -112,7 +112,7 @@ impl Job<'_> {
             arguments.push(argument);
         };
         give("--parent", std::process::id().to_string().into());
-        give("--out", self.desk.clone().into());
+        give("--out", self.work_dir.clone().into());
         give("--name", self.recording.name.clone().into());
         give("--calib", self.calib.into());
         give(
@@ -141,23 +141,23 @@ impl Job<'_> {
     }
 }
 
-enum Wait {
+enum WaitOutcome {
     Ended(ExitStatus),
     TooLong,
     Stopped,
 }
 
-fn wait(mut child: Child, limit: Duration, stop: &AtomicBool) -> io::Result<Wait> {
+fn wait(mut child: Child, limit: Duration, stop: &AtomicBool) -> io::Result<WaitOutcome> {
     let started = Instant::now();
     loop {
         let left = limit.saturating_sub(started.elapsed());
         if let Some(status) = child.wait_timeout(left.min(LOOK_EVERY))? {
-            return Ok(Wait::Ended(status));
+            return Ok(WaitOutcome::Ended(status));
         }
         let ending = if stop.load(Ordering::Relaxed) {
-            Wait::Stopped
+            WaitOutcome::Stopped
         } else if left.is_zero() {
-            Wait::TooLong
+            WaitOutcome::TooLong
         } else {
             continue;
         };
@@ -197,11 +197,11 @@ fn why(status: ExitStatus, said: &str, memory_bytes: Option<u64>) -> String {
     });
     let starved = STARVED.iter().any(|words| said.contains(words));
     if let Some(at) = said.rfind("error: ").filter(|_| status.code() == Some(2)) {
-        let told = one_line(&said[at + "error: ".len()..]);
+        let message = one_line(&said[at + "error: ".len()..]);
         return if starved {
-            format!("{told}. It seems to have run out of memory{limit}")
+            format!("{message}. It seems to have run out of memory{limit}")
         } else {
-            told
+            message
         };
     }
     if starved {
@@ -360,9 +360,12 @@ mod tests {
         let sleeper = || Command::new("sleep").arg("60").spawn().unwrap();
         let (never, at_once) = (AtomicBool::new(false), AtomicBool::new(true));
         let wait_for = |child, limit, stop| wait(child, Duration::from_millis(limit), stop).unwrap();
-        assert!(matches!(wait_for(sleeper(), 50, &never), Wait::TooLong));
-        assert!(matches!(wait_for(sleeper(), 60_000, &at_once), Wait::Stopped));
+        assert!(matches!(wait_for(sleeper(), 50, &never), WaitOutcome::TooLong));
+        assert!(matches!(
+            wait_for(sleeper(), 60_000, &at_once),
+            WaitOutcome::Stopped
+        ));
         let quick = Command::new("true").spawn().unwrap();
-        assert!(matches!(wait_for(quick, 60_000, &never), Wait::Ended(status) if status.success()));
+        assert!(matches!(wait_for(quick, 60_000, &never), WaitOutcome::Ended(status) if status.success()));
     }
 }

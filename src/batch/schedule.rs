@@ -1,6 +1,6 @@
 //! As many processes at once as were asked for.
 
-use super::process::Exit;
+use super::process::ProcessExit;
 use std::num::NonZeroUsize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,8 +11,8 @@ use std::sync::mpsc;
 pub fn run<T: Sync, E>(
     work: &[T],
     jobs: NonZeroUsize,
-    measure: impl Fn(&T, &AtomicBool) -> Exit + Sync,
-    mut ended: impl FnMut(&T, Exit) -> Result<(), E>,
+    measure: impl Fn(&T, &AtomicBool) -> ProcessExit + Sync,
+    mut ended: impl FnMut(&T, ProcessExit) -> Result<(), E>,
 ) -> Result<(), E> {
     let stop = AtomicBool::new(false);
     let next = Mutex::new(work.iter());
@@ -61,7 +61,7 @@ mod tests {
                 most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
                 std::thread::yield_now();
                 now.fetch_sub(1, Ordering::SeqCst);
-                Exit::Done
+                ProcessExit::Done
             },
             |i, _| {
                 done.push(*i);
@@ -86,7 +86,7 @@ mod tests {
                 while *i > 0 && !stop.load(Ordering::Relaxed) {
                     std::thread::yield_now();
                 }
-                Exit::Stopped
+                ProcessExit::Stopped
             },
             |i, _| if *i == 0 { Err("full") } else { Ok(()) },
         );

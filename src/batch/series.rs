@@ -8,20 +8,20 @@
 //! the slope makes it, not 1/√n of that. What is neglected: two bounces of one recording share the arc between them, and all of
 //! them the scale.
 
-use super::Recording;
+use super::BatchRecording;
 use crate::calibration::Calibration;
 use crate::impact::Speed;
 use serde_json::Value;
 
 /// The rows of a recording.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Rows(Vec<Vec<String>>);
+pub struct BounceRows(Vec<Vec<String>>);
 
 /// What the table says of a recording beside its result.
 #[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
+pub struct RowSource<'a> {
     /// Its name and group.
-    pub recording: &'a Recording,
+    pub recording: &'a BatchRecording,
     /// Its calibration, with the manifest's changes.
     pub calibration: &'a Calibration,
     /// Its page, relative to the table.
@@ -89,10 +89,10 @@ fn index_pairs() -> impl Iterator<Item = (usize, usize)> {
     (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j)))
 }
 
-impl Rows {
+impl BounceRows {
     /// The bounces of a recording's `result`.
     #[must_use]
-    pub fn of(result: &Value, source: &Source<'_>) -> Self {
+    pub fn of(result: &Value, source: &RowSource<'_>) -> Self {
         let rows = with_shared_slope(result, source.calibration.ball.inertia_factor)
             .iter()
             .enumerate()
@@ -118,7 +118,7 @@ impl Rows {
 ///
 /// # Errors
 /// Whatever the `csv` crate refuses; into memory it refuses nothing.
-pub fn table<'a>(recordings: impl Iterator<Item = &'a Rows>) -> Result<Vec<u8>, ::csv::Error> {
+pub fn table<'a>(recordings: impl Iterator<Item = &'a BounceRows>) -> Result<Vec<u8>, ::csv::Error> {
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     writer.write_record(header())?;
     for row in recordings.flat_map(|rows| &rows.0) {
@@ -187,8 +187,8 @@ fn with_shared_slope(result: &Value, inertia_factor: f64) -> Vec<Value> {
     bounces
 }
 
-fn row(result: &Value, source: &Source<'_>, i: usize, bounce: &Value) -> Vec<String> {
-    let Source {
+fn row(result: &Value, source: &RowSource<'_>, i: usize, bounce: &Value) -> Vec<String> {
+    let RowSource {
         recording,
         calibration,
         page,
@@ -268,7 +268,7 @@ fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::Changes;
+    use crate::batch::CalibrationChanges;
     use crate::calibration::Scale;
     use crate::rebound::fit::{self, Column, ColumnSet, Weights};
     use serde_json::json;
@@ -281,13 +281,13 @@ mod tests {
         })
     }
 
-    fn recording() -> Recording {
-        Recording {
+    fn recording() -> BatchRecording {
+        BatchRecording {
             name: "a, \"b\"".to_owned(),
             video: PathBuf::from("a.mp4"),
             calib: None,
             group: "steel".to_owned(),
-            changes: Changes::default(),
+            changes: CalibrationChanges::default(),
         }
     }
 
@@ -319,12 +319,12 @@ mod tests {
 
     fn series(result: &Value, calibration: &Calibration) -> fit::Series {
         let recording = recording();
-        let source = Source {
+        let source = RowSource {
             recording: &recording,
             calibration,
             page: "results/a.report.html",
         };
-        let rows = Rows::of(result, &source);
+        let rows = BounceRows::of(result, &source);
         fit::csv::parse(&table([&rows].into_iter()).unwrap(), "series.csv").unwrap()
     }
 

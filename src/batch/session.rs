@@ -1,10 +1,11 @@
-//! A batch from beginning to end: what stands, what has to be measured, and after each recording what there is of the series.
+//! A batch from beginning to end: which results are up to date, which recordings have to be measured, and the series of all
+//! bounces, written anew as it grows.
 
-use super::key::Key;
-use super::process::{Exit, Job};
-use super::series::{self, Rows, Source};
-use super::shelf::{RESULTS, Shelf};
-use super::{BatchError, Ending, Plan, Recording, Settings, schedule};
+use super::key::ResultKey;
+use super::process::{ProcessExit, RecordingProcess};
+use super::result_store::{RESULTS, ResultStore};
+use super::series::{self, BounceRows, RowSource};
+use super::{BatchError, BatchPlan, BatchRecording, BatchSettings, RecordingOutcome, schedule};
 use crate::calibration::Calibration;
 use crate::rebound::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
 use crate::report::batch_page::{self, RecordingEntry, RecordingState};
@@ -18,11 +19,11 @@ use std::thread::available_parallelism;
 
 /// What happens, for whoever watches.
 #[derive(Debug)]
-pub enum Progress<'a> {
+pub enum BatchEvent<'a> {
     /// It is known what has to be measured.
     Begin {
-        /// Results that stand.
-        standing: usize,
+        /// Results that are up to date.
+        up_to_date: usize,
         /// Bytes of each recording that has to be measured.
         to_do_bytes: Vec<u64>,
         /// Names of results in the folder that belong to none of the recordings.
@@ -31,9 +32,9 @@ pub enum Progress<'a> {
     /// A recording has ended.
     Ended {
         /// Which.
-        recording: &'a Recording,
+        recording: &'a BatchRecording,
         /// How.
-        ending: &'a Ending,
+        outcome: &'a RecordingOutcome,
         /// Bytes of it; `None` where it was not measured now.
         bytes: Option<u64>,
     },
@@ -41,9 +42,9 @@ pub enum Progress<'a> {
 
 /// A batch that has ended.
 #[derive(Debug)]
-pub struct Finished {
+pub struct BatchSummary {
     /// How each recording of the plan ended, in its order.
-    pub endings: Vec<Ending>,
+    pub outcomes: Vec<RecordingOutcome>,
     /// How many of them were measured now, well or not.
     pub now: usize,
     /// Bounces in the series.
@@ -68,58 +69,61 @@ const PUBLISH_GROWTH: f64 = 1.15;
 /// # Errors
 /// See [`BatchError`]; what was measured until then stands.
 pub fn run(
-    plan: &Plan,
-    settings: &Settings,
+    plan: &BatchPlan,
+    settings: &BatchSettings,
     out: &Path,
-    watch: &mut dyn FnMut(&Progress<'_>),
-) -> Result<Finished, BatchError> {
+    watch: &mut dyn FnMut(&BatchEvent<'_>),
+) -> Result<BatchSummary, BatchError> {
     let program = std::env::current_exe().map_err(BatchError::NoProgram)?;
-    let shelf = Shelf::open(out)?;
-    let places: Vec<Place> = plan
+    let store = ResultStore::open(out)?;
+    let progress: Vec<RecordingProgress> = plan
         .recordings
         .par_iter()
-        .map(|r| look(r, &shelf, settings))
+        .map(|r| assess(r, &store, settings))
         .collect();
-    let work: Vec<(usize, Arc<Ready>)> = places
+    let work: Vec<(usize, Arc<MeasurementInputs>)> = progress
         .iter()
         .enumerate()
-        .filter_map(|(i, place)| match place {
-            Place::ToDo(ready) => Some((i, Arc::clone(ready))),
-            Place::Ended { .. } => None,
+        .filter_map(|(i, progress)| match progress {
+            RecordingProgress::ToDo(inputs) => Some((i, Arc::clone(inputs))),
+            RecordingProgress::Ended { .. } => None,
         })
         .collect();
-    let mut batch = Batch {
+    let mut batch = RunningBatch {
         out,
         plan,
-        shelf: &shelf,
-        places,
+        store: &store,
+        progress,
     };
-    batch.tell_what_is_known(&work, watch)?;
+    batch.report_what_is_known(&work, watch)?;
     let mut published = batch.publish()?;
     let cores = available_parallelism().map_or(1, usize::from);
     let threads = (cores / settings.jobs.get().min(work.len().max(1))).max(1);
-    let measure = |(i, ready): &(usize, Arc<Ready>), stop: &AtomicBool| {
+    let measure = |(i, inputs): &(usize, Arc<MeasurementInputs>), stop: &AtomicBool| {
         let recording = &plan.recordings[*i];
-        match shelf.make_desk(recording).map(|desk| (desk, shelf.hold())) {
-            Ok((desk, Ok(hold))) => Job {
+        match store
+            .make_work_dir(recording)
+            .map(|work_dir| (work_dir, store.lock()))
+        {
+            Ok((work_dir, Ok(lock))) => RecordingProcess {
                 program: &program,
                 recording,
-                calib: &ready.calib,
-                desk,
-                hold,
+                calib: &inputs.calib,
+                work_dir,
+                lock,
                 settings,
                 threads,
             }
             .run(stop),
-            Ok((_, Err(e))) => Exit::Failed(format!("its process could not be started: {e}")),
-            Err(e) => Exit::Failed(chain(&e)),
+            Ok((_, Err(e))) => ProcessExit::Failed(format!("its process could not be started: {e}")),
+            Err(e) => ProcessExit::Failed(chain(&e)),
         }
     };
     let (mut done, mut last) = (0_usize, 0_usize);
-    schedule::run(&work, settings.jobs, measure, |(i, ready), exit| {
-        batch.end(*i, ready, exit)?;
+    schedule::run(&work, settings.jobs, measure, |(i, inputs), exit| {
+        batch.end(*i, inputs, exit)?;
         done += 1;
-        batch.tell(*i, Some(ready.bytes), watch);
+        batch.report(*i, Some(inputs.bytes), watch);
         if done as f64 >= last as f64 * PUBLISH_GROWTH || done == work.len() {
             published = batch.publish()?;
             last = done;
@@ -127,59 +131,63 @@ pub fn run(
         Ok::<(), BatchError>(())
     })?;
     let (rows, fit) = published;
-    Ok(Finished {
+    Ok(BatchSummary {
         now: done,
         rows,
         fit,
         files: batch.files(),
-        endings: batch.places.into_iter().filter_map(Place::ending).collect(),
+        outcomes: batch
+            .progress
+            .into_iter()
+            .filter_map(RecordingProgress::outcome)
+            .collect(),
     })
 }
 
 /// What is known of a recording.
-enum Place {
+enum RecordingProgress {
     /// It has to be measured.
-    ToDo(Arc<Ready>),
+    ToDo(Arc<MeasurementInputs>),
     /// It has ended, now or before.
     Ended {
-        ending: Ending,
-        rows: Rows,
+        outcome: RecordingOutcome,
+        rows: BounceRows,
         /// Codes of its warnings.
         warnings: Vec<String>,
     },
 }
 
-impl Place {
+impl RecordingProgress {
     fn failed(reason: String) -> Self {
         Self::Ended {
-            ending: Ending::Failed { reason },
-            rows: Rows::default(),
+            outcome: RecordingOutcome::Failed { reason },
+            rows: BounceRows::default(),
             warnings: Vec::new(),
         }
     }
 
-    fn ending(self) -> Option<Ending> {
+    fn outcome(self) -> Option<RecordingOutcome> {
         match self {
-            Self::Ended { ending, .. } => Some(ending),
+            Self::Ended { outcome, .. } => Some(outcome),
             Self::ToDo(_) => None,
         }
     }
 }
 
-/// What a recording is measured with.
+/// The inputs with which a recording is measured.
 #[derive(Debug)]
-struct Ready {
+struct MeasurementInputs {
     calib: PathBuf,
     calibration: Calibration,
     /// `None` where the recording cannot be read through.
-    key: Option<Key>,
+    key: Option<ResultKey>,
     bytes: u64,
 }
 
 /// Whether a recording can be measured, and whether it has to be.
-fn look(recording: &Recording, shelf: &Shelf, settings: &Settings) -> Place {
+fn assess(recording: &BatchRecording, store: &ResultStore, settings: &BatchSettings) -> RecordingProgress {
     let Some(calib) = &recording.calib else {
-        return Place::failed(format!(
+        return RecordingProgress::failed(format!(
             "it has no calibration: there is no {} beside it; give one for all with --calib, or one for each in the \
              column calib of a manifest",
             super::plan::calib_beside(&recording.video).display()
@@ -198,39 +206,39 @@ fn look(recording: &Recording, shelf: &Shelf, settings: &Settings) -> Place {
     };
     let (bytes, calibration) = match read() {
         Ok(read) => read,
-        Err(reason) => return Place::failed(reason),
+        Err(reason) => return RecordingProgress::failed(reason),
     };
-    let ready = Ready {
+    let inputs = MeasurementInputs {
         calib: calib.clone(),
         calibration,
-        key: Key::of(recording, &bytes, settings.accuracy),
+        key: ResultKey::of(recording, &bytes, settings.accuracy),
         bytes: size(&recording.video),
     };
-    let standing = ready.key.as_ref().filter(|_| !settings.again);
-    match standing.and_then(|key| shelf.standing(recording, key)) {
-        Some(result) => ended(recording, &ready.calibration, &result),
-        None => Place::ToDo(Arc::new(ready)),
+    let up_to_date = inputs.key.as_ref().filter(|_| !settings.again);
+    match up_to_date.and_then(|key| store.up_to_date(recording, key)) {
+        Some(result) => ended(recording, &inputs.calibration, &result),
+        None => RecordingProgress::ToDo(Arc::new(inputs)),
     }
 }
 
 /// A recording with a result.
-fn ended(recording: &Recording, calibration: &Calibration, result: &Value) -> Place {
+fn ended(recording: &BatchRecording, calibration: &Calibration, result: &Value) -> RecordingProgress {
     let page = page_of(recording);
-    let source = Source {
+    let source = RowSource {
         recording,
         calibration,
         page: &page,
     };
     let codes = result["warnings"].as_array().into_iter().flatten();
-    Place::Ended {
-        ending: if result["status"] == "measured" {
-            Ending::Measured
+    RecordingProgress::Ended {
+        outcome: if result["status"] == "measured" {
+            RecordingOutcome::Measured
         } else {
-            Ending::Rejected {
+            RecordingOutcome::Rejected {
                 reason: result["reason"].as_str().unwrap_or_default().to_owned(),
             }
         },
-        rows: Rows::of(result, &source),
+        rows: BounceRows::of(result, &source),
         warnings: codes
             .filter_map(|w| Some(w["code"].as_str()?.to_owned()))
             .collect(),
@@ -238,7 +246,7 @@ fn ended(recording: &Recording, calibration: &Calibration, result: &Value) -> Pl
 }
 
 /// A recording's page, from where the report lies.
-fn page_of(recording: &Recording) -> String {
+fn page_of(recording: &BatchRecording) -> String {
     format!("{RESULTS}/{}.report.html", recording.name)
 }
 
@@ -269,82 +277,82 @@ fn size(video: &Path) -> u64 {
 }
 
 /// A batch at work.
-struct Batch<'a> {
+struct RunningBatch<'a> {
     out: &'a Path,
-    plan: &'a Plan,
-    shelf: &'a Shelf,
-    places: Vec<Place>,
+    plan: &'a BatchPlan,
+    store: &'a ResultStore,
+    progress: Vec<RecordingProgress>,
 }
 
-impl Batch<'_> {
-    fn tell_what_is_known(
+impl RunningBatch<'_> {
+    fn report_what_is_known(
         &self,
-        work: &[(usize, Arc<Ready>)],
-        watch: &mut dyn FnMut(&Progress<'_>),
+        work: &[(usize, Arc<MeasurementInputs>)],
+        watch: &mut dyn FnMut(&BatchEvent<'_>),
     ) -> Result<(), BatchError> {
-        let others = self.shelf.others(&self.plan.recordings);
-        let standing = self.places.iter().filter(|place| {
+        let others = self.store.others(&self.plan.recordings);
+        let up_to_date = self.progress.iter().filter(|progress| {
             matches!(
-                place,
-                Place::Ended {
-                    ending: Ending::Measured | Ending::Rejected { .. },
+                progress,
+                RecordingProgress::Ended {
+                    outcome: RecordingOutcome::Measured | RecordingOutcome::Rejected { .. },
                     ..
                 }
             )
         });
-        watch(&Progress::Begin {
-            standing: standing.count(),
-            to_do_bytes: work.iter().map(|(_, ready)| ready.bytes).collect(),
+        watch(&BatchEvent::Begin {
+            up_to_date: up_to_date.count(),
+            to_do_bytes: work.iter().map(|(_, inputs)| inputs.bytes).collect(),
             others: &others,
         });
-        for (i, place) in self.places.iter().enumerate() {
-            let Place::Ended { ending, .. } = place else {
+        for (i, progress) in self.progress.iter().enumerate() {
+            let RecordingProgress::Ended { outcome, .. } = progress else {
                 continue;
             };
-            if matches!(ending, Ending::Failed { .. }) {
-                self.shelf.discard(&self.plan.recordings[i])?;
+            if matches!(outcome, RecordingOutcome::Failed { .. }) {
+                self.store.discard(&self.plan.recordings[i])?;
             }
-            if *ending != Ending::Measured {
-                self.tell(i, None, watch);
+            if *outcome != RecordingOutcome::Measured {
+                self.report(i, None, watch);
             }
         }
         Ok(())
     }
 
-    fn tell(&self, i: usize, bytes: Option<u64>, watch: &mut dyn FnMut(&Progress<'_>)) {
-        if let Place::Ended { ending, .. } = &self.places[i] {
-            watch(&Progress::Ended {
+    fn report(&self, i: usize, bytes: Option<u64>, watch: &mut dyn FnMut(&BatchEvent<'_>)) {
+        if let RecordingProgress::Ended { outcome, .. } = &self.progress[i] {
+            watch(&BatchEvent::Ended {
                 recording: &self.plan.recordings[i],
-                ending,
+                outcome,
                 bytes,
             });
         }
     }
 
     /// Takes over what a process has made.
-    fn end(&mut self, i: usize, ready: &Ready, exit: Exit) -> Result<(), BatchError> {
+    fn end(&mut self, i: usize, inputs: &MeasurementInputs, exit: ProcessExit) -> Result<(), BatchError> {
         let recording = &self.plan.recordings[i];
-        let failed = match (exit, &ready.key) {
-            (Exit::Done, Some(key)) if self.shelf.is_whole(recording) => {
-                self.shelf.take(recording, key)?;
-                match self.shelf.result(recording) {
+        let failed = match (exit, &inputs.key) {
+            (ProcessExit::Done, Some(key)) if self.store.is_complete(recording) => {
+                self.store.store(recording, key)?;
+                match self.store.result(recording) {
                     Ok(result) => {
-                        self.places[i] = ended(recording, &ready.calibration, &result);
-                        self.shelf.clear_desk(recording)?;
+                        self.progress[i] = ended(recording, &inputs.calibration, &result);
+                        self.store.clear_work_dir(recording)?;
                         return Ok(());
                     }
                     Err(e) => format!("its result cannot be read back: {e}"),
                 }
             }
-            (Exit::Done, Some(_)) => "its process ended without its results".to_owned(),
-            (Exit::Done, None) => "it changed, or cannot be read through".to_owned(),
-            (Exit::Failed(reason), _) => reason,
-            (Exit::Stopped, _) => "the batch was stopped".to_owned(),
+            (ProcessExit::Done, Some(_)) => "its process ended without its results".to_owned(),
+            (ProcessExit::Done, None) => "it changed, or cannot be read through".to_owned(),
+            (ProcessExit::Failed(reason), _) => reason,
+            (ProcessExit::Stopped, _) => "the batch was stopped".to_owned(),
         };
         // What may lie there is of another input, calibration or setting.
-        self.shelf.discard(recording)?;
-        self.shelf.clear_desk(recording)?;
-        self.places[i] = Place::failed(failed);
+        self.store.discard(recording)?;
+        self.store.clear_work_dir(recording)?;
+        self.progress[i] = RecordingProgress::failed(failed);
         Ok(())
     }
 
@@ -354,11 +362,11 @@ impl Batch<'_> {
 
     /// Writes the series as far as it is known, its fit and the page of all. How many rows, and the fit.
     fn publish(&self) -> Result<(usize, SeriesFit), BatchError> {
-        let rows = self.places.iter().filter_map(|place| match place {
-            Place::Ended { rows, .. } => Some(rows),
-            Place::ToDo(_) => None,
+        let rows = self.progress.iter().filter_map(|progress| match progress {
+            RecordingProgress::Ended { rows, .. } => Some(rows),
+            RecordingProgress::ToDo(_) => None,
         });
-        let count = rows.clone().map(Rows::len).sum();
+        let count = rows.clone().map(BounceRows::len).sum();
         let table = series::table(rows)?;
         let (series, fitted) = if count == 0 {
             nothing()
@@ -367,8 +375,13 @@ impl Batch<'_> {
             let fitted = fit::fit(&series, &Options::default());
             (series, fitted)
         };
-        let entries: Vec<RecordingEntry<'_>> =
-            self.plan.recordings.iter().zip(&self.places).map(entry).collect();
+        let entries: Vec<RecordingEntry<'_>> = self
+            .plan
+            .recordings
+            .iter()
+            .zip(&self.progress)
+            .map(entry)
+            .collect();
         let page = batch_page::report_html(&entries, &series, &fitted)?;
         let [series_csv, fit_json, report_html] = self.files();
         let json =
@@ -399,18 +412,18 @@ fn nothing() -> (Series, SeriesFit) {
     (series, fitted)
 }
 
-fn entry<'a>((recording, place): (&'a Recording, &'a Place)) -> RecordingEntry<'a> {
-    let (state, bounces, warnings): (_, _, &[String]) = match place {
-        Place::ToDo(_) => (RecordingState::Waiting, 0, &[]),
-        Place::Ended {
-            ending,
+fn entry<'a>((recording, progress): (&'a BatchRecording, &'a RecordingProgress)) -> RecordingEntry<'a> {
+    let (state, bounces, warnings): (_, _, &[String]) = match progress {
+        RecordingProgress::ToDo(_) => (RecordingState::Waiting, 0, &[]),
+        RecordingProgress::Ended {
+            outcome,
             rows,
             warnings,
         } => {
-            let state = match ending {
-                Ending::Measured => RecordingState::Measured,
-                Ending::Rejected { reason } => RecordingState::Rejected(reason),
-                Ending::Failed { reason } => RecordingState::Failed(reason),
+            let state = match outcome {
+                RecordingOutcome::Measured => RecordingState::Measured,
+                RecordingOutcome::Rejected { reason } => RecordingState::Rejected(reason),
+                RecordingOutcome::Failed { reason } => RecordingState::Failed(reason),
             };
             (state, rows.len(), warnings)
         }

@@ -2,9 +2,11 @@
 
 use super::measure::AccuracyArg;
 use super::{Status, answer, say};
-use crate::batch::plan::{self, Plan, Request};
+use crate::batch::plan::{self, BatchPlan, BatchRequest};
 use crate::batch::process::{bind, machine_memory_bytes};
-use crate::batch::{self, Changes, Ending, Finished, LaunchSpin, Progress, Settings};
+use crate::batch::{
+    self, BatchEvent, BatchSettings, BatchSummary, CalibrationChanges, LaunchSpin, RecordingOutcome,
+};
 use crate::calibration::Calibration;
 use crate::pipeline::measure;
 use crate::report::{series_table, write};
@@ -56,7 +58,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// What the process of a single recording is told.
+/// Arguments of the process of a single recording.
 #[derive(Debug, Args)]
 pub struct RecordingArgs {
     /// The recording.
@@ -109,7 +111,7 @@ const LEAST_MEMORY_BYTES: u64 = 1 << 30;
 /// Whatever keeps the recording from being read, or the results from being written.
 pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     bind(args.parent, args.memory_bytes)?;
-    let changes = Changes {
+    let changes = CalibrationChanges {
         spin: args.spin_ratio.unwrap_or_default(),
         frame_rate_hz: args.frame_rate_hz,
         ball_radius_m: args.ball_radius_m,
@@ -136,7 +138,7 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
 ///
 /// Whatever keeps the batch from being run, or its results from being written.
 pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
-    let plan = plan::make(&Request {
+    let plan = plan::make(&BatchRequest {
         paths: args.paths.clone(),
         manifest: args.manifest.clone(),
         calib: args.calib.clone(),
@@ -144,7 +146,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
     let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = args.jobs.unwrap_or(cores);
     let share = |whole: u64| (whole / jobs.get() as u64).max(LEAST_MEMORY_BYTES);
-    let settings = Settings {
+    let settings = BatchSettings {
         accuracy: args.accuracy.into(),
         jobs,
         time_limit: args.timeout_s,
@@ -167,7 +169,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
         text.push_str(&series_table::fit_table(&finished.fit));
     }
     answer(&text)?;
-    let all_measured = finished.endings.iter().all(|e| *e == Ending::Measured);
+    let all_measured = finished.outcomes.iter().all(|e| *e == RecordingOutcome::Measured);
     Ok(match super::fit::status(&finished.fit) {
         Status::Done if all_measured => Status::Done,
         _ => Status::Rejected,
@@ -175,15 +177,15 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
 }
 
 /// How many ended how, and what was not measured with its reason.
-fn summary(plan: &Plan, finished: &Finished) -> String {
+fn summary(plan: &BatchPlan, finished: &BatchSummary) -> String {
     let mut text = String::new();
-    let count = |word: &str| finished.endings.iter().filter(|e| e.word() == word).count();
+    let count = |word: &str| finished.outcomes.iter().filter(|e| e.word() == word).count();
     let counts: Vec<String> = ["measured", "rejected", "failed"]
         .into_iter()
         .filter(|word| count(word) > 0)
         .map(|word| format!("{} {word}", count(word)))
         .collect();
-    let all = finished.endings.len();
+    let all = finished.outcomes.len();
     let _ = writeln!(
         text,
         "{all} recording{}: {}; {} of them now",
@@ -191,9 +193,9 @@ fn summary(plan: &Plan, finished: &Finished) -> String {
         counts.join(", "),
         finished.now
     );
-    for (recording, ending) in plan.recordings.iter().zip(&finished.endings) {
-        if let Some(reason) = ending.reason() {
-            let _ = writeln!(text, "{} {}: {reason}", ending.word(), recording.name);
+    for (recording, outcome) in plan.recordings.iter().zip(&finished.outcomes) {
+        if let Some(reason) = outcome.reason() {
+            let _ = writeln!(text, "{} {}: {reason}", outcome.word(), recording.name);
         }
     }
     text
@@ -233,30 +235,30 @@ impl Watcher {
         self.bar.suspend(|| say(text));
     }
 
-    fn see(&mut self, progress: &Progress<'_>) {
+    fn see(&mut self, progress: &BatchEvent<'_>) {
         match progress {
-            Progress::Begin {
-                standing,
+            BatchEvent::Begin {
+                up_to_date,
                 to_do_bytes,
                 others,
-            } => self.begin(*standing, to_do_bytes, others),
-            Progress::Ended {
+            } => self.begin(*up_to_date, to_do_bytes, others),
+            BatchEvent::Ended {
                 recording,
-                ending,
+                outcome,
                 bytes,
             } => {
                 let counted = bytes.map(|bytes| {
                     self.done += 1;
-                    self.count(bytes, ending);
+                    self.count(bytes, outcome);
                     self.bar.set_message(format!("{}/{}", self.done, self.to_do));
                     format!("[{}/{}] ", self.done, self.to_do)
                 });
                 let counted = counted.unwrap_or_default();
-                match ending.reason() {
+                match outcome.reason() {
                     Some(reason) => {
                         self.line(&format!(
                             "{counted}{} {}: {reason}",
-                            ending.word(),
+                            outcome.word(),
                             recording.name
                         ));
                     }
@@ -268,8 +270,8 @@ impl Watcher {
     }
 
     /// Counts a recording that was measured now, or failed.
-    fn count(&self, bytes: u64, ending: &Ending) {
-        if matches!(ending, Ending::Failed { .. }) {
+    fn count(&self, bytes: u64, outcome: &RecordingOutcome) {
+        if matches!(outcome, RecordingOutcome::Failed { .. }) {
             // What fails does so at once, mostly: it tells nothing of the time that the others take.
             self.bar.dec_length(bytes.max(1));
         } else {
@@ -278,7 +280,7 @@ impl Watcher {
         }
     }
 
-    fn begin(&mut self, standing: usize, to_do_bytes: &[u64], others: &[String]) {
+    fn begin(&mut self, up_to_date: usize, to_do_bytes: &[u64], others: &[String]) {
         self.to_do = to_do_bytes.len();
         // Long recordings take longer: the time left goes by their bytes.
         self.bar
@@ -286,9 +288,9 @@ impl Watcher {
         self.bar.set_message(format!("0/{}", self.to_do));
         self.bar.reset_eta();
         self.bar.enable_steady_tick(Duration::from_secs(1));
-        if standing > 0 {
+        if up_to_date > 0 {
             self.line(&format!(
-                "{standing} of {} results stand: recording, calibration and settings are those they were measured with",
+                "{up_to_date} of {} results stand: recording, calibration and settings are those they were measured with",
                 self.all
             ));
         }

@@ -1,7 +1,7 @@
 //! `track simulate SCENE --out DIR [--effects auto|all|none] [--explain]`.
 
 use crate::simulate::effects::{Decision, Unit};
-use crate::simulate::{EffectsChoice, Recording, Scene, Written, write};
+use crate::simulate::{EffectsChoice, Scene, SimulatedFiles, SimulatedRecording, write};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write as _;
@@ -24,7 +24,7 @@ pub fn run(
     if let Some(choice) = effects {
         read.effects = choice;
     }
-    let recording = Recording::new(&read).with_context(named)?;
+    let recording = SimulatedRecording::new(&read).with_context(named)?;
     if explain {
         answer(&table(recording.decisions()))?;
     }
@@ -35,7 +35,7 @@ pub fn run(
         bar.set_position(done as u64)
     })?;
     bar.finish_and_clear();
-    let Written {
+    let SimulatedFiles {
         video,
         truth,
         calib,
@@ -137,9 +137,9 @@ mod tests {
         let text = r#"{"schema": "track.scene/1", "contact": {"model": "mu_e", "restitution": 0.5, "friction": 0.1},
             "camera": {"image_size_px": [160, 120], "origin_px": [20, 110], "metres_per_pixel": 0.002}}"#;
         std::fs::write(&scene, text).unwrap();
-        let mut told = String::new();
+        let mut output = String::new();
         let mut answer = |text: &str| {
-            told += text;
+            output += text;
             Ok(())
         };
         run(&scene, &folder.join("out"), None, true, &mut answer).unwrap();
@@ -154,7 +154,10 @@ mod tests {
         assert!(folder.join("none").join("tiny.mkv").exists());
         let error = run(&folder.join("missing.json"), &folder, None, false, &mut answer).unwrap_err();
         assert!(format!("{error:#}").contains("missing.json"));
-        assert!(told.starts_with("effect") && told.contains("tiny.mkv"), "{told}");
+        assert!(
+            output.starts_with("effect") && output.contains("tiny.mkv"),
+            "{output}"
+        );
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -4,7 +4,7 @@ use super::study::CostError;
 use crate::calibration::Calibration;
 use crate::frames::{self, FrameError};
 use crate::simulate::truth::Truth;
-use crate::simulate::{Recording, Scene, write};
+use crate::simulate::{Scene, SimulatedRecording, write};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ pub(super) fn render(scenes: &[Scene], dir: &Path) -> Result<Vec<Rendered>, Cost
 }
 
 fn one(scene: &Scene, stem: &str, dir: &Path) -> Result<Rendered, CostError> {
-    let recording = Recording::new(scene)?;
+    let recording = SimulatedRecording::new(scene)?;
     let written = write(&recording, stem, dir, |_| {})?;
     Ok(Rendered {
         calibration: Calibration::read(&written.calib)?,

@@ -18,10 +18,10 @@
 use super::stats::{ErrorStatistics, Quartiles, logarithmic_slope};
 use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
 use crate::simulate::effects::{self, Acting, Force, Ideal, Loads};
-use crate::simulate::flight::{Acts, Integration, RELATIVE_TOLERANCE, State, Trajectory};
+use crate::simulate::flight::{BallState, Integration, Perturbations, RELATIVE_TOLERANCE, Trajectory};
 use crate::simulate::scene::{EffectsChoice, Switch};
 use crate::simulate::truth::Truth;
-use crate::simulate::{Recording, Scene, SceneError};
+use crate::simulate::{Scene, SceneError, SimulatedRecording};
 use nalgebra::Vector3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -138,7 +138,7 @@ const G_M_S2: f64 = 9.81;
 struct QuadraticDrag(Arc<AtomicU64>);
 
 impl Force for QuadraticDrag {
-    fn act(&self, state: &State, _: &Vector3<f64>, loads: &mut Loads) {
+    fn act(&self, state: &BallState, _: &Vector3<f64>, loads: &mut Loads) {
         self.0.fetch_add(1, Ordering::Relaxed);
         loads.force_n -= state.velocity_m_s * (DRAG_N_S2_M2 * state.velocity_m_s.norm());
     }
@@ -153,9 +153,9 @@ struct Flown {
 
 fn fly(scene: &Scene, integration: Integration) -> Result<Flown, SceneError> {
     let count = Arc::new(AtomicU64::new(0));
-    let acts = Acts {
+    let acts = Perturbations {
         forces: vec![Acting::of(Box::new(QuadraticDrag(Arc::clone(&count))))],
-        ..Acts::default()
+        ..Perturbations::default()
     };
     let flight = Trajectory::integrated(scene, &acts, integration)?;
     let (landed_s, _) = landing();
@@ -454,7 +454,7 @@ impl Reference {
             effects: EffectsChoice::all(Switch::On),
             ..scene.clone()
         };
-        let recording = Recording::new(&scene)?;
+        let recording = SimulatedRecording::new(&scene)?;
         let truth = recording.truth();
         let (_, chosen) = effects::decide(&scene, &scene.effects, &Ideal::new(&scene)?);
         let tight = Trajectory::integrated(&scene, &chosen.acts, REFERENCE)?;
@@ -520,7 +520,7 @@ fn one_choice(
     frames: usize,
     stopwatch: &Stopwatch<'_>,
 ) -> Result<Run, CostError> {
-    let (recording, flight_s) = stopwatch.timed(|| Recording::new(scene));
+    let (recording, flight_s) = stopwatch.timed(|| SimulatedRecording::new(scene));
     let recording = recording?;
     let count = recording.frame_count();
     let flight_ms = 1e3 * flight_s / count as f64;

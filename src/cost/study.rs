@@ -4,7 +4,7 @@
 use super::stats::{ErrorStatistics, Quartiles};
 use crate::calibration::CalibrationError;
 use crate::frames::FrameError;
-use crate::simulate::{SceneError, WriteError};
+use crate::simulate::{SceneError, SimulationWriteError};
 
 /// A number that is drawn or listed: an error or a kind of work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -238,7 +238,7 @@ pub enum CostError {
     Scene(#[from] SceneError),
     /// A recording could not be rendered.
     #[error("a recording of the cost study could not be written to the temporary folder (TMPDIR)")]
-    Render(#[from] WriteError),
+    Render(#[from] SimulationWriteError),
     /// A rendered recording could not be read.
     #[error("a rendered recording of the cost study could not be read again")]
     Frames(#[from] FrameError),

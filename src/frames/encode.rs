@@ -4,7 +4,7 @@
 //! [`VideoWriter::finish`] renames. Code values are written as they are and flagged full range, so that grey 0..=255
 //! comes back. The same frames give the same bytes.
 
-use super::av::{Encoder, EncoderSettings, Failure, Picture, PixelFormat, Ratio};
+use super::av::{Encoder, EncoderSettings, Failure, Picture, PixelFormat, Rational};
 use super::{Luma, Yuv420};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -471,10 +471,10 @@ fn settings<'a>(
     temporary: &NamedTempFile,
 ) -> EncoderSettings<'a> {
     // 1001 is in the terms of the television rates (30000/1001 Hz).
-    let rate = Ratio::near(options.frame_rate_hz, 1_001_000);
+    let rate = Rational::near(options.frame_rate_hz, 1_001_000);
     let time_base = match options.timing {
         Timing::Constant => rate.inverse(),
-        Timing::Stamped => Ratio {
+        Timing::Stamped => Rational {
             num: 1,
             den: 1_000_000,
         },

@@ -7,8 +7,8 @@
 use super::av::{AvError, Decoder, Packet, Picture};
 use super::error::FrameError;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
-use super::video::{Reader, Timed, checked_size, count, ffmpeg, turn};
-use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
+use super::video::{PictureReader, TimedPicture, checked_size, count, ffmpeg, turn};
+use super::{Coded, Frame, Luma, SourceInfo, SourceNote, StreamHealth};
 use std::ffi::{CStr, OsStr};
 use std::fs;
 use std::io;
@@ -22,20 +22,20 @@ const MAX_IMAGE_BYTES: u64 = 1 << 30;
 
 /// An image and its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Numbered {
+struct NumberedImage {
     number: u64,
     path: PathBuf,
 }
 
 /// The images of a folder in order, and what is to be said of them.
-pub(super) struct Listing {
-    images: Vec<Numbered>,
+pub(super) struct ImageList {
+    images: Vec<NumberedImage>,
     /// Frames if no number were missing.
     expected: u64,
-    notes: Vec<Note>,
+    notes: Vec<SourceNote>,
 }
 
-impl Listing {
+impl ImageList {
     /// Lists the images of `folder` by the last number in their names.
     pub(super) fn of(folder: &Path) -> Result<Self, FrameError> {
         let paths = pictures_in(folder)?;
@@ -82,7 +82,7 @@ impl Listing {
 /// # Errors
 /// A file that is missing, empty, or no image.
 pub fn open_picture(path: &Path) -> Result<Luma, FrameError> {
-    let image = Numbered {
+    let image = NumberedImage {
         number: 0,
         path: path.to_owned(),
     };
@@ -150,7 +150,11 @@ fn number_of(path: &Path) -> Option<u64> {
 }
 
 /// Images in the order of their numbers. Images without one are left out, unless none has one: then names sort them.
-fn numbered(folder: &Path, paths: Vec<PathBuf>, notes: &mut Vec<Note>) -> Result<Vec<Numbered>, FrameError> {
+fn numbered(
+    folder: &Path,
+    paths: Vec<PathBuf>,
+    notes: &mut Vec<SourceNote>,
+) -> Result<Vec<NumberedImage>, FrameError> {
     let (with, without): (Vec<_>, Vec<_>) = paths.into_iter().partition(|p| number_of(p).is_some());
     let code = "images_without_number";
     if with.is_empty() {
@@ -158,10 +162,10 @@ fn numbered(folder: &Path, paths: Vec<PathBuf>, notes: &mut Vec<Note>) -> Result
             "no image name has a number; the {} images are taken in order of name",
             without.len()
         );
-        notes.push(Note { code, message });
+        notes.push(SourceNote { code, message });
         return Ok((0..)
             .zip(without)
-            .map(|(number, path)| Numbered { number, path })
+            .map(|(number, path)| NumberedImage { number, path })
             .collect());
     }
     if let Some(first) = without.first() {
@@ -170,12 +174,12 @@ fn numbered(folder: &Path, paths: Vec<PathBuf>, notes: &mut Vec<Note>) -> Result
             without.len(),
             name(first)
         );
-        notes.push(Note { code, message });
+        notes.push(SourceNote { code, message });
     }
     let mut images: Vec<_> = with
         .into_iter()
         .filter_map(|path| {
-            Some(Numbered {
+            Some(NumberedImage {
                 number: number_of(&path)?,
                 path,
             })
@@ -194,7 +198,7 @@ fn numbered(folder: &Path, paths: Vec<PathBuf>, notes: &mut Vec<Note>) -> Result
 }
 
 /// Frames if no number were missing; a note when some are. Numbers may go up by any constant step.
-fn expected(images: &[Numbered], notes: &mut Vec<Note>) -> u64 {
+fn expected(images: &[NumberedImage], notes: &mut Vec<SourceNote>) -> u64 {
     let steps = || images.windows(2).map(|pair| pair[1].number - pair[0].number);
     let Some(step) = steps().min() else { return 1 };
     let missing = |gap: u64| gap.div_ceil(step) - 1;
@@ -208,7 +212,7 @@ fn expected(images: &[Numbered], notes: &mut Vec<Note>) -> u64 {
             name(&pair[0].path),
             name(&pair[1].path)
         );
-        notes.push(Note {
+        notes.push(SourceNote {
             code: "image_numbers_missing",
             message,
         });
@@ -238,7 +242,7 @@ fn decoder_for(bytes: &[u8]) -> Option<&'static CStr> {
 
 /// Decodes an image and hands the picture to `read`; gives the codec's name with what that makes of it.
 fn decoded<T>(
-    image: &Numbered,
+    image: &NumberedImage,
     read: impl FnOnce(&Picture) -> Result<T, AvError>,
 ) -> Result<(&'static str, T), FrameError> {
     let failed = |message: String| FrameError::Image {
@@ -288,7 +292,7 @@ fn decode(codec: &CStr, bytes: &[u8]) -> Result<Option<Picture>, AvError> {
 /// Reads a folder of images as pictures of kind `P`.
 pub(super) struct FolderReader<P> {
     info: SourceInfo,
-    listing: Listing,
+    listing: ImageList,
     reader: PixelReader,
     orientation: Orientation,
     spare: Option<P>,
@@ -299,7 +303,7 @@ pub(super) struct FolderReader<P> {
 
 impl<P: Pixels> FolderReader<P> {
     pub(super) fn open(folder: &Path) -> Result<Self, FrameError> {
-        let mut listing = Listing::of(folder)?;
+        let mut listing = ImageList::of(folder)?;
         let (codec, (size, range, orientation, format)) = decoded(&listing.images[0], |picture| {
             let orientation = turn(picture.display_matrix(), &mut listing.notes);
             let size = orientation.shown((picture.width(), picture.height()));
@@ -355,12 +359,12 @@ impl<P: Pixels> FolderReader<P> {
     }
 }
 
-impl<P: Pixels> Reader<P> for FolderReader<P> {
+impl<P: Pixels> PictureReader<P> for FolderReader<P> {
     fn info(&self) -> &SourceInfo {
         &self.info
     }
 
-    fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
+    fn next(&mut self) -> Result<Option<TimedPicture<P>>, FrameError> {
         let index = self.given;
         if self.failed || index >= self.listing.len() {
             return Ok(None);
@@ -369,7 +373,7 @@ impl<P: Pixels> Reader<P> for FolderReader<P> {
         self.failed = read.is_err();
         let pixels = read?;
         self.given += 1;
-        Ok(Some(Timed {
+        Ok(Some(TimedPicture {
             index,
             time_s: self.listing.time(index),
             pixels,
@@ -411,7 +415,7 @@ mod tests {
         let images = |numbers: &[u64]| -> Vec<_> {
             numbers
                 .iter()
-                .map(|&number| Numbered {
+                .map(|&number| NumberedImage {
                     number,
                     path: format!("{number}.png").into(),
                 })

@@ -33,7 +33,7 @@ pub use error::FrameError;
 pub use folder::{is_picture, open_picture, pictures_in};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
-pub use survey::{Spread, evenly_of, open_sparse, open_sparse_at_once};
+pub use survey::{EvenSample, evenly_of, open_sparse, open_sparse_at_once};
 pub use video::{FrameSource, open};
 
 /// One channel, 8 bits, rows top to bottom without padding.
@@ -218,12 +218,12 @@ pub struct StreamHealth {
     /// The stream ended with an error of the container (a file cut short), in words.
     pub ended_early: Option<String>,
     /// What else the user has to know of the file, in order of appearance.
-    pub notes: Vec<Note>,
+    pub notes: Vec<SourceNote>,
 }
 
 /// A word on the file that stops nothing: a stable code and a sentence.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Note {
+pub struct SourceNote {
     /// Stable, lower case with underscores: `rotation_ignored`, `pixels_not_square`, `several_video_streams`,
     /// `no_time_stamps`, `image_numbers_missing`, `images_without_number`.
     pub code: &'static str,

@@ -1,6 +1,6 @@
 //! From a decoded picture to planes of our own: upright, 8 bits, without padding.
 
-use super::av::{AvError, Converter, Kind, Layout, Picture, PixelFormat};
+use super::av::{AvError, ComponentLayout, Converter, Picture, PictureKind, PixelFormat};
 use super::{Luma, LumaRange, Yuv420};
 
 /// The turn (and mirroring) that sets a stored picture upright: stored (x, y) is shown at (±x, ±y), or at (±y, ±x)
@@ -142,11 +142,11 @@ impl Pixels for Luma {
         let orientation = reader.orientation;
         let mut data = spare.map(|s| s.data).unwrap_or_default();
         match picture.kind() {
-            Kind::Luma(layout) if layout.step == 1 && layout.depth == 8 => {
+            PictureKind::Luma(layout) if layout.step == 1 && layout.depth == 8 => {
                 require_rows(picture, layout, stored)?;
                 orientation.place(stored, |y| picture.row(layout.plane, y), &mut data);
             }
-            Kind::Luma(layout) => {
+            PictureKind::Luma(layout) => {
                 require_rows(picture, layout, stored)?;
                 let packed = &mut reader.row;
                 packed.clear();
@@ -154,7 +154,7 @@ impl Pixels for Luma {
                     .for_each(|y| append_8_bits(picture.row(layout.plane, y), layout, stored.0, packed));
                 orientation.place(stored, |y| &packed[y * stored.0..][..stored.0], &mut data);
             }
-            Kind::Other => {
+            PictureKind::Other => {
                 let grey = reader.converted(picture, PixelFormat::Gray8)?;
                 orientation.place(stored, |y| grey.row(0, y), &mut data);
             }
@@ -165,7 +165,11 @@ impl Pixels for Luma {
 }
 
 /// Whether every row holds what the layout promises.
-fn require_rows(picture: &Picture, layout: Layout, (width, height): (usize, usize)) -> Result<(), AvError> {
+fn require_rows(
+    picture: &Picture,
+    layout: ComponentLayout,
+    (width, height): (usize, usize),
+) -> Result<(), AvError> {
     let bytes = if layout.depth > 8 { 2 } else { 1 };
     let least = (width.max(1) - 1) * layout.step + layout.offset + bytes;
     let short = |y: usize| picture.row(layout.plane, y).len() < least;
@@ -177,7 +181,7 @@ fn require_rows(picture: &Picture, layout: Layout, (width, height): (usize, usiz
 }
 
 /// A row of 8-bit luma between other components, or of 9 to 16 bits, which are rounded to 8.
-fn append_8_bits(row: &[u8], layout: Layout, width: usize, out: &mut Vec<u8>) {
+fn append_8_bits(row: &[u8], layout: ComponentLayout, width: usize, out: &mut Vec<u8>) {
     let values = row[layout.offset..].chunks(layout.step).take(width);
     if layout.depth == 8 {
         out.extend(values.map(|bytes| bytes[0]));
@@ -216,7 +220,7 @@ impl Pixels for Yuv420 {
 /// What the code values of a picture mean once it is read as [`Luma`].
 pub(super) fn luma_range(picture: &Picture) -> LumaRange {
     // What swscale converts comes out in full range; the rest is copied.
-    if picture.kind() == Kind::Other || picture.is_full_range() {
+    if picture.kind() == PictureKind::Other || picture.is_full_range() {
         LumaRange { black: 0, white: 255 }
     } else {
         LumaRange {
@@ -317,7 +321,7 @@ mod tests {
 
     #[test]
     fn deep_values_are_rounded_to_the_nearest_of_8_bits() {
-        let layout = Layout {
+        let layout = ComponentLayout {
             plane: 0,
             step: 2,
             offset: 0,
@@ -332,7 +336,7 @@ mod tests {
         let mut out = Vec::new();
         append_8_bits(&row, layout, 7, &mut out);
         assert_eq!(out, [0, 0, 1, 16, 17, 235, 255]);
-        let p010 = Layout {
+        let p010 = ComponentLayout {
             shift: 6,
             big_endian: true,
             ..layout

@@ -20,14 +20,14 @@ const MOST: usize = 64;
 pub struct ReadAhead {
     info: SourceInfo,
     /// `None` once the thread has nothing more to give.
-    incoming: Option<Receiver<Message>>,
+    incoming: Option<Receiver<ReadMessage>>,
     used: SyncSender<Frame>,
     health: StreamHealth,
     thread: Option<JoinHandle<()>>,
 }
 
 /// What the thread sends: a frame (or the end, or an error) and the health up to it.
-struct Message {
+struct ReadMessage {
     outcome: Result<Option<Frame>, FrameError>,
     health: StreamHealth,
 }
@@ -109,7 +109,11 @@ fn depth(width: usize, height: usize) -> usize {
     (MEMORY / width.saturating_mul(height).max(1)).clamp(2, MOST)
 }
 
-fn run(mut source: Box<dyn FrameSource + Send>, sender: &SyncSender<Message>, returned: &Receiver<Frame>) {
+fn run(
+    mut source: Box<dyn FrameSource + Send>,
+    sender: &SyncSender<ReadMessage>,
+    returned: &Receiver<Frame>,
+) {
     loop {
         for frame in returned.try_iter() {
             source.recycle(frame);
@@ -117,7 +121,7 @@ fn run(mut source: Box<dyn FrameSource + Send>, sender: &SyncSender<Message>, re
         let outcome = source.next_frame();
         let last = !matches!(outcome, Ok(Some(_)));
         let health = source.health();
-        if sender.send(Message { outcome, health }).is_err() || last {
+        if sender.send(ReadMessage { outcome, health }).is_err() || last {
             return;
         }
     }
@@ -138,14 +142,14 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Gives `frames` frames, then fails or ends, and counts what it was asked for.
-    struct Fake {
+    struct FakeSource {
         info: SourceInfo,
         frames: usize,
         fails: bool,
         asked: Arc<AtomicUsize>,
     }
 
-    impl Fake {
+    impl FakeSource {
         fn boxed(frames: usize, fails: bool) -> (Box<dyn FrameSource + Send>, Arc<AtomicUsize>) {
             let asked = Arc::new(AtomicUsize::new(0));
             let info = SourceInfo {
@@ -172,7 +176,7 @@ mod tests {
         }
     }
 
-    impl FrameSource for Fake {
+    impl FrameSource for FakeSource {
         fn info(&self) -> &SourceInfo {
             &self.info
         }
@@ -208,7 +212,7 @@ mod tests {
 
     #[test]
     fn frames_come_in_order_and_health_belongs_to_the_frame() {
-        let (source, _) = Fake::boxed(50, false);
+        let (source, _) = FakeSource::boxed(50, false);
         let mut ahead = ReadAhead::start(source).unwrap();
         for i in 0..50 {
             let frame = ahead.next_frame().unwrap().unwrap();
@@ -222,7 +226,7 @@ mod tests {
 
     #[test]
     fn an_error_comes_after_the_frames_before_it() {
-        let (source, _) = Fake::boxed(3, true);
+        let (source, _) = FakeSource::boxed(3, true);
         let mut ahead = ReadAhead::start(source).unwrap();
         for _ in 0..3 {
             assert!(ahead.next_frame().unwrap().is_some());
@@ -233,7 +237,7 @@ mod tests {
 
     #[test]
     fn dropping_it_early_stops_the_thread_and_no_more_than_the_depth_was_read() {
-        let (source, asked) = Fake::boxed(usize::MAX, false);
+        let (source, asked) = FakeSource::boxed(usize::MAX, false);
         let mut ahead = ReadAhead::start(source).unwrap();
         assert!(ahead.next_frame().unwrap().is_some());
         drop(ahead); // joins: a hang would show here

@@ -4,7 +4,7 @@ use super::Yuv420;
 use super::encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
 use super::error::FrameError;
 use super::folder::FolderReader;
-use super::video::{Reader, Timed, VideoReader};
+use super::video::{PictureReader, TimedPicture, VideoReader};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -78,7 +78,7 @@ fn same_file(a: &Path, b: &Path) -> io::Result<bool> {
 }
 
 fn copy(
-    reader: &mut impl Reader<Yuv420>,
+    reader: &mut impl PictureReader<Yuv420>,
     output: &Path,
     draw: &mut dyn FnMut(usize, &mut Yuv420),
 ) -> Result<(), RecodeError> {
@@ -107,7 +107,7 @@ fn copy(
     } else {
         1.0 / RATE_WITHOUT_CLOCK_HZ
     };
-    while let Some(Timed {
+    while let Some(TimedPicture {
         index,
         time_s,
         pixels: mut picture,

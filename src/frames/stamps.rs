@@ -19,7 +19,7 @@ const GRID_SLACK_TICKS: f64 = 1.01;
 const COARSE_TICK_S: f64 = 5e-4;
 
 /// Gives items (frames) their times, in order.
-pub(super) struct Clock<T> {
+pub(super) struct StampClock<T> {
     tick_s: f64,
     /// Frame spacing to assume before any is seen, s.
     usual_step_s: f64,
@@ -37,7 +37,7 @@ pub(super) struct Clock<T> {
     pub repaired: u64,
 }
 
-impl<T> Clock<T> {
+impl<T> StampClock<T> {
     pub(super) fn new(tick_s: f64, nominal_rate_hz: Option<f64>, declared_rate_hz: Option<f64>) -> Self {
         let usual_step_s = nominal_rate_hz.map_or(1.0 / 30.0, |rate| 1.0 / rate);
         Self {
@@ -171,7 +171,7 @@ impl<T> Clock<T> {
 mod tests {
     use super::*;
 
-    fn times(mut clock: Clock<()>, stamps: &[Option<i64>]) -> (Vec<f64>, u64) {
+    fn times(mut clock: StampClock<()>, stamps: &[Option<i64>]) -> (Vec<f64>, u64) {
         let mut out = Vec::new();
         for &stamp in stamps {
             clock.push(stamp, ());
@@ -182,8 +182,8 @@ mod tests {
         (out, clock.repaired)
     }
 
-    fn plain() -> Clock<()> {
-        Clock::new(0.01, Some(10.0), None)
+    fn plain() -> StampClock<()> {
+        StampClock::new(0.01, Some(10.0), None)
     }
 
     #[test]
@@ -192,7 +192,7 @@ mod tests {
             let stamps: Vec<_> = (0..400)
                 .map(|i| Some((f64::from(i) / rate * 1e3).round() as i64))
                 .collect();
-            let (times, repaired) = times(Clock::new(1e-3, Some(rate), Some(rate)), &stamps);
+            let (times, repaired) = times(StampClock::new(1e-3, Some(rate), Some(rate)), &stamps);
             assert_eq!(repaired, 0, "{rate} Hz");
             for (i, t) in times.iter().enumerate() {
                 assert!((t - i as f64 / rate).abs() < 2e-6, "{rate} Hz: frame {i} at {t}");
@@ -200,7 +200,7 @@ mod tests {
         }
         // A second of frames left out is not counted over.
         let stamps: Vec<_> = (0..20).chain(1020..1040).map(|ms| Some(ms / 2)).collect();
-        let (times, _) = times(Clock::new(1e-3, Some(2000.0), Some(2000.0)), &stamps);
+        let (times, _) = times(StampClock::new(1e-3, Some(2000.0), Some(2000.0)), &stamps);
         assert!((times[20] - times[19] - 0.5005).abs() < 1.1e-3, "{times:?}");
     }
 
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn milliseconds_on_a_declared_rate_become_the_rate() {
-        let clock = || Clock::new(1e-3, Some(240.0), Some(240.0));
+        let clock = || StampClock::new(1e-3, Some(240.0), Some(240.0));
         let rounded: Vec<_> = (0..100)
             .map(|i| Some(((i as f64) / 0.24).round() as i64 + 7))
             .collect();

@@ -1,9 +1,11 @@
 //! A few frames spread over the whole recording, quickly: for the background and the noise.
 
 use super::error::FrameError;
-use super::folder::Listing;
+use super::folder::ImageList;
 use super::pixels::{PixelReader, Pixels};
-use super::video::{PictureStream, Wanted, checked_size, count, ffmpeg, no_frames, open_input, orientation};
+use super::video::{
+    PictureStream, WantedPictures, checked_size, count, ffmpeg, no_frames, open_input, orientation,
+};
 use super::{Coded, Frame, Luma};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -32,7 +34,7 @@ pub fn open_sparse_at_once(path: &Path, at_most: usize) -> Result<Option<Vec<Fra
         return Ok(Some(Vec::new()));
     }
     if path.is_dir() {
-        let listing = Listing::of(path)?;
+        let listing = ImageList::of(path)?;
         let chosen = evenly(listing.len(), at_most).into_iter();
         return chosen
             .map(|i| listing.frame(i))
@@ -118,7 +120,7 @@ fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameEr
 /// The key frames with these stamps, of one size; a damaged one is one frame less, nothing worse.
 fn these_key_frames(path: &Path, stamps: &[i64]) -> Result<Vec<(i64, Luma)>, FrameError> {
     let (input, _) = open_input(path)?;
-    let mut collector = Collector::open(path, input, Wanted::Key)?;
+    let mut collector = LumaCollector::open(path, input, WantedPictures::Key)?;
     let mut found = Vec::with_capacity(stamps.len());
     for &stamp in stamps {
         if collector.stream.key_frame(stamp)
@@ -156,8 +158,8 @@ fn spread_in_time(stamps: &[i64], last: i64, at_most: usize) -> Vec<i64> {
 /// One pass over the frames that others refer to, keeping every n-th; n doubles when too many are kept.
 fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
     let (input, _) = open_input(path)?;
-    let mut collector = Collector::open(path, input, Wanted::Referenced)?;
-    let mut kept = Spread::new(at_most);
+    let mut collector = LumaCollector::open(path, input, WantedPictures::Referenced)?;
+    let mut kept = EvenSample::new(at_most);
     let mut index = 0;
     while collector.stream.next() {
         if kept.wants_next() {
@@ -184,7 +186,7 @@ fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
 }
 
 /// Decodes pictures to upright luma, all of one size.
-struct Collector<'a> {
+struct LumaCollector<'a> {
     path: &'a Path,
     stream: PictureStream,
     reader: Option<PixelReader>,
@@ -193,8 +195,8 @@ struct Collector<'a> {
     first: Option<i64>,
 }
 
-impl<'a> Collector<'a> {
-    fn open(path: &'a Path, input: super::av::Input, wanted: Wanted) -> Result<Self, FrameError> {
+impl<'a> LumaCollector<'a> {
+    fn open(path: &'a Path, input: super::av::Input, wanted: WantedPictures) -> Result<Self, FrameError> {
         let tick_s = input.facts().time_base.positive().unwrap_or(1.0);
         let stream = PictureStream::open(path, input, wanted)?;
         Ok(Self {
@@ -238,7 +240,7 @@ impl<'a> Collector<'a> {
 /// Keeps frames evenly spread over a stream of unknown length: every `stride`-th, where the stride doubles whenever
 /// twice the wanted number is reached.
 #[derive(Debug)]
-pub struct Spread {
+pub struct EvenSample {
     at_most: usize,
     stride: usize,
     offered: usize,
@@ -246,7 +248,7 @@ pub struct Spread {
     kept: Vec<(usize, Frame)>,
 }
 
-impl Spread {
+impl EvenSample {
     /// For `at_most` frames in the end, and less than twice as many meanwhile.
     #[must_use]
     pub fn new(at_most: usize) -> Self {
@@ -302,7 +304,7 @@ mod tests {
     #[test]
     fn a_spread_stays_even_and_small() {
         for (total, at_most) in [(1, 8), (15, 8), (16, 8), (1000, 8), (1001, 1), (777, 20)] {
-            let mut kept = Spread::new(at_most);
+            let mut kept = EvenSample::new(at_most);
             for index in 0..total {
                 if kept.wants_next() {
                     let luma = Luma {

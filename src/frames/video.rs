@@ -9,8 +9,8 @@ use super::encode::MAX_SIDE_PX;
 use super::error::FrameError;
 use super::folder::FolderReader;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
-use super::stamps::Clock;
-use super::{Coded, Frame, Luma, Note, SourceInfo, StreamHealth};
+use super::stamps::StampClock;
+use super::{Coded, Frame, Luma, SourceInfo, SourceNote, StreamHealth};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -53,7 +53,7 @@ fn threads() -> usize {
 }
 
 /// A decoded frame before it is known as what.
-pub(super) struct Timed<P> {
+pub(super) struct TimedPicture<P> {
     pub index: usize,
     pub time_s: f64,
     pub pixels: P,
@@ -61,12 +61,12 @@ pub(super) struct Timed<P> {
 }
 
 /// Gives the pictures of a recording as `P`, one after the other.
-pub(super) trait Reader<P> {
+pub(super) trait PictureReader<P> {
     /// What is known before the first picture.
     fn info(&self) -> &SourceInfo;
 
     /// The next picture with its time.
-    fn next(&mut self) -> Result<Option<Timed<P>>, FrameError>;
+    fn next(&mut self) -> Result<Option<TimedPicture<P>>, FrameError>;
 
     /// What went wrong so far.
     fn health(&self) -> StreamHealth;
@@ -75,13 +75,13 @@ pub(super) trait Reader<P> {
     fn recycle(&mut self, pixels: P);
 }
 
-impl<R: Reader<Luma>> FrameSource for R {
+impl<R: PictureReader<Luma>> FrameSource for R {
     fn info(&self) -> &SourceInfo {
         self.info()
     }
 
     fn next_frame(&mut self) -> Result<Option<Frame>, FrameError> {
-        Ok(self.next()?.map(Timed::into_frame))
+        Ok(self.next()?.map(TimedPicture::into_frame))
     }
 
     fn health(&self) -> StreamHealth {
@@ -99,7 +99,7 @@ pub(super) struct VideoReader<P> {
     facts: StreamFacts,
     stream: PictureStream,
     reader: PixelReader,
-    clock: Clock<(P, Coded)>,
+    clock: StampClock<(P, Coded)>,
     spare: Vec<P>,
     /// Columns and rows as stored.
     size: (usize, usize),
@@ -112,7 +112,7 @@ pub(super) struct VideoReader<P> {
     /// Byte after the last one that the index names, and the length of the file.
     index_end: Option<u64>,
     file_bytes: u64,
-    notes: Vec<Note>,
+    notes: Vec<SourceNote>,
     ended: bool,
 }
 
@@ -121,7 +121,7 @@ impl<P: Pixels> VideoReader<P> {
         let (input, file_bytes) = open_input(path)?;
         let facts = input.facts().clone();
         let (expected, index_end) = expectations(&input);
-        let mut stream = PictureStream::open(path, input, Wanted::Every)?;
+        let mut stream = PictureStream::open(path, input, WantedPictures::Every)?;
         if !stream.next() {
             return Err(no_frames(path, &stream));
         }
@@ -134,7 +134,7 @@ impl<P: Pixels> VideoReader<P> {
         let info = info(path, &facts, expected, &stream.picture, orientation, &mut notes);
         let tick_s = facts.time_base.positive().unwrap_or(1.0);
         let mut reader = Self {
-            clock: Clock::new(tick_s, facts.nominal_rate, declared_rate(&facts)),
+            clock: StampClock::new(tick_s, facts.nominal_rate, declared_rate(&facts)),
             info,
             facts,
             stream,
@@ -230,12 +230,12 @@ impl<P: Pixels> VideoReader<P> {
     }
 }
 
-impl<P: Pixels> Reader<P> for VideoReader<P> {
+impl<P: Pixels> PictureReader<P> for VideoReader<P> {
     fn info(&self) -> &SourceInfo {
         &self.info
     }
 
-    fn next(&mut self) -> Result<Option<Timed<P>>, FrameError> {
+    fn next(&mut self) -> Result<Option<TimedPicture<P>>, FrameError> {
         loop {
             if let Some((time_s, (pixels, coded))) = self.clock.pop() {
                 let index = self.given;
@@ -245,7 +245,7 @@ impl<P: Pixels> Reader<P> for VideoReader<P> {
                 } else {
                     count(index)
                 };
-                return Ok(Some(Timed {
+                return Ok(Some(TimedPicture {
                     index,
                     time_s,
                     pixels,
@@ -287,7 +287,7 @@ impl<P: Pixels> Reader<P> for VideoReader<P> {
     }
 }
 
-impl Timed<Luma> {
+impl TimedPicture<Luma> {
     pub(super) fn into_frame(self) -> Frame {
         Frame {
             index: self.index,
@@ -300,7 +300,7 @@ impl Timed<Luma> {
 
 /// Which pictures of a stream are to be decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wanted {
+pub(super) enum WantedPictures {
     /// All.
     Every,
     /// Those that others refer to.
@@ -326,12 +326,16 @@ pub(super) struct PictureStream {
 }
 
 impl PictureStream {
-    pub(super) fn open(path: &Path, input: Input, wanted: Wanted) -> Result<Self, FrameError> {
+    pub(super) fn open(path: &Path, input: Input, wanted: WantedPictures) -> Result<Self, FrameError> {
         let failed = |e| ffmpeg(path, "start the decoder", e);
         let settings = DecoderSettings {
             // A key frame is decoded alone: more threads would wait, each with pictures of its own.
-            threads: if wanted == Wanted::Key { 1 } else { threads() },
-            skip_unreferenced: wanted == Wanted::Referenced,
+            threads: if wanted == WantedPictures::Key {
+                1
+            } else {
+                threads()
+            },
+            skip_unreferenced: wanted == WantedPictures::Referenced,
         };
         let decoder = Decoder::open(&input, settings).map_err(failed)?;
         let Some(decoder) = decoder else {
@@ -574,13 +578,13 @@ pub(super) fn checked_size(path: &Path, picture: &Picture) -> Result<(usize, usi
 }
 
 /// The rotation tag, with a note when it cannot be followed.
-pub(super) fn orientation(facts: &StreamFacts, first: &Picture, notes: &mut Vec<Note>) -> Orientation {
+pub(super) fn orientation(facts: &StreamFacts, first: &Picture, notes: &mut Vec<SourceNote>) -> Orientation {
     let matrix = facts.display_matrix.or_else(|| first.display_matrix());
     turn(matrix, notes)
 }
 
 /// The turn of a display matrix, with a note when it is no right angle.
-pub(super) fn turn(matrix: Option<[i32; 9]>, notes: &mut Vec<Note>) -> Orientation {
+pub(super) fn turn(matrix: Option<[i32; 9]>, notes: &mut Vec<SourceNote>) -> Orientation {
     match matrix.map(|m| Orientation::of(&m)) {
         None => Orientation::default(),
         Some(Ok(orientation)) => orientation,
@@ -589,7 +593,7 @@ pub(super) fn turn(matrix: Option<[i32; 9]>, notes: &mut Vec<Note>) -> Orientati
                 "the file's rotation tag says {degrees:.1} degrees, which is no multiple of 90; frames are used as \
                  stored: state the true vertical as up_px in the calibration"
             );
-            notes.push(Note {
+            notes.push(SourceNote {
                 code: "rotation_ignored",
                 message,
             });
@@ -598,14 +602,14 @@ pub(super) fn turn(matrix: Option<[i32; 9]>, notes: &mut Vec<Note>) -> Orientati
     }
 }
 
-fn notes_on(facts: &StreamFacts) -> Vec<Note> {
+fn notes_on(facts: &StreamFacts) -> Vec<SourceNote> {
     let mut notes = Vec::new();
     if facts.video_streams > 1 {
         let message = format!(
             "the file holds {} video streams; the one of {}x{} px (as stored) is read",
             facts.video_streams, facts.width, facts.height
         );
-        notes.push(Note {
+        notes.push(SourceNote {
             code: "several_video_streams",
             message,
         });
@@ -615,7 +619,7 @@ fn notes_on(facts: &StreamFacts) -> Vec<Note> {
             "a bare {} stream has no time stamps; state the capture rate as frame_rate_hz in the calibration",
             facts.container
         );
-        notes.push(Note {
+        notes.push(SourceNote {
             code: "no_time_stamps",
             message,
         });
@@ -629,7 +633,7 @@ fn info(
     frames_expected: Option<u64>,
     first: &Picture,
     orientation: Orientation,
-    notes: &mut Vec<Note>,
+    notes: &mut Vec<SourceNote>,
 ) -> SourceInfo {
     let (width_px, height_px) = orientation.shown((first.width(), first.height()));
     let stored = facts.pixel_aspect.or_else(|| first.pixel_aspect()).unwrap_or(1.0);
@@ -643,7 +647,7 @@ fn info(
             "pixels are not square: each is {pixel_aspect:.4} times as wide as high, so one scale cannot hold for \
              both directions; convert to square pixels first (ffmpeg -i in -vf scale=iw*sar:ih,setsar=1 out.mp4)"
         );
-        notes.push(Note {
+        notes.push(SourceNote {
             code: "pixels_not_square",
             message,
         });

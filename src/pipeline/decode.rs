@@ -10,7 +10,7 @@ use crate::detect::background::{self, Background};
 use crate::detect::blobs::Crop;
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
-use crate::frames::{self, Coded, Frame, FrameSource, Luma, SourceInfo, Spread, StreamHealth};
+use crate::frames::{self, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth};
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -64,7 +64,7 @@ pub fn decode(
     let mut pass = Pass::new(background_of(video, &spread_over(&opening))?);
     if !is_all {
         pass.provisional = Some(Provisional {
-            spread: Spread::new(SURVEY_FRAMES),
+            spread: EvenSample::new(SURVEY_FRAMES),
             next_check: 2 * opening.len(),
         });
     }
@@ -129,7 +129,7 @@ struct Pass {
 /// What a scene taken from the opening is checked with.
 struct Provisional {
     /// Frames for the scene of the whole.
-    spread: Spread,
+    spread: EvenSample,
     /// After so many frames.
     next_check: usize,
 }

@@ -40,14 +40,14 @@ impl Ellipse {
 
 /// A straight edge in the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct PictureEdge {
     /// A point of it, px.
     pub at: Vector2<f64>,
     /// Across it, of length 1: towards what is beyond.
     pub normal: Vector2<f64>,
 }
 
-impl Line {
+impl PictureEdge {
     /// Through two points, with `inside` not beyond it; `None` where the points are the same.
     #[must_use]
     pub fn through(from: Vector2<f64>, to: Vector2<f64>, inside: Vector2<f64>) -> Option<Self> {
@@ -73,7 +73,7 @@ impl Line {
 
 /// The ball in the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outline {
+pub struct BallOutline {
     /// Image of the ball's centre; with perspective it is not the centre of the ellipse.
     pub centre: PixelPoint,
     /// Its edge.
@@ -120,9 +120,9 @@ impl PictureOf {
 
     /// The ball with its centre at `ball_m`.
     #[must_use]
-    pub fn outline(&self, ball_m: &Vector3<f64>) -> Outline {
+    pub fn outline(&self, ball_m: &Vector3<f64>) -> BallOutline {
         let at = ideal_pixel(&self.camera, ball_m);
-        let circle = Outline {
+        let circle = BallOutline {
             centre: PixelPoint::new(at.x, at.y),
             ellipse: Ellipse::circle(at, self.radius_m / self.camera.metres_per_pixel),
         };
@@ -140,25 +140,25 @@ impl PictureOf {
 
     /// The floor line, with the floor beyond it; `None` in a top view.
     #[must_use]
-    pub fn floor_line(&self) -> Option<Line> {
+    pub fn floor_line(&self) -> Option<PictureEdge> {
         let camera = &self.camera;
         let ideal = match camera.view {
             View::Top => return None,
-            View::Side if self.floor.is_level() => Line {
+            View::Side if self.floor.is_level() => PictureEdge {
                 at: Vector2::from(camera.origin_px),
                 normal: Vector2::y(),
             },
             View::Side => {
                 let origin_m = Vector3::new(0.0, camera.plane_offset_m, 0.0);
                 let along = seen(camera, &self.floor.out_of_frame(&Vector3::x()));
-                Line {
+                PictureEdge {
                     at: ideal_pixel(camera, &origin_m),
                     // Downhill of (right, down) turned by a quarter; never 0, as a camera is turned by less than that.
                     normal: Vector2::new(along.y, along.x).normalize(),
                 }
             }
         };
-        let warped = |line: Line, warp: &Acting<dyn Warp>| warp.apply().warp_line(&line);
+        let warped = |line: PictureEdge, warp: &Acting<dyn Warp>| warp.apply().warp_line(&line);
         Some(self.warps.iter().fold(ideal, warped))
     }
 }

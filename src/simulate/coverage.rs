@@ -9,7 +9,7 @@ use nalgebra::{Matrix2, Vector2};
 use std::ops::RangeInclusive;
 
 /// An ellipse ready to be asked.
-pub(super) struct Cover {
+pub(super) struct EllipseCoverage {
     centre: Vector2<f64>,
     to_unit: Matrix2<f64>,
     /// Area of the ellipse over area of the unit circle, px².
@@ -20,12 +20,12 @@ pub(super) struct Cover {
 }
 
 /// Columns of a row: those the ellipse touches, and those it covers altogether (empty where first > last).
-pub(super) struct Span {
+pub(super) struct ColumnSpan {
     pub touched: (f64, f64),
     pub covered: (f64, f64),
 }
 
-impl Cover {
+impl EllipseCoverage {
     /// `None` for an ellipse without area.
     pub fn new(ellipse: &Ellipse) -> Option<Self> {
         let reach = ellipse.reach();
@@ -51,7 +51,7 @@ impl Cover {
     }
 
     /// What the ellipse does between the heights `top` and `bottom`; `None` where it does not reach them.
-    pub fn span(&self, top: f64, bottom: f64) -> Option<Span> {
+    pub fn span(&self, top: f64, bottom: f64) -> Option<ColumnSpan> {
         let rows = self.rows();
         if bottom <= *rows.start() || top >= *rows.end() {
             return None;
@@ -80,7 +80,7 @@ impl Cover {
             (Some(a), Some(b)) => (a.0.max(b.0), a.1.min(b.1)),
             _ => (f64::INFINITY, f64::NEG_INFINITY),
         };
-        Some(Span {
+        Some(ColumnSpan {
             touched: (left, right),
             covered,
         })
@@ -155,7 +155,7 @@ mod tests {
     use std::f64::consts::PI;
 
     fn total(ellipse: &Ellipse, side: f64) -> f64 {
-        let cover = Cover::new(ellipse).unwrap();
+        let cover = EllipseCoverage::new(ellipse).unwrap();
         let reach = (ellipse.reach().max() / side).ceil() as i64 + 1;
         let mut sum = 0.0;
         for j in -reach..=reach {
@@ -191,7 +191,9 @@ mod tests {
     fn a_square_cut_by_a_straight_edge_is_half_covered() {
         // A circle so large that its edge is straight: sagitta 1/(8 R).
         let disc = Ellipse::circle(Vector2::new(-1e5, 0.0), 1e5);
-        let share = Cover::new(&disc).unwrap().of_square(Vector2::zeros(), 1.0);
+        let share = EllipseCoverage::new(&disc)
+            .unwrap()
+            .of_square(Vector2::zeros(), 1.0);
         assert!((share - 0.5).abs() < 1e-5);
     }
 
@@ -201,7 +203,7 @@ mod tests {
             centre: Vector2::new(0.3, -0.4),
             axes: Matrix2::new(6.0, 2.5, -1.5, 4.0),
         };
-        let cover = Cover::new(&ellipse).unwrap();
+        let cover = EllipseCoverage::new(&ellipse).unwrap();
         for j in -8..=8 {
             let y = f64::from(j);
             let span = cover.span(y - 0.5, y + 0.5);

@@ -60,7 +60,7 @@ pub struct Impact {
 
 /// Position and velocity of the centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct State {
+pub struct BallState {
     /// m.
     pub position_m: Vector3<f64>,
     /// m/s.
@@ -72,26 +72,26 @@ pub struct State {
 pub struct Trajectory {
     floor: Plane,
     launch_s: f64,
-    phases: Vec<Phase>,
+    phases: Vec<FlightPhase>,
     impacts: Vec<Impact>,
     end_s: f64,
 }
 
 #[derive(Debug, Clone)]
-struct Phase {
+struct FlightPhase {
     start_s: f64,
-    start: State,
-    path: Path,
+    start: BallState,
+    path: PhasePath,
 }
 
 #[derive(Debug, Clone)]
-enum Path {
+enum PhasePath {
     Parabola {
         gravity_m_s2: f64,
     },
     Nodes {
         step_s: f64,
-        nodes: Vec<Node>,
+        nodes: Vec<PathNode>,
     },
     /// In the floor's frame.
     Contact {
@@ -106,7 +106,7 @@ enum Path {
 
 /// Position, velocity and acceleration at a time.
 #[derive(Debug, Clone, Copy)]
-struct Node {
+struct PathNode {
     position: Vector3<f64>,
     velocity: Vector3<f64>,
     acceleration: Vector3<f64>,
@@ -114,7 +114,7 @@ struct Node {
 
 /// What acts on the ball beyond gravity and the rigid impact.
 #[derive(Default)]
-pub struct Acts {
+pub struct Perturbations {
     /// In flight.
     pub forces: Vec<Acting<dyn Force>>,
     /// At the impact.
@@ -149,7 +149,7 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`SceneError::NeverLands`].
-    pub fn new(scene: &Scene, acts: &Acts) -> Result<Self, SceneError> {
+    pub fn new(scene: &Scene, acts: &Perturbations) -> Result<Self, SceneError> {
         Self::integrated(scene, acts, Integration::default())
     }
 
@@ -157,8 +157,12 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`SceneError::NeverLands`].
-    pub fn integrated(scene: &Scene, acts: &Acts, integration: Integration) -> Result<Self, SceneError> {
-        let follower = Follower {
+    pub fn integrated(
+        scene: &Scene,
+        acts: &Perturbations,
+        integration: Integration,
+    ) -> Result<Self, SceneError> {
+        let follower = FlightFollower {
             scene,
             acts,
             floor: acts.floor.as_ref().map_or(Plane::LEVEL, |f| *f.apply()),
@@ -196,18 +200,18 @@ impl Trajectory {
     /// Whether the ball lies or rolls at `time_s`, on the bench or on the floor.
     #[must_use]
     pub fn is_held(&self, time_s: f64) -> bool {
-        matches!(self.phase(time_s).path, Path::Held { .. })
+        matches!(self.phase(time_s).path, PhasePath::Held { .. })
     }
 
     /// Position and velocity at `time_s`; before t = 0 the first phase, parabola or bench, is continued backwards.
     #[must_use]
-    pub fn state(&self, time_s: f64) -> State {
+    pub fn state(&self, time_s: f64) -> BallState {
         self.phase(time_s).state(time_s)
     }
 
-    fn phase(&self, time_s: f64) -> &Phase {
+    fn phase(&self, time_s: f64) -> &FlightPhase {
         let after = self.phases.partition_point(|p| p.start_s <= time_s);
-        // There is always a first phase: `Follower::run` starts with one.
+        // There is always a first phase: `FlightFollower::run` starts with one.
         &self.phases[after.saturating_sub(1)]
     }
 
@@ -221,20 +225,20 @@ impl Trajectory {
     }
 }
 
-impl Phase {
-    fn state(&self, time_s: f64) -> State {
+impl FlightPhase {
+    fn state(&self, time_s: f64) -> BallState {
         let t = time_s - self.start_s;
         match &self.path {
-            Path::Parabola { gravity_m_s2 } => fall(&self.start, &down(*gravity_m_s2), t),
-            Path::Held { along } => fall(&self.start, &-along, t),
-            Path::Contact { dip, floor } => {
+            PhasePath::Parabola { gravity_m_s2 } => fall(&self.start, &down(*gravity_m_s2), t),
+            PhasePath::Held { along } => fall(&self.start, &-along, t),
+            PhasePath::Contact { dip, floor } => {
                 let (offset_m, velocity_m_s) = dip.at(t);
-                State {
+                BallState {
                     position_m: self.start.position_m + floor.out_of_frame(&offset_m),
                     velocity_m_s: floor.out_of_frame(&velocity_m_s),
                 }
             }
-            Path::Nodes { step_s, nodes } => {
+            PhasePath::Nodes { step_s, nodes } => {
                 // Before the first and beyond the last node their own quintics are continued.
                 let segment = ((t / step_s).floor().max(0.0) as usize).min(nodes.len() - 2);
                 quintic(
@@ -253,15 +257,15 @@ fn down(gravity_m_s2: f64) -> Vector3<f64> {
 }
 
 /// With the constant acceleration −`down`, m/s².
-fn fall(start: &State, down: &Vector3<f64>, t: f64) -> State {
-    State {
+fn fall(start: &BallState, down: &Vector3<f64>, t: f64) -> BallState {
+    BallState {
         position_m: start.position_m + start.velocity_m_s * t - down * (0.5 * t * t),
         velocity_m_s: start.velocity_m_s - down * t,
     }
 }
 
 /// The quintic through two nodes `step` apart, at `t` after the first.
-fn quintic(from: &Node, to: &Node, step: f64, t: f64) -> State {
+fn quintic(from: &PathNode, to: &PathNode, step: f64, t: f64) -> BallState {
     // In the basis of Taylor's polynomial at the first node plus s³ (A + B s + C s²), s = t / step.
     let s = t / step;
     let gap = to.position - from.position - from.velocity * step - from.acceleration * (0.5 * step * step);
@@ -271,7 +275,7 @@ fn quintic(from: &Node, to: &Node, step: f64, t: f64) -> State {
     let b = gap * -15.0 + slope * 7.0 - bend;
     let c = gap * 6.0 - slope * 3.0 + bend * 0.5;
     let cubed = s * s * s;
-    State {
+    BallState {
         position_m: from.position
             + from.velocity * t
             + from.acceleration * (0.5 * t * t)
@@ -283,27 +287,27 @@ fn quintic(from: &Node, to: &Node, step: f64, t: f64) -> State {
 }
 
 /// Follows a ball from phase to phase.
-struct Follower<'a> {
+struct FlightFollower<'a> {
     scene: &'a Scene,
-    acts: &'a Acts,
+    acts: &'a Perturbations,
     floor: Plane,
     integration: Integration,
-    phases: Vec<Phase>,
+    phases: Vec<FlightPhase>,
     impacts: Vec<Impact>,
 }
 
 /// The ball meets the floor after `flight_s`, at `state`.
 struct Landing {
     flight_s: f64,
-    state: State,
+    state: BallState,
 }
 
-impl Follower<'_> {
+impl FlightFollower<'_> {
     fn run(mut self) -> Result<Trajectory, SceneError> {
         let launch = &self.scene.launch;
         let mut spin = Vector3::from(launch.spin_ratio) * launch.speed_m_s;
         let mut time_s = 0.0;
-        let mut state = State {
+        let mut state = BallState {
             position_m: Vector3::new(0.0, 0.0, launch.drop_height_m + self.scene.ball.radius_m),
             velocity_m_s: Vector3::new(launch.speed_m_s, 0.0, launch.rise_speed_m_s),
         };
@@ -312,7 +316,7 @@ impl Follower<'_> {
             let mut start = state;
             start.position_m.x = -launch.speed_m_s * bench_s;
             let along = Vector3::zeros();
-            self.push(time_s, start, Path::Held { along });
+            self.push(time_s, start, PhasePath::Held { along });
             time_s = bench_s;
         }
         let launch_s = time_s;
@@ -342,8 +346,8 @@ impl Follower<'_> {
         })
     }
 
-    fn push(&mut self, start_s: f64, start: State, path: Path) {
-        self.phases.push(Phase { start_s, start, path });
+    fn push(&mut self, start_s: f64, start: BallState, path: PhasePath) {
+        self.phases.push(FlightPhase { start_s, start, path });
     }
 
     /// When the impact that `stop.bounces` counts to was over.
@@ -360,7 +364,7 @@ impl Follower<'_> {
     }
 
     /// The path of a flight that starts at `start`, and how it ends; `None` where the hop is too short to follow.
-    fn fly(&self, start: &State, spin: Vector3<f64>) -> Result<Option<(Path, Landing)>, SceneError> {
+    fn fly(&self, start: &BallState, spin: Vector3<f64>) -> Result<Option<(PhasePath, Landing)>, SceneError> {
         let g = self.scene.gravity_m_s2;
         let (place_m, rise_m_s) = (
             self.floor.along_normal(&start.position_m),
@@ -378,25 +382,25 @@ impl Follower<'_> {
             return Err(never_lands(&format!("it would fly for {flight_s:.3e} s")));
         }
         let reached = fall(start, &down(g), flight_s);
-        let state = State {
+        let state = BallState {
             position_m: self
                 .floor
                 .with_normal(&reached.position_m, self.scene.ball.radius_m),
             velocity_m_s: self.floor.with_normal(&reached.velocity_m_s, -landing_speed),
         };
         Ok(Some((
-            Path::Parabola { gravity_m_s2: g },
+            PhasePath::Parabola { gravity_m_s2: g },
             Landing { flight_s, state },
         )))
     }
 
     fn fly_with_forces(
         &self,
-        start: &State,
+        start: &BallState,
         spin: Vector3<f64>,
         parabola_s: f64,
-    ) -> Result<Option<(Path, Landing)>, SceneError> {
-        let equations = Equations {
+    ) -> Result<Option<(PhasePath, Landing)>, SceneError> {
+        let equations = MotionEquations {
             scene: self.scene,
             forces: &self.acts.forces,
             spin,
@@ -409,12 +413,14 @@ impl Follower<'_> {
         loop {
             let nodes = equations.integrate(start, step_s, horizon_s)?;
             match find_landing(&nodes, step_s, &self.floor, self.scene.ball.radius_m) {
-                Found::Landing(landing) => return Ok(Some((Path::Nodes { step_s, nodes }, landing))),
-                Found::Graze => return Ok(None),
-                Found::StillFlying if horizon_s < LONGEST_FLIGHT_S => {
+                FlightEnd::Landing(landing) => {
+                    return Ok(Some((PhasePath::Nodes { step_s, nodes }, landing)));
+                }
+                FlightEnd::Graze => return Ok(None),
+                FlightEnd::StillFlying if horizon_s < LONGEST_FLIGHT_S => {
                     horizon_s = (2.0 * horizon_s).min(LONGEST_FLIGHT_S);
                 }
-                Found::StillFlying => {
+                FlightEnd::StillFlying => {
                     let place_m = nodes.last().map_or(0.0, |n| self.floor.along_normal(&n.position));
                     let height_m = place_m - self.scene.ball.radius_m;
                     return Err(never_lands(&format!(
@@ -425,7 +431,7 @@ impl Follower<'_> {
         }
     }
 
-    fn strike(&self, time_s: f64, landed: &State, spin: Vector3<f64>) -> Impact {
+    fn strike(&self, time_s: f64, landed: &BallState, spin: Vector3<f64>) -> Impact {
         let incident = Motion {
             velocity_m_s: landed.velocity_m_s,
             surface_spin_m_s: spin,
@@ -444,8 +450,8 @@ impl Follower<'_> {
     }
 
     /// Records `impact`, and tells when and how the ball leaves the floor.
-    fn leave(&mut self, mut impact: Impact) -> (f64, State) {
-        let mut leaving = State {
+    fn leave(&mut self, mut impact: Impact) -> (f64, BallState) {
+        let mut leaving = BallState {
             position_m: impact.place_m,
             velocity_m_s: impact.rebound.velocity_m_s,
         };
@@ -464,17 +470,17 @@ impl Follower<'_> {
             leaving.position_m = self
                 .floor
                 .with_normal(&leaving.position_m, self.scene.ball.radius_m);
-            let touching = State {
+            let touching = BallState {
                 velocity_m_s: impact.incident.velocity_m_s,
                 ..leaving
             };
             self.push(
                 impact.time_s,
-                State {
+                BallState {
                     position_m: impact.place_m,
                     ..touching
                 },
-                Path::Contact {
+                PhasePath::Contact {
                     dip,
                     floor: self.floor,
                 },
@@ -485,8 +491,8 @@ impl Follower<'_> {
     }
 
     /// The ball stays on the floor and keeps its velocity along it, but for what a slope adds: rolling friction is not modelled.
-    fn lie_down(&mut self, start_s: f64, state: State) {
-        let lying = State {
+    fn lie_down(&mut self, start_s: f64, state: BallState) {
+        let lying = BallState {
             position_m: self
                 .floor
                 .with_normal(&state.position_m, self.scene.ball.radius_m),
@@ -495,7 +501,7 @@ impl Follower<'_> {
         let along = self
             .floor
             .rolling_acceleration(self.scene.gravity_m_s2, self.scene.ball.inertia_factor);
-        self.push(start_s, lying, Path::Held { along });
+        self.push(start_s, lying, PhasePath::Held { along });
     }
 }
 
@@ -519,7 +525,7 @@ fn never_lands(found: &str) -> SceneError {
 
 /// The equations of motion of one flight; the spin stays as it is.
 #[derive(Clone, Copy)]
-struct Equations<'a> {
+struct MotionEquations<'a> {
     scene: &'a Scene,
     forces: &'a [Acting<dyn Force>],
     spin: Vector3<f64>,
@@ -527,8 +533,8 @@ struct Equations<'a> {
     integration: Integration,
 }
 
-impl Equations<'_> {
-    fn acceleration(&self, state: &State) -> Vector3<f64> {
+impl MotionEquations<'_> {
+    fn acceleration(&self, state: &BallState) -> Vector3<f64> {
         let mass_kg = self.scene.ball.mass_kg;
         let mut loads = Loads {
             force_n: Vector3::new(0.0, 0.0, -self.scene.gravity_m_s2 * mass_kg),
@@ -541,7 +547,7 @@ impl Equations<'_> {
     }
 
     /// Nodes `step_s` apart from `start` on, until the ball is below the floor or `horizon_s` is over; two or more.
-    fn integrate(&self, start: &State, step_s: f64, horizon_s: f64) -> Result<Vec<Node>, SceneError> {
+    fn integrate(&self, start: &BallState, step_s: f64, horizon_s: f64) -> Result<Vec<PathNode>, SceneError> {
         let initial = join(start.position_m, start.velocity_m_s);
         let end_s = horizon_s.max(3.0 * step_s);
         let mut solver = match self.integration.fixed_step_s {
@@ -591,11 +597,11 @@ impl Equations<'_> {
             .take_while(|(_, i)| f64::from(*i) * step_s <= horizon_s)
             .map(|(y, _)| {
                 let (position, velocity) = split(y);
-                let state = State {
+                let state = BallState {
                     position_m: position,
                     velocity_m_s: velocity,
                 };
-                Node {
+                PathNode {
                     position,
                     velocity,
                     acceleration: self.acceleration(&state),
@@ -605,12 +611,12 @@ impl Equations<'_> {
     }
 }
 
-impl System<f64, Vector6<f64>> for Equations<'_> {
+impl System<f64, Vector6<f64>> for MotionEquations<'_> {
     fn system(&self, _time_s: f64, y: &Vector6<f64>, rates: &mut Vector6<f64>) {
         let (position_m, velocity_m_s) = split(y);
         *rates = join(
             velocity_m_s,
-            self.acceleration(&State {
+            self.acceleration(&BallState {
                 position_m,
                 velocity_m_s,
             }),
@@ -632,7 +638,7 @@ fn join(first: Vector3<f64>, second: Vector3<f64>) -> Vector6<f64> {
     Vector6::new(first.x, first.y, first.z, second.x, second.y, second.z)
 }
 
-enum Found {
+enum FlightEnd {
     Landing(Landing),
     /// The ball is down within the first step: too short a hop.
     Graze,
@@ -643,14 +649,14 @@ enum Found {
 const TURNED: f64 = 1e-12;
 
 /// The first time the ball's centre comes down to `radius_m` from `floor`.
-fn find_landing(nodes: &[Node], step_s: f64, floor: &Plane, radius_m: f64) -> Found {
+fn find_landing(nodes: &[PathNode], step_s: f64, floor: &Plane, radius_m: f64) -> FlightEnd {
     let above_m = |place_m: &Vector3<f64>| floor.along_normal(place_m) - radius_m;
     let Some(below) = nodes.iter().skip(1).position(|n| above_m(&n.position) < 0.0) else {
-        return Found::StillFlying;
+        return FlightEnd::StillFlying;
     };
     let touching_m = if floor.is_level() { 0.0 } else { TURNED * radius_m };
     if below == 0 && above_m(&nodes[0].position) <= touching_m {
-        return Found::Graze;
+        return FlightEnd::Graze;
     }
     let at = |t: f64| quintic(&nodes[below], &nodes[below + 1], step_s, t);
     // Bisection to the last bit: 60 halvings of a bracket that is sure, a few microseconds an impact.
@@ -665,7 +671,7 @@ fn find_landing(nodes: &[Node], step_s: f64, floor: &Plane, radius_m: f64) -> Fo
     }
     let mut state = at(above_s);
     state.position_m = floor.with_normal(&state.position_m, radius_m);
-    Found::Landing(Landing {
+    FlightEnd::Landing(Landing {
         flight_s: below as f64 * step_s + above_s,
         state,
     })
@@ -680,11 +686,11 @@ mod tests {
 
     #[test]
     fn a_quintic_reproduces_a_quintic() {
-        let p = |t: f64| State {
+        let p = |t: f64| BallState {
             position_m: Vector3::new(t.powi(5) - t, 2.0 * t.powi(4) + t, 1.0 - t.powi(3)),
             velocity_m_s: Vector3::new(5.0 * t.powi(4) - 1.0, 8.0 * t.powi(3) + 1.0, -3.0 * t * t),
         };
-        let node = |t: f64| Node {
+        let node = |t: f64| PathNode {
             position: p(t).position_m,
             velocity: p(t).velocity_m_s,
             acceleration: Vector3::new(20.0 * t.powi(3), 24.0 * t * t, -6.0 * t),

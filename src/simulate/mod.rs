@@ -22,10 +22,10 @@ use flight::Trajectory;
 use render::Renderer;
 pub use scene::{EffectsChoice, Scene, SceneError};
 use truth::Truth;
-pub use write::{WriteError, Written, calibration, write};
+pub use write::{SimulatedFiles, SimulationWriteError, calibration, write};
 
 /// A scene with its flight computed, ready to be rendered.
-pub struct Recording {
+pub struct SimulatedRecording {
     scene: Scene,
     decisions: Vec<Decision>,
     trajectory: Trajectory,
@@ -33,7 +33,7 @@ pub struct Recording {
     lossy_crf: Option<u8>,
 }
 
-impl Recording {
+impl SimulatedRecording {
     /// Decides on the effects of `scene` and flies its ball.
     ///
     /// # Errors
@@ -41,12 +41,12 @@ impl Recording {
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
         check_length(
             scene,
-            &Trajectory::new(scene, &effects::Chosen::of_the_ideal(scene).acts)?,
+            &Trajectory::new(scene, &effects::ChosenEffects::of_the_ideal(scene).acts)?,
         )?;
         let ideal = Ideal::new(scene)?;
         let (decisions, mut chosen) = effects::decide(scene, &scene.effects, &ideal);
         let trajectory = Trajectory::new(scene, &chosen.acts)?;
-        chosen.acts = flight::Acts::default();
+        chosen.acts = flight::Perturbations::default();
         check_in_front(scene, &trajectory)?;
         let recording = Self {
             scene: scene.clone(),
@@ -116,7 +116,7 @@ impl Recording {
     }
 
     /// The lens, where its distortion is simulated.
-    fn lens(&self) -> Option<scene::Lens> {
+    fn lens(&self) -> Option<scene::SceneLens> {
         self.scene.camera.lens.filter(|_| self.uses("lens"))
     }
 

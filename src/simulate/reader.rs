@@ -13,44 +13,44 @@ pub(super) struct Section<'a> {
 
 /// What a number must be, in words for the error and as a test.
 #[derive(Clone, Copy)]
-pub(super) struct Accept {
+pub(super) struct NumberRange {
     pub words: &'static str,
     pub test: fn(f64) -> bool,
     pub hint: &'static str,
 }
 
 // The ranges are those of the calibration, which is written beside the recording and has to be accepted.
-pub(super) const POSITIVE: Accept = Accept {
+pub(super) const POSITIVE: NumberRange = NumberRange {
     words: calibration::POSITIVE.accepted,
     test: calibration::POSITIVE.holds,
     hint: "give the size without a sign, in the unit the key ends in",
 };
-pub(super) const NOT_NEGATIVE: Accept = Accept {
+pub(super) const NOT_NEGATIVE: NumberRange = NumberRange {
     words: "0 or a positive number (to 1e15)",
     test: |x| (0.0..=1e15).contains(&x),
     hint: "give 0 to leave it out",
 };
-pub(super) const FACTOR: Accept = Accept {
+pub(super) const FACTOR: NumberRange = NumberRange {
     words: "a number from 0 to 10",
     test: |x| (0.0..=10.0).contains(&x),
     hint: "1 is the law as it stands",
 };
-pub(super) const ANY: Accept = Accept {
+pub(super) const ANY: NumberRange = NumberRange {
     words: calibration::FINITE.accepted,
     test: calibration::FINITE.holds,
     hint: "write it without quotes",
 };
-pub(super) const FRACTION: Accept = Accept {
+pub(super) const FRACTION: NumberRange = NumberRange {
     words: "a number from 0 to 1",
     test: |x| (0.0..=1.0).contains(&x),
     hint: "a coefficient of restitution or a share cannot exceed 1: no rebound gains energy",
 };
-pub(super) const SIGNED_FRACTION: Accept = Accept {
+pub(super) const SIGNED_FRACTION: NumberRange = NumberRange {
     words: "a number from -1 to 1",
     test: |x| (-1.0..=1.0).contains(&x),
     hint: "-1 is no friction, 0 leaves rolling, 1 is the ideal superball",
 };
-pub(super) const GREY: Accept = Accept {
+pub(super) const GREY: NumberRange = NumberRange {
     words: "a grey level from 0 to 255",
     test: |x| (0.0..=255.0).contains(&x),
     hint: "0 is black, 255 white",
@@ -106,12 +106,12 @@ impl<'a> Section<'a> {
     }
 
     /// A number, or `default` where the key is absent.
-    pub fn number(&self, key: &str, default: f64, accept: Accept) -> Result<f64, SceneError> {
+    pub fn number(&self, key: &str, default: f64, accept: NumberRange) -> Result<f64, SceneError> {
         Ok(self.optional_number(key, accept)?.unwrap_or(default))
     }
 
     /// A number that must be there.
-    pub fn required_number(&self, key: &str, accept: Accept) -> Result<f64, SceneError> {
+    pub fn required_number(&self, key: &str, accept: NumberRange) -> Result<f64, SceneError> {
         self.optional_number(key, accept)?
             .ok_or_else(|| SceneError::Missing {
                 key: self.name(key),
@@ -120,7 +120,7 @@ impl<'a> Section<'a> {
     }
 
     /// A number, `None` where the key is absent or `null`.
-    pub fn optional_number(&self, key: &str, accept: Accept) -> Result<Option<f64>, SceneError> {
+    pub fn optional_number(&self, key: &str, accept: NumberRange) -> Result<Option<f64>, SceneError> {
         let Some(value) = self.get(key) else {
             return Ok(None);
         };
@@ -151,7 +151,7 @@ impl<'a> Section<'a> {
         &self,
         key: &str,
         default: [f64; N],
-        accept: Accept,
+        accept: NumberRange,
     ) -> Result<[f64; N], SceneError> {
         let Some(value) = self.get(key) else {
             return Ok(default);

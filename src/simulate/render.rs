@@ -14,10 +14,11 @@
 //! Then light, flicker, noise and rounding. Noise has a stream of its own for each frame, so that frames do not depend
 //! on the order in which they are made.
 
-use super::camera::{Ellipse, Line, Outline, PictureOf};
-use super::coverage::Cover;
+use super::camera::{BallOutline, Ellipse, PictureEdge, PictureOf};
+use super::coverage::EllipseCoverage;
 use super::effects::{
-    Acting, Chosen, Fixture, Lamp, Layer, Light, Moment, Noise, Plane, Shake, Surface, Texture,
+    Acting, BallMoment, ChosenEffects, Fixture, Lamp, Layer, LightField, Pattern, PictureShift, Plane,
+    SensorNoise, Surface,
 };
 use super::flight::Trajectory;
 use super::quadrature::gauss_legendre;
@@ -37,13 +38,13 @@ pub struct Backdrop {
     /// Grey by row and column, before light and flicker.
     grey: Vec<f32>,
     /// The floor line of a camera that is not shaken; `None` in a top view.
-    pub floor_line: Option<Line>,
+    pub floor_line: Option<PictureEdge>,
 }
 
 /// A thing before the background: its grey and the edges between which it is.
-struct Standing {
+struct FixtureInPicture {
     grey: f64,
-    sides: Vec<Line>,
+    sides: Vec<PictureEdge>,
 }
 
 impl Backdrop {
@@ -52,10 +53,10 @@ impl Backdrop {
         let (scene, picture) = (&renderer.scene, &renderer.picture);
         let blur_px = renderer.blur_px.as_ref().map_or(0.0, |b| *b.apply());
         let floor_line = picture.floor_line();
-        let standing: Vec<Standing> = renderer
+        let standing: Vec<FixtureInPicture> = renderer
             .fixtures
             .iter()
-            .map(|f| Standing {
+            .map(|f| FixtureInPicture {
                 grey: f.apply().grey(),
                 sides: f.apply().sides(picture),
             })
@@ -113,7 +114,7 @@ pub(super) fn gaussian_below(x: f64) -> f64 {
 }
 
 /// A part of the picture on the fine grid.
-pub struct Patch {
+pub struct FineGrid {
     /// Centre of its first cell, px.
     first: Vector2<f64>,
     /// Side of a cell, px.
@@ -123,7 +124,7 @@ pub struct Patch {
     grey: Vec<f32>,
 }
 
-impl Patch {
+impl FineGrid {
     /// Centre of a cell, px.
     fn centre(&self, column: usize, row: usize) -> Vector2<f64> {
         self.first + Vector2::new(column as f64, row as f64) * self.side
@@ -157,7 +158,7 @@ impl Patch {
         rows: Range<usize>,
         mut paint: impl FnMut(Vector2<f64>, Vector2<f64>, f32) -> f32,
     ) {
-        let Some(cover) = Cover::new(ellipse) else {
+        let Some(cover) = EllipseCoverage::new(ellipse) else {
             return;
         };
         let half = 0.5 * self.side;
@@ -205,12 +206,12 @@ pub struct Renderer {
     blur_px: Option<Acting<f64>>,
     surface: Option<Acting<dyn Surface>>,
     fixtures: Vec<Acting<dyn Fixture>>,
-    shakes: Vec<Acting<dyn Shake>>,
-    textures: Vec<Acting<dyn Texture>>,
+    shakes: Vec<Acting<dyn PictureShift>>,
+    textures: Vec<Acting<dyn Pattern>>,
     layers: Vec<Acting<dyn Layer>>,
-    lights: Vec<Acting<dyn Light>>,
+    lights: Vec<Acting<dyn LightField>>,
     lamps: Vec<Acting<dyn Lamp>>,
-    noises: Vec<Acting<dyn Noise>>,
+    noises: Vec<Acting<dyn SensorNoise>>,
     /// Of a camera at rest.
     backdrop: OnceLock<Backdrop>,
     /// Factor of uneven light on each pixel.
@@ -235,7 +236,7 @@ const MOST_NODES_A_RULE: usize = 24;
 impl Renderer {
     /// For `scene` with the effects of `chosen`, whose flight has been used up, before `floor`.
     #[must_use]
-    pub fn new(scene: &Scene, chosen: Chosen, floor: Plane) -> Self {
+    pub fn new(scene: &Scene, chosen: ChosenEffects, floor: Plane) -> Self {
         let blur_px = chosen.blur_px.as_ref().map_or(0.0, |b| *b.apply());
         let cells = if blur_px > 0.0 {
             ((CELLS_PER_BLUR / blur_px).ceil() as usize).clamp(FEWEST_CELLS, MOST_CELLS)
@@ -387,14 +388,14 @@ impl Renderer {
             .collect()
     }
 
-    fn outline(&self, trajectory: &Trajectory, time_s: f64) -> Outline {
+    fn outline(&self, trajectory: &Trajectory, time_s: f64) -> BallOutline {
         self.picture.outline(&trajectory.state(time_s).position_m)
     }
 
     /// The ball at a time, for the layers.
-    fn moment(&self, trajectory: &Trajectory, time_s: f64) -> Moment<'_> {
+    fn moment(&self, trajectory: &Trajectory, time_s: f64) -> BallMoment<'_> {
         let ball_m = trajectory.state(time_s).position_m;
-        Moment {
+        BallMoment {
             ball_m,
             outline: self.picture.outline(&ball_m),
             picture: &self.picture,
@@ -453,7 +454,7 @@ impl Renderer {
     }
 
     /// Shadow, reflection, ball.
-    fn paint(&self, moment: &Moment<'_>, backdrop: &Backdrop, patch: &mut Patch, rows: Range<usize>) {
+    fn paint(&self, moment: &BallMoment<'_>, backdrop: &Backdrop, patch: &mut FineGrid, rows: Range<usize>) {
         for layer in &self.layers {
             layer.apply().paint(moment, backdrop, patch, rows.clone());
         }
@@ -469,7 +470,7 @@ impl Renderer {
         exposure: &Exposure,
         blur_px: f64,
         backdrop: &Backdrop,
-    ) -> Option<Field> {
+    ) -> Option<ExposedRegion> {
         let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
         for (time_s, _) in &exposure.nodes {
             let (least, most) = self.extent(trajectory, *time_s);
@@ -478,7 +479,7 @@ impl Renderer {
         }
         let margin = (BLUR_REACH * blur_px + 0.5).ceil() + 1.0;
         let shift_px = exposure.shift_px;
-        Field::new(low + shift_px, high + shift_px, margin, backdrop)
+        ExposedRegion::new(low + shift_px, high + shift_px, margin, backdrop)
     }
 
     /// Smallest and largest corner of what the ball changes at a time, in a picture that is not shifted, px.
@@ -514,7 +515,7 @@ impl Renderer {
         if self.noises.is_empty() {
             return grey.iter().map(|g| code(*g)).collect();
         }
-        let noises: Vec<&dyn Noise> = self.noises.iter().map(Acting::apply).collect();
+        let noises: Vec<&dyn SensorNoise> = self.noises.iter().map(Acting::apply).collect();
         let spread: Vec<f32> = (0..=255_u8)
             .map(|g| {
                 let variance: f64 = noises.iter().map(|n| n.variance(f64::from(g))).sum();
@@ -558,7 +559,7 @@ struct Exposure {
 }
 
 /// The pixels that an exposure changes, with a margin of cells around them that blur carries into them.
-struct Field {
+struct ExposedRegion {
     /// First and one past the last pixel written.
     columns: Range<usize>,
     rows: Range<usize>,
@@ -566,7 +567,7 @@ struct Field {
     margin: usize,
 }
 
-impl Field {
+impl ExposedRegion {
     /// What can change when the scene changes between `low` and `high`.
     fn new(low: Vector2<f64>, high: Vector2<f64>, margin: f64, backdrop: &Backdrop) -> Option<Self> {
         let clip = |from: f64, to: f64, size: usize| {
@@ -582,7 +583,7 @@ impl Field {
     }
 
     /// The empty scene on the fine grid, by the points that a picture shifted by `shift_px` shows there.
-    fn patch(&self, backdrop: &Backdrop, cells: usize, shift_px: Vector2<f64>) -> Patch {
+    fn patch(&self, backdrop: &Backdrop, cells: usize, shift_px: Vector2<f64>) -> FineGrid {
         let side = 1.0 / cells as f64;
         let corner = Vector2::new(self.columns.start as f64, self.rows.start as f64);
         let first = corner - Vector2::repeat(self.margin as f64 + 0.5 - 0.5 * side) - shift_px;
@@ -609,7 +610,7 @@ impl Field {
                 grey.extend_from_within(row.clone());
             }
         }
-        Patch {
+        FineGrid {
             first,
             side,
             columns: columns.len() * cells,

@@ -5,6 +5,7 @@ use super::reader::{
     ANY, FACTOR, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown,
 };
 use crate::calibration::INERTIA;
+pub use crate::calibration::View;
 use crate::rebound::{Motion, Regime, e_e, grip_slide, mu_e};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
@@ -104,19 +105,19 @@ pub struct Scene {
     /// g, m/s².
     pub gravity_m_s2: f64,
     /// The ball.
-    pub ball: Ball,
+    pub ball: SceneBall,
     /// What the floor does to it.
     pub contact: Contact,
     /// Where the floor is.
-    pub floor: Floor,
+    pub floor: SceneFloor,
     /// How it starts.
-    pub launch: Launch,
+    pub launch: SceneLaunch,
     /// What it flies through.
-    pub air: Air,
+    pub air: SceneAir,
     /// What looks at it.
     pub camera: Camera,
     /// What that sees.
-    pub look: Look,
+    pub look: SceneLook,
     /// When the recording ends.
     pub stop: Stop,
     /// What an effect must move a centre by to be worth simulating, px.
@@ -129,7 +130,7 @@ pub struct Scene {
 
 /// The ball.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ball {
+pub struct SceneBall {
     /// R, m.
     pub radius_m: f64,
     /// m, kg.
@@ -180,14 +181,14 @@ impl Contact {
 
 /// The floor: a plane through x = 0, z = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Floor {
+pub struct SceneFloor {
     /// s, the angle by which it rises along +x, rad.
     pub slope_rad: f64,
 }
 
 /// The launch from x = 0, y = 0: at t = 0, or after what is seen of the bench.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Launch {
+pub struct SceneLaunch {
     /// Height of the ball's lowest point above z = 0, m.
     pub drop_height_m: f64,
     /// u_o, along x, m/s.
@@ -197,12 +198,12 @@ pub struct Launch {
     /// Speed upwards, m/s.
     pub rise_speed_m_s: f64,
     /// What it rolls along before, where that is seen.
-    pub bench: Option<Bench>,
+    pub bench: Option<SceneBench>,
 }
 
 /// A level bench along which the ball is seen to roll or slide at the launch speed until it leaves the edge at x = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bench {
+pub struct SceneBench {
     /// How long it is seen there, s.
     pub seen_s: f64,
     /// Width of the track whose edges carry the ball, m; `None`: it rolls on a plane.
@@ -213,20 +214,11 @@ pub struct Bench {
 
 /// The air.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Air {
+pub struct SceneAir {
     /// ρ, kg/m³.
     pub density_kg_m3: f64,
     /// Dynamic viscosity, Pa s.
     pub viscosity_pa_s: f64,
-}
-
-/// Which way the camera looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum View {
-    /// Along +y: x to the right, z up in the picture.
-    Side,
-    /// Down: x to the right, y up in the picture.
-    Top,
 }
 
 /// How the recording is stored.
@@ -243,14 +235,14 @@ pub enum Codec {
 
 /// A lens by OpenCV's model.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lens {
+pub struct SceneLens {
     /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], px.
     pub camera_matrix: [[f64; 3]; 3],
     /// k1, k2, p1, p2, k3.
     pub distortion: [f64; 5],
 }
 
-impl Lens {
+impl SceneLens {
     /// Focal length, px; of pixels that are not square the geometric mean.
     #[must_use]
     pub fn focal_px(&self) -> f64 {
@@ -287,9 +279,9 @@ pub struct Camera {
     /// picture. Said of the picture without it: `origin_px`.
     pub roll_rad: f64,
     /// How it swings with the table after an impact.
-    pub bump: Option<Bump>,
+    pub bump: Option<SceneBump>,
     /// The lens.
-    pub lens: Option<Lens>,
+    pub lens: Option<SceneLens>,
     /// From the exposure of the first row to that of the last, s; the middle row has the frame's time.
     pub readout_s: f64,
     /// Standard deviation of the optical blur, px.
@@ -304,7 +296,7 @@ pub struct Camera {
 
 /// How table and camera swing after an impact: amplitude · sin(2π f t) exp(−t/τ).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bump {
+pub struct SceneBump {
     /// Shift of the picture (right, down) after the first impact, px; after others by their speed along the floor's normal.
     pub amplitude_px: Vector2<f64>,
     /// f, Hz.
@@ -315,7 +307,7 @@ pub struct Bump {
 
 /// What the picture looks like.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Look {
+pub struct SceneLook {
     /// Behind the ball, grey.
     pub background_grey: f64,
     /// Below the floor line of a side view, grey.
@@ -583,7 +575,7 @@ fn check_schema(root: &Section<'_>) -> Result<(), SceneError> {
     }
 }
 
-fn read_ball(root: &Section<'_>) -> Result<Ball, SceneError> {
+fn read_ball(root: &Section<'_>) -> Result<SceneBall, SceneError> {
     let s = root.section(
         "ball",
         &[
@@ -595,13 +587,13 @@ fn read_ball(root: &Section<'_>) -> Result<Ball, SceneError> {
             "lift_factor",
         ],
     )?;
-    Ok(Ball {
+    Ok(SceneBall {
         radius_m: s.number("radius_m", 0.0125, POSITIVE)?,
         mass_kg: s.number("mass_kg", 0.0639, POSITIVE)?,
         inertia_factor: s.number(
             "inertia_factor",
             0.4,
-            super::reader::Accept {
+            super::reader::NumberRange {
                 words: INERTIA.accepted,
                 test: INERTIA.holds,
                 hint: "0.4 is a solid sphere, 0.667 a thin shell",
@@ -688,23 +680,23 @@ fn read_mu_e(s: &Section<'_>) -> Result<Contact, SceneError> {
     }))
 }
 
-fn read_floor(root: &Section<'_>) -> Result<Floor, SceneError> {
+fn read_floor(root: &Section<'_>) -> Result<SceneFloor, SceneError> {
     let s = root.section("floor", &["slope_deg"])?;
     let slope_deg = s.number(
         "slope_deg",
         0.0,
-        super::reader::Accept {
+        super::reader::NumberRange {
             words: "a number from -20 to 20",
             test: |x| (-STEEPEST_FLOOR_DEG..=STEEPEST_FLOOR_DEG).contains(&x),
             hint: "0 is level; above 0 the floor rises along the launch",
         },
     )?;
-    Ok(Floor {
+    Ok(SceneFloor {
         slope_rad: slope_deg.to_radians(),
     })
 }
 
-fn read_launch(root: &Section<'_>, ball: &Ball, gravity_m_s2: f64) -> Result<Launch, SceneError> {
+fn read_launch(root: &Section<'_>, ball: &SceneBall, gravity_m_s2: f64) -> Result<SceneLaunch, SceneError> {
     let s = root.section(
         "launch",
         &[
@@ -717,7 +709,7 @@ fn read_launch(root: &Section<'_>, ball: &Ball, gravity_m_s2: f64) -> Result<Lau
     )?;
     let bench = read_bench(&s, ball.radius_m)?;
     let rolling = bench.map_or(0.0, |bench| bench.rolling_ratio(ball.radius_m));
-    let launch = Launch {
+    let launch = SceneLaunch {
         drop_height_m: s.number("drop_height_m", 0.10, NOT_NEGATIVE)?,
         speed_m_s: s.number("speed_m_s", 1.0, NOT_NEGATIVE)?,
         spin_ratio: s.numbers("spin_ratio", [0.0, rolling, 0.0], ANY)?,
@@ -730,7 +722,7 @@ fn read_launch(root: &Section<'_>, ball: &Ball, gravity_m_s2: f64) -> Result<Lau
     Ok(launch)
 }
 
-impl Bench {
+impl SceneBench {
     /// R ω_y / u_o of a ball of `radius_m` that rolls without slipping: on a track's edges it rolls on a smaller radius.
     fn rolling_ratio(&self, radius_m: f64) -> f64 {
         let half_share = self.track_width_m.unwrap_or(0.0) / (2.0 * radius_m);
@@ -738,16 +730,16 @@ impl Bench {
     }
 }
 
-fn read_bench(launch: &Section<'_>, radius_m: f64) -> Result<Option<Bench>, SceneError> {
+fn read_bench(launch: &Section<'_>, radius_m: f64) -> Result<Option<SceneBench>, SceneError> {
     if launch.get("bench").is_none() {
         return Ok(None);
     }
     let s = launch.section("bench", &["seen_s", "track_width_m", "bench_grey"])?;
-    let bench = Bench {
+    let bench = SceneBench {
         seen_s: s.number(
             "seen_s",
             0.15,
-            super::reader::Accept {
+            super::reader::NumberRange {
                 words: "a number above 0, at most 60",
                 test: |x| x > 0.0 && x <= LONGEST_BENCH_S,
                 hint: "give null for launch.bench where the ball is not seen before the launch",
@@ -769,7 +761,7 @@ fn read_bench(launch: &Section<'_>, radius_m: f64) -> Result<Option<Bench>, Scen
 
 /// That a ball on a bench moves along it, and flies off its end: it presses on the edge with m (g − v²/R) else, and tips
 /// round it.
-fn check_leaves_bench(launch: &Launch, radius_m: f64, gravity_m_s2: f64) -> Result<(), SceneError> {
+fn check_leaves_bench(launch: &SceneLaunch, radius_m: f64, gravity_m_s2: f64) -> Result<(), SceneError> {
     if launch.rise_speed_m_s != 0.0 {
         return Err(SceneError::Invalid {
             key: "launch.rise_speed_m_s".into(),
@@ -791,9 +783,9 @@ fn check_leaves_bench(launch: &Launch, radius_m: f64, gravity_m_s2: f64) -> Resu
     })
 }
 
-fn read_air(root: &Section<'_>) -> Result<Air, SceneError> {
+fn read_air(root: &Section<'_>) -> Result<SceneAir, SceneError> {
     let s = root.section("air", &["density_kg_m3", "viscosity_pa_s"])?;
-    Ok(Air {
+    Ok(SceneAir {
         density_kg_m3: s.number("density_kg_m3", 1.204, NOT_NEGATIVE)?,
         viscosity_pa_s: s.number("viscosity_pa_s", 1.81e-5, POSITIVE)?,
     })
@@ -826,7 +818,7 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
     let size = s.numbers(
         "image_size_px",
         [1280.0, 720.0],
-        super::reader::Accept {
+        super::reader::NumberRange {
             words: "an even whole number from 16 to 8192",
             // Even, because H.264 stores colour for two by two pixels.
             test: |x| (16.0..=LARGEST_PICTURE_PX).contains(&x) && x % 2.0 == 0.0,
@@ -854,7 +846,7 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
             .number(
                 "tilt_deg",
                 0.0,
-                super::reader::Accept {
+                super::reader::NumberRange {
                     words: "a number from -80 to 80",
                     test: |x| (-80.0..=80.0).contains(&x),
                     hint: "0 looks at the plane squarely",
@@ -865,7 +857,7 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
             .number(
                 "roll_deg",
                 0.0,
-                super::reader::Accept {
+                super::reader::NumberRange {
                     words: "a number from -45 to 45",
                     test: |x| (-LARGEST_ROLL_DEG..=LARGEST_ROLL_DEG).contains(&x),
                     hint: "0 has up upright in the picture; above 0 it leans to the right",
@@ -878,7 +870,7 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
         blur_px: s.number(
             "blur_px",
             0.7,
-            super::reader::Accept {
+            super::reader::NumberRange {
                 words: "a number from 0 to 50",
                 test: |x| (0.0..=LARGEST_BLUR_PX).contains(&x),
                 hint: "it is the standard deviation; lenses have some 0.5 to 3 px",
@@ -894,8 +886,8 @@ fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
     })
 }
 
-fn read_bump(camera: &Section<'_>) -> Result<Option<Bump>, SceneError> {
-    const SHIFT: super::reader::Accept = super::reader::Accept {
+fn read_bump(camera: &Section<'_>) -> Result<Option<SceneBump>, SceneError> {
+    const SHIFT: super::reader::NumberRange = super::reader::NumberRange {
         words: "from -500 to 500",
         test: |x| (-LARGEST_BUMP_PX..=LARGEST_BUMP_PX).contains(&x),
         hint: "give [right, down] in px; tables swing by some 0.1 to 5 px",
@@ -910,14 +902,14 @@ fn read_bump(camera: &Section<'_>) -> Result<Option<Bump>, SceneError> {
             accepted: format!("a list of 2 numbers, each {}", SHIFT.words),
         });
     }
-    Ok(Some(Bump {
+    Ok(Some(SceneBump {
         amplitude_px: Vector2::from(s.numbers("amplitude_px", [0.0; 2], SHIFT)?),
         frequency_hz: s.number("frequency_hz", 20.0, POSITIVE)?,
         decay_s: s.number("decay_s", 0.015, POSITIVE)?,
     }))
 }
 
-fn read_lens(camera: &Section<'_>) -> Result<Option<Lens>, SceneError> {
+fn read_lens(camera: &Section<'_>) -> Result<Option<SceneLens>, SceneError> {
     if camera.get("lens").is_none() {
         return Ok(None);
     }
@@ -940,13 +932,13 @@ fn read_lens(camera: &Section<'_>) -> Result<Option<Lens>, SceneError> {
     if !fine {
         return Err(wrong(value));
     }
-    Ok(Some(Lens {
+    Ok(Some(SceneLens {
         camera_matrix: matrix,
         distortion: s.numbers("distortion", [0.0; 5], ANY)?,
     }))
 }
 
-fn read_look(root: &Section<'_>) -> Result<Look, SceneError> {
+fn read_look(root: &Section<'_>) -> Result<SceneLook, SceneError> {
     let s = root.section(
         "look",
         &[
@@ -965,7 +957,7 @@ fn read_look(root: &Section<'_>) -> Result<Look, SceneError> {
     )?;
     let shading = s.number("shading", 0.5, FRACTION)?;
     let background_grey = s.number("background_grey", 60.0, GREY)?;
-    Ok(Look {
+    Ok(SceneLook {
         background_grey,
         floor_grey: s.number("floor_grey", background_grey, GREY)?,
         ball_grey: s.number("ball_grey", 200.0, GREY)?,
@@ -988,7 +980,7 @@ fn read_stop(root: &Section<'_>) -> Result<Stop, SceneError> {
         tail_s: s.number(
             "tail_s",
             0.05,
-            super::reader::Accept {
+            super::reader::NumberRange {
                 words: "a number from 0 to 60",
                 test: |x| (0.0..=LONGEST_TAIL_S).contains(&x),
                 hint: "ask for more bounces instead",

@@ -11,7 +11,7 @@
 use super::effects::Plane;
 use super::effects::{Decision, Unit};
 use super::flight::Impact;
-use super::{Recording, frame_times_s};
+use super::{SimulatedRecording, frame_times_s};
 use crate::Build;
 use crate::geometry::PixelPoint;
 use crate::rebound::{Regime, azimuth_rad};
@@ -154,7 +154,7 @@ pub struct CentreTruth {
 impl Truth {
     /// Of `recording`.
     #[must_use]
-    pub fn of(recording: &Recording) -> Self {
+    pub fn of(recording: &SimulatedRecording) -> Self {
         let impacts = recording.trajectory().impacts();
         let end_s = recording.trajectory().end_s();
         let floor = recording.trajectory().floor();
@@ -191,7 +191,7 @@ fn effect(decision: &Decision) -> EffectTruth {
     }
 }
 
-fn launch(recording: &Recording) -> Option<LaunchTruth> {
+fn launch(recording: &SimulatedRecording) -> Option<LaunchTruth> {
     let launch = &recording.scene().launch;
     let rolled_s = recording.trajectory().launch_s();
     recording.uses("bench").then_some(LaunchTruth {
@@ -257,7 +257,7 @@ fn meeting_s(down_m_s: f64, up_m_s: f64, contact_s: f64, gravity_m_s2: f64) -> f
     (up_m_s + 0.5 * fall) * contact_s / (down_m_s + up_m_s + fall)
 }
 
-fn centres(recording: &Recording) -> Vec<CentreTruth> {
+fn centres(recording: &SimulatedRecording) -> Vec<CentreTruth> {
     let radius_px = recording.scene().ball.radius_m / recording.scene().camera.metres_per_pixel;
     frame_times_s(recording.scene(), recording.trajectory())
         .zip(0..)
@@ -280,7 +280,7 @@ fn centres(recording: &Recording) -> Vec<CentreTruth> {
 
 /// Image of the ball's centre in the frame of `time_s`: at the time when a rolling shutter exposes its row, and shifted with
 /// the picture.
-fn apparent_centre(recording: &Recording, time_s: f64) -> PixelPoint {
+fn apparent_centre(recording: &SimulatedRecording, time_s: f64) -> PixelPoint {
     let renderer = recording.renderer();
     let shift_px = renderer.shift_px(recording.trajectory(), time_s);
     let at = |t: f64| {

@@ -1,6 +1,6 @@
 //! The files of a recording: video, truth, calibration.
 
-use super::Recording;
+use super::SimulatedRecording;
 use super::camera::{axis_m, axis_px, rolled};
 use super::flight::Impact;
 use super::scene::{SceneError, View};
@@ -13,7 +13,7 @@ use thiserror::Error;
 
 /// What can go wrong.
 #[derive(Debug, Error)]
-pub enum WriteError {
+pub enum SimulationWriteError {
     /// The scene.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -32,7 +32,7 @@ pub enum WriteError {
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Written {
+pub struct SimulatedFiles {
     /// `<stem>.mp4`, `.mkv` when lossless.
     pub video: PathBuf,
     /// `<stem>.truth.json`.
@@ -53,12 +53,12 @@ const B_FRAMES: u32 = 2;
 /// # Errors
 /// A folder or file that cannot be written, or an encoder that fails; each file appears whole or not at all.
 pub fn write(
-    recording: &Recording,
+    recording: &SimulatedRecording,
     stem: &str,
     out_dir: &Path,
     mut on_frame: impl FnMut(usize),
-) -> Result<Written, WriteError> {
-    std::fs::create_dir_all(out_dir).map_err(|source| WriteError::Io {
+) -> Result<SimulatedFiles, SimulationWriteError> {
+    std::fs::create_dir_all(out_dir).map_err(|source| SimulationWriteError::Io {
         path: out_dir.to_owned(),
         source,
     })?;
@@ -74,7 +74,7 @@ pub fn write(
         None => (Coding::Lossless, "mkv"),
     };
     let file = |ending: &str| out_dir.join(format!("{stem}.{ending}"));
-    let written = Written {
+    let written = SimulatedFiles {
         video: file(extension),
         truth: file("truth.json"),
         calib: file("calib.json"),
@@ -98,7 +98,7 @@ pub fn write(
     Ok(written)
 }
 
-fn write_json(path: &Path, content: &impl serde::Serialize) -> Result<(), WriteError> {
+fn write_json(path: &Path, content: &impl serde::Serialize) -> Result<(), SimulationWriteError> {
     let attempt = || -> std::io::Result<()> {
         let folder = path.parent().unwrap_or(Path::new("."));
         let mut temporary = tempfile::Builder::new()
@@ -109,7 +109,7 @@ fn write_json(path: &Path, content: &impl serde::Serialize) -> Result<(), WriteE
         temporary.persist(path).map_err(|e| e.error)?;
         Ok(())
     };
-    attempt().map_err(|source| WriteError::Io {
+    attempt().map_err(|source| SimulationWriteError::Io {
         path: path.to_owned(),
         source,
     })
@@ -123,7 +123,7 @@ fn rw_by_umask() -> std::fs::Permissions {
 
 /// `calib.json` for the recording: what a careful experimenter would know. The time base is the file's own.
 #[must_use]
-pub fn calibration(recording: &Recording) -> Value {
+pub fn calibration(recording: &SimulatedRecording) -> Value {
     let scene = recording.scene();
     let camera = &scene.camera;
     let mut calib = Map::new();
@@ -176,7 +176,7 @@ pub fn calibration(recording: &Recording) -> Value {
 }
 
 /// By how much the camera is rolled in the picture, rad.
-fn roll_rad(recording: &Recording) -> f64 {
+fn roll_rad(recording: &SimulatedRecording) -> f64 {
     if recording.uses("camera_roll") {
         recording.scene().camera.roll_rad
     } else {
@@ -187,7 +187,7 @@ fn roll_rad(recording: &Recording) -> f64 {
 /// The homography of the calibrated plane seen by a turned camera: with d = x − x_m and h = z − z_m from the picture's
 /// middle, the point is at (d cos τ, h)/q, times D/(D − d sin τ) where perspective is simulated, and
 /// turned about the picture's middle where the camera is rolled.
-fn world_from_pixel(recording: &Recording) -> Matrix3<f64> {
+fn world_from_pixel(recording: &SimulatedRecording) -> Matrix3<f64> {
     let camera = &recording.scene().camera;
     let (axis_m, axis_px) = (axis_m(camera), axis_px(camera));
     let (sin, cos) = camera.tilt_rad.sin_cos();
@@ -207,7 +207,7 @@ fn world_from_pixel(recording: &Recording) -> Matrix3<f64> {
 }
 
 /// The world's origin as the picture shows it: a point of the calibrated plane, so that only the lens moves it.
-fn origin_px(recording: &Recording) -> [f64; 2] {
+fn origin_px(recording: &SimulatedRecording) -> [f64; 2] {
     let camera = &recording.scene().camera;
     // In that plane nearness is 0: y = plane_offset in a side view.
     let origin_m = match camera.view {
@@ -219,7 +219,7 @@ fn origin_px(recording: &Recording) -> [f64; 2] {
 }
 
 /// R ω_oy / u_o at the first impact, where the air has slowed the ball and not its spin; a ball that is only dropped has none.
-fn spin_ratio(recording: &Recording) -> f64 {
+fn spin_ratio(recording: &SimulatedRecording) -> f64 {
     let launch = &recording.scene().launch;
     if launch.speed_m_s == 0.0 {
         return 0.0;

@@ -33,7 +33,7 @@ use track::calibration::{Calibration, ScaleEvidence, Silhouettes};
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
 use track::rebound::fit::{self, Options};
-use track::simulate::{Recording, Scene};
+use track::simulate::{Scene, SimulatedRecording};
 
 fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -191,7 +191,7 @@ fn scene_holds(bytes: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return false;
     };
-    let recording = Scene::from_json(text).and_then(|scene| Recording::new(&scene));
+    let recording = Scene::from_json(text).and_then(|scene| SimulatedRecording::new(&scene));
     let recording = match recording {
         Ok(recording) => recording,
         Err(error) => {
@@ -368,7 +368,7 @@ fn videos() {
     let scene = r#"{"schema": "track.scene/1", "contact": {"model": "mu_e", "restitution": 0.7, "friction": 0.07},
         "camera": {"image_size_px": [160, 120], "frame_rate_hz": 120, "metres_per_pixel": 0.002, "origin_px": [10, 110]},
         "launch": {"drop_height_m": 0.1, "speed_m_s": 0.6}, "stop": {"bounces": 1, "tail_s": 0.1}}"#;
-    let recording = Recording::new(&Scene::from_json(scene).unwrap()).unwrap();
+    let recording = SimulatedRecording::new(&Scene::from_json(scene).unwrap()).unwrap();
     let written = track::simulate::write(&recording, "clip", folder.path(), |_| {}).unwrap();
     let seed = std::fs::read(&written.video).unwrap();
     let input = folder.path().join("damaged.mp4");

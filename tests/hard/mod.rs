@@ -15,7 +15,7 @@ use track::impact::EERegime;
 use track::pipeline::{MeasureError, Measurement, Outcome, measure};
 use track::quantity::Quantity;
 use track::simulate::truth::{BounceTruth, CentreTruth, LaunchTruth, LegTruth, Truth};
-use track::simulate::{Recording, Scene, calibration};
+use track::simulate::{Scene, SimulatedRecording, calibration};
 
 /// A ball of R 8 px that bounces twice in a picture of 320 × 240 at 240 Hz, stored without loss.
 pub fn scene(seed: u64) -> Value {
@@ -65,7 +65,7 @@ impl Clip {
 
     /// A rendered clip whose frames are changed by `change` (frame, its picture, the ball's true place).
     pub fn opened(scene: &Value, change: impl Fn(usize, &mut Luma, &CentreTruth)) -> Self {
-        let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
+        let recording = SimulatedRecording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
         let truth = recording.truth();
         let mut frames: Vec<Luma> = recording.frames().collect();
         for (i, frame) in frames.iter_mut().enumerate() {
@@ -123,7 +123,7 @@ impl Clip {
             // Each with noise of its own: frames that are the same to the bit are repeats of one.
             let mut again = scene.clone();
             again["seed"] = json!(scene["seed"].as_u64().unwrap() + 10_000 + i as u64);
-            let again = Recording::new(&Scene::from_json(&again.to_string()).unwrap()).unwrap();
+            let again = SimulatedRecording::new(&Scene::from_json(&again.to_string()).unwrap()).unwrap();
             self.frames.insert(0, again.frame(0));
             let time_s = self.times_s[0] - 1.0 / self.rate_hz;
             self.times_s.insert(0, time_s);

@@ -10,7 +10,7 @@ use track::detect::centre::Accuracy;
 use track::frames::{self, Coding, VideoWriter};
 use track::geometry::PixelPoint;
 use track::pipeline::{Measurement, measure};
-use track::simulate::{Recording, Scene, write};
+use track::simulate::{Scene, SimulatedRecording, write};
 
 /// A recording on disk, as long as this lives.
 pub struct Rendered {
@@ -24,7 +24,7 @@ pub struct Rendered {
 impl Rendered {
     pub fn new(scene: &Value) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let recording = Recording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
+        let recording = SimulatedRecording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
         let written = write(&recording, "scene", dir.path(), |_| {}).unwrap();
         Self {
             calibration: Calibration::read(&written.calib).unwrap(),

@@ -4,7 +4,7 @@
 //! playlists and scripts that FFmpeg also takes for videos can name other files and hosts. The protocol is `file`
 //! alone, for the file itself and for whatever a demuxer might open besides.
 
-use super::{AvError, Options, Packet, Picture, Ratio, check, ffi, matrix_from};
+use super::{AvError, DictionaryOptions, Packet, Picture, Rational, check, ffi, matrix_from};
 use std::ffi::{CStr, CString, c_int};
 use std::path::Path;
 use std::ptr;
@@ -102,7 +102,7 @@ pub(in crate::frames) struct StreamFacts {
     pub codec: String,
     pub width: i64,
     pub height: i64,
-    pub time_base: Ratio,
+    pub time_base: Rational,
     /// Frame rate written in the container's header.
     pub declared_rate: Option<f64>,
     /// Frame rate by the header or by FFmpeg's look at the first frames.
@@ -142,9 +142,9 @@ pub(in crate::frames) struct Input {
 unsafe impl Send for Input {}
 
 /// The container while its stream is not chosen yet; frees it when something fails.
-struct Opened(*mut ffi::AVFormatContext);
+struct OpenedContainer(*mut ffi::AVFormatContext);
 
-impl Drop for Opened {
+impl Drop for OpenedContainer {
     fn drop(&mut self) {
         // SAFETY: owned; null is allowed.
         unsafe { ffi::avformat_close_input(&raw mut self.0) };
@@ -161,8 +161,8 @@ impl Input {
             ("protocol_whitelist", "file".to_owned()),
             ("format_whitelist", CONTAINERS.join(",")),
         ];
-        let mut options = Options::new(&options)?;
-        let mut opened = Opened(ptr::null_mut());
+        let mut options = DictionaryOptions::new(&options)?;
+        let mut opened = OpenedContainer(ptr::null_mut());
         let broken = |error| OpenFailure::Broken {
             format: format.clone(),
             error,
@@ -171,7 +171,7 @@ impl Input {
         let code =
             unsafe { ffi::avformat_open_input(&raw mut opened.0, url.as_ptr(), kind, &raw mut options.0) };
         check(code).map_err(broken)?;
-        let header = Header::of(&opened);
+        let header = ContainerHeader::of(&opened);
         find_stream_info(&opened).map_err(broken)?;
         let Some(stream) = best_video(&opened) else {
             return Err(OpenFailure::Sound(format));
@@ -255,7 +255,7 @@ fn local_url(path: &Path) -> Result<CString, AvError> {
 /// The kind of container by the file's first bytes.
 fn probed(url: &CStr) -> Result<(*const ffi::AVInputFormat, String), OpenFailure> {
     const PROBE_BYTES: u32 = 1 << 20;
-    let mut options = Options::new(&[("protocol_whitelist", "file".to_owned())])?;
+    let mut options = DictionaryOptions::new(&[("protocol_whitelist", "file".to_owned())])?;
     let mut kind: *const ffi::AVInputFormat = ptr::null();
     // SAFETY: the io context is closed below; the format is a static entry or null. The name given to the probe is
     // empty, so that only content counts.
@@ -303,12 +303,14 @@ fn text(name: *const std::ffi::c_char) -> String {
     unsafe { CStr::from_ptr(name) }.to_string_lossy().into_owned()
 }
 
-fn find_stream_info(opened: &Opened) -> Result<(), AvError> {
+fn find_stream_info(opened: &OpenedContainer) -> Result<(), AvError> {
     // SAFETY: the array has a dictionary for each stream known now, as FFmpeg asks; what it leaves is freed.
     unsafe {
         let streams = (*opened.0).nb_streams as usize;
         let mut each = (0..streams)
-            .map(|_| Options::new(&[("max_pixels", MAX_PIXELS.to_owned()), ("threads", "1".to_owned())]))
+            .map(|_| {
+                DictionaryOptions::new(&[("max_pixels", MAX_PIXELS.to_owned()), ("threads", "1".to_owned())])
+            })
             .collect::<Result<Vec<_>, _>>()?;
         let mut pointers: Vec<_> = each.iter().map(|o| o.0).collect();
         let code = ffi::avformat_find_stream_info(opened.0, pointers.as_mut_ptr());
@@ -319,7 +321,7 @@ fn find_stream_info(opened: &Opened) -> Result<(), AvError> {
     }
 }
 
-fn streams(opened: &Opened) -> impl Iterator<Item = *mut ffi::AVStream> {
+fn streams(opened: &OpenedContainer) -> impl Iterator<Item = *mut ffi::AVStream> {
     // SAFETY: FFmpeg keeps nb_streams pointers there.
     (0..unsafe { (*opened.0).nb_streams } as usize).map(|i| unsafe { *(*opened.0).streams.add(i) })
 }
@@ -334,7 +336,7 @@ fn is_video(stream: *mut ffi::AVStream) -> bool {
 }
 
 /// FFmpeg's choice among the video streams; the first one when its choice is a cover picture.
-fn best_video(opened: &Opened) -> Option<*mut ffi::AVStream> {
+fn best_video(opened: &OpenedContainer) -> Option<*mut ffi::AVStream> {
     let kind = ffi::AVMediaType::AVMEDIA_TYPE_VIDEO;
     // SAFETY: owned; no decoder is asked for.
     let best = unsafe { ffi::av_find_best_stream(opened.0, kind, -1, -1, ptr::null_mut(), 0) };
@@ -345,7 +347,7 @@ fn best_video(opened: &Opened) -> Option<*mut ffi::AVStream> {
         .or_else(|| streams(opened).find(|&s| is_video(s)))
 }
 
-fn discard_others(opened: &Opened, chosen: *mut ffi::AVStream) {
+fn discard_others(opened: &OpenedContainer, chosen: *mut ffi::AVStream) {
     for stream in streams(opened).filter(|&s| s != chosen) {
         // SAFETY: streams are never null.
         unsafe { (*stream).discard = ffi::AVDiscard::AVDISCARD_ALL };
@@ -353,16 +355,16 @@ fn discard_others(opened: &Opened, chosen: *mut ffi::AVStream) {
 }
 
 /// What the header says before FFmpeg's look at the first frames fills in guesses.
-struct Header {
+struct ContainerHeader {
     duration: i64,
-    streams: Vec<(Ratio, i64, i64)>,
+    streams: Vec<(Rational, i64, i64)>,
 }
 
-impl Header {
-    fn of(opened: &Opened) -> Self {
+impl ContainerHeader {
+    fn of(opened: &OpenedContainer) -> Self {
         let streams = streams(opened)
             // SAFETY: streams are never null.
-            .map(|s| unsafe { (Ratio::of((*s).avg_frame_rate), (*s).duration, (*s).nb_frames) })
+            .map(|s| unsafe { (Rational::of((*s).avg_frame_rate), (*s).duration, (*s).nb_frames) })
             .collect();
         // SAFETY: owned and not null.
         Self {
@@ -372,7 +374,12 @@ impl Header {
     }
 }
 
-fn facts_of(opened: &Opened, stream: *mut ffi::AVStream, container: String, header: &Header) -> StreamFacts {
+fn facts_of(
+    opened: &OpenedContainer,
+    stream: *mut ffi::AVStream,
+    container: String,
+    header: &ContainerHeader,
+) -> StreamFacts {
     // SAFETY: streams and their parameters are never null; side data is read as far as its size says.
     let (s, parameters, display_matrix) = unsafe {
         let mut size = 0;
@@ -380,11 +387,11 @@ fn facts_of(opened: &Opened, stream: *mut ffi::AVStream, container: String, head
         let data = ffi::av_stream_get_side_data(stream, kind, &raw mut size);
         (&*stream, &*(*stream).codecpar, matrix_from(data, size))
     };
-    let time_base = Ratio::of(s.time_base);
+    let time_base = Rational::of(s.time_base);
     let own = usize::try_from(s.index)
         .ok()
         .and_then(|i| header.streams.get(i).copied());
-    let (declared_rate, duration, frames) = own.unwrap_or((Ratio { num: 0, den: 1 }, 0, 0));
+    let (declared_rate, duration, frames) = own.unwrap_or((Rational { num: 0, den: 1 }, 0, 0));
     #[allow(clippy::cast_precision_loss, reason = "durations in ticks are far below 2^52")]
     let seconds = |ticks: i64, tick: f64| (ticks > 0).then_some(ticks as f64 * tick);
     // A container's duration is that of its longest stream: sound may go on after the picture.
@@ -401,12 +408,12 @@ fn facts_of(opened: &Opened, stream: *mut ffi::AVStream, container: String, head
         height: i64::from(parameters.height),
         time_base,
         declared_rate: declared_rate.positive(),
-        nominal_rate: rates.iter().find_map(|&r| Ratio::of(r).positive()),
+        nominal_rate: rates.iter().find_map(|&r| Rational::of(r).positive()),
         frames: u64::try_from(frames).ok().filter(|&n| n > 0),
         duration_s,
         display_matrix,
         // SAFETY: owned; no frame is given.
-        pixel_aspect: Ratio::of(unsafe {
+        pixel_aspect: Rational::of(unsafe {
             ffi::av_guess_sample_aspect_ratio(opened.0, stream, ptr::null_mut())
         })
         .positive(),
@@ -488,7 +495,7 @@ impl Decoder {
         if settings.skip_unreferenced {
             options.push(("skip_frame", "noref".to_owned()));
         }
-        let mut options = Options::new(&options)?;
+        let mut options = DictionaryOptions::new(&options)?;
         // SAFETY: by the caller's promise; null is checked; drop frees the context when a step fails.
         unsafe {
             let context = ffi::avcodec_alloc_context3(codec);

@@ -114,12 +114,12 @@ unsafe extern "C" fn listen(from: *mut c_void, _: c_int, format: *const c_char, 
 
 /// A fraction as FFmpeg has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Ratio {
+pub(super) struct Rational {
     pub num: i32,
     pub den: i32,
 }
 
-impl Ratio {
+impl Rational {
     /// The fraction nearest to `value` with terms up to `max`.
     pub(super) fn near(value: f64, max: i32) -> Self {
         // SAFETY: a pure function of numbers.
@@ -156,9 +156,9 @@ impl Ratio {
 }
 
 /// Options by name for an FFmpeg call that takes an `AVDictionary`.
-struct Options(*mut ffi::AVDictionary);
+struct DictionaryOptions(*mut ffi::AVDictionary);
 
-impl Options {
+impl DictionaryOptions {
     fn new(pairs: &[(&str, String)]) -> Result<Self, AvError> {
         let mut options = Self(ptr::null_mut());
         for (key, value) in pairs {
@@ -171,7 +171,7 @@ impl Options {
     }
 }
 
-impl Drop for Options {
+impl Drop for DictionaryOptions {
     fn drop(&mut self) {
         // SAFETY: owned; FFmpeg replaces the pointer by what it did not use.
         unsafe { ffi::av_dict_free(&raw mut self.0) };
@@ -258,7 +258,7 @@ impl PixelFormat {
 
 /// How the first component (luma, or red) of a picture lies in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct ComponentLayout {
     /// The plane that holds it.
     pub plane: usize,
     /// Bytes from one pixel to the next.
@@ -275,9 +275,9 @@ pub(super) struct Layout {
 
 /// What kind of picture a pixel format holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PictureKind {
     /// The first component is luma, as integers of 8 to 16 bits.
-    Luma(Layout),
+    Luma(ComponentLayout),
     /// Anything else: RGB, palette, bits, floats, Bayer.
     Other,
 }
@@ -363,7 +363,7 @@ impl Picture {
     /// Width of a pixel over its height, by the coded stream.
     pub(super) fn pixel_aspect(&self) -> Option<f64> {
         // SAFETY: owned and not null.
-        Ratio::of(unsafe { (*self.0).sample_aspect_ratio }).positive()
+        Rational::of(unsafe { (*self.0).sample_aspect_ratio }).positive()
     }
 
     /// The display matrix that came with the picture itself (an SEI message, an EXIF tag).
@@ -401,9 +401,9 @@ impl Picture {
     }
 
     /// Where the luma is, if it can be read as it lies.
-    pub(super) fn kind(&self) -> Kind {
+    pub(super) fn kind(&self) -> PictureKind {
         let Some(d) = self.descriptor() else {
-            return Kind::Other;
+            return PictureKind::Other;
         };
         let refused = [
             ffi::AV_PIX_FMT_FLAG_PAL,
@@ -415,7 +415,7 @@ impl Picture {
         ];
         let c = d.comp[0];
         let layout = (|| {
-            Some(Layout {
+            Some(ComponentLayout {
                 plane: usize::try_from(c.plane).ok()?,
                 step: usize::try_from(c.step).ok()?,
                 offset: usize::try_from(c.offset).ok()?,
@@ -432,9 +432,9 @@ impl Picture {
                     && (8..=16).contains(&layout.depth)
                     && (layout.depth > 8 || layout.shift == 0) =>
             {
-                Kind::Luma(layout)
+                PictureKind::Luma(layout)
             }
-            _ => Kind::Other,
+            _ => PictureKind::Other,
         }
     }
 

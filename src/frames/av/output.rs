@@ -1,6 +1,6 @@
 //! Coding and muxing into a file that Rust opened, so that a full disk is Rust's own error.
 
-use super::{AvError, Options, Packet, Picture, PixelFormat, Ratio, check, ffi};
+use super::{AvError, DictionaryOptions, Packet, Picture, PixelFormat, Rational, check, ffi};
 use std::ffi::{CString, c_int, c_void};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -16,9 +16,9 @@ pub(in crate::frames) struct EncoderSettings<'a> {
     pub height: usize,
     pub format: PixelFormat,
     /// Unit of the stamps.
-    pub time_base: Ratio,
+    pub time_base: Rational,
     /// Frames a second, for rate control.
-    pub rate: Ratio,
+    pub rate: Rational,
     /// Whether every frame lasts 1 / rate.
     pub constant_rate: bool,
     pub gop: i32,
@@ -48,12 +48,12 @@ impl From<AvError> for Failure {
 }
 
 /// The open file, and the first error it gave: FFmpeg passes on only a number.
-struct Sink {
+struct OutputSink {
     file: File,
     error: Option<io::Error>,
 }
 
-impl Sink {
+impl OutputSink {
     fn keep<T>(&mut self, result: io::Result<T>) -> Option<T> {
         result.map_err(|e| self.error.get_or_insert(e)).ok()
     }
@@ -65,7 +65,7 @@ unsafe extern "C" fn sink_write(opaque: *mut c_void, data: *mut u8, size: c_int)
     // SAFETY: opaque is the Sink that Encoder owns while the context lives; data holds size bytes.
     let (sink, data) = unsafe {
         (
-            &mut *opaque.cast::<Sink>(),
+            &mut *opaque.cast::<OutputSink>(),
             std::slice::from_raw_parts(data, usize::try_from(size).unwrap_or(0)),
         )
     };
@@ -77,7 +77,7 @@ unsafe extern "C" fn sink_read(opaque: *mut c_void, data: *mut u8, size: c_int) 
     // SAFETY: as in sink_write; FFmpeg's buffer is initialised memory.
     let (sink, data) = unsafe {
         (
-            &mut *opaque.cast::<Sink>(),
+            &mut *opaque.cast::<OutputSink>(),
             std::slice::from_raw_parts_mut(data, usize::try_from(size).unwrap_or(0)),
         )
     };
@@ -91,7 +91,7 @@ unsafe extern "C" fn sink_read(opaque: *mut c_void, data: *mut u8, size: c_int) 
 
 unsafe extern "C" fn sink_seek(opaque: *mut c_void, offset: i64, whence: c_int) -> i64 {
     // SAFETY: as in sink_write.
-    let sink = unsafe { &mut *opaque.cast::<Sink>() };
+    let sink = unsafe { &mut *opaque.cast::<OutputSink>() };
     let result = match whence & !ffi::AVSEEK_FORCE {
         ffi::AVSEEK_SIZE => sink.file.metadata().map(|m| m.len()),
         0 => u64::try_from(offset)
@@ -111,10 +111,10 @@ pub(in crate::frames) struct Encoder {
     format: *mut ffi::AVFormatContext,
     io: *mut ffi::AVIOContext,
     /// From `Box::into_raw`: FFmpeg holds the same address.
-    sink: *mut Sink,
+    sink: *mut OutputSink,
     stream: *mut ffi::AVStream,
     packet: Packet,
-    time_base: Ratio,
+    time_base: Rational,
     /// Ticks that a packet lasts when nothing else is known.
     ticks_a_frame: i64,
 }
@@ -137,7 +137,7 @@ impl Encoder {
             codec: ptr::null_mut(),
             format: ptr::null_mut(),
             io: ptr::null_mut(),
-            sink: Box::into_raw(Box::new(Sink { file, error: None })),
+            sink: Box::into_raw(Box::new(OutputSink { file, error: None })),
             stream: ptr::null_mut(),
             packet: Packet::new()?,
             time_base: settings.time_base,
@@ -146,7 +146,7 @@ impl Encoder {
         encoder.make_container(settings)?;
         encoder.make_codec(settings)?;
         encoder.make_stream(settings)?;
-        let mut options = Options::new(&settings.container_options)?;
+        let mut options = DictionaryOptions::new(&settings.container_options)?;
         // SAFETY: the container has its stream and its output.
         let code = unsafe { ffi::avformat_write_header(encoder.format, &raw mut options.0) };
         encoder.outcome(code)?;
@@ -194,7 +194,7 @@ impl Encoder {
 
     fn make_codec(&mut self, settings: &EncoderSettings<'_>) -> Result<(), Failure> {
         let name = CString::new(settings.codec).map_err(|_| AvError::invalid())?;
-        let mut options = Options::new(&settings.options)?;
+        let mut options = DictionaryOptions::new(&settings.options)?;
         // SAFETY: null is checked; the fields are set before the context is opened.
         unsafe {
             let codec = ffi::avcodec_find_encoder_by_name(name.as_ptr());

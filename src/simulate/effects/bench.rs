@@ -4,8 +4,8 @@
 //! The clip then begins `seen_s` before the launch. Rolling gives the spin R ω_y / u = 1, and R / sqrt(R² − a²/4) on a track
 //! of width a, on whose two edges the ball rolls. A ball slower than sqrt(g R) would not fly off but tip round the edge.
 
-use super::{Action, Effect, Estimate, Fixture, Ideal};
-use crate::simulate::camera::{Line, PictureOf};
+use super::{Action, Effect, EffectEstimate, Fixture, Ideal};
+use crate::simulate::camera::{PictureEdge, PictureOf};
 use crate::simulate::scene::{Scene, View};
 use nalgebra::{Vector2, Vector3};
 
@@ -24,7 +24,7 @@ impl Effect for Bench {
         true
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         // Without the bench every frame is that much later in the flight, where the ball is faster than when it rolled.
         let seen_s = scene.launch.bench.map_or(0.0, |bench| bench.seen_s);
         let speed_px_s = if seen_s > 0.0 {
@@ -32,7 +32,7 @@ impl Effect for Bench {
         } else {
             0.0
         };
-        Estimate::px(
+        EffectEstimate::px(
             speed_px_s * seen_s,
             "v seen_s at the largest speed: how far the ball goes in the time it is seen on the bench",
         )
@@ -47,7 +47,7 @@ impl Effect for Bench {
         Action::Bench {
             seen_s: bench.seen_s,
             board: drawn.map(|grey| -> Box<dyn Fixture> {
-                Box::new(Board {
+                Box::new(BenchFixture {
                     grey,
                     top_m: launch.drop_height_m,
                     seen_m: launch.speed_m_s * bench.seen_s,
@@ -58,7 +58,7 @@ impl Effect for Bench {
 }
 
 /// The bench as the picture shows it.
-struct Board {
+struct BenchFixture {
     grey: f64,
     /// Where the ball's lowest point rolls, above z = 0, m.
     top_m: f64,
@@ -66,12 +66,12 @@ struct Board {
     seen_m: f64,
 }
 
-impl Fixture for Board {
+impl Fixture for BenchFixture {
     fn grey(&self) -> f64 {
         self.grey
     }
 
-    fn sides(&self, picture: &PictureOf) -> Vec<Line> {
+    fn sides(&self, picture: &PictureOf) -> Vec<PictureEdge> {
         let at = |x_m: f64, z_m: f64| {
             let centre = picture.outline(&Vector3::new(x_m, 0.0, z_m)).centre;
             Vector2::new(centre.u_px, centre.v_px)
@@ -84,7 +84,7 @@ impl Fixture for Board {
         let inside = 0.5 * (start + foot);
         [(start, edge), (start_foot, foot), (foot, edge)]
             .into_iter()
-            .filter_map(|(from, to)| Line::through(from, to, inside))
+            .filter_map(|(from, to)| PictureEdge::through(from, to, inside))
             .collect()
     }
 }

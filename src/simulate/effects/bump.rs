@@ -7,7 +7,7 @@
 //! with v_n the speed along the floor's normal. A frame is shifted as a whole, by the shift in its middle; noise is of the
 //! sensor, and uneven light of the lens: they stay.
 
-use super::{Action, Effect, Estimate, Ideal, Shake};
+use super::{Action, Effect, EffectEstimate, Ideal, PictureShift};
 use crate::simulate::flight::{Impact, Trajectory};
 use crate::simulate::scene::{self, Scene, Switch};
 use nalgebra::Vector2;
@@ -24,12 +24,12 @@ impl Effect for Bump {
         "bump"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         let formula = "amplitude, times what swings of earlier impacts leave and add";
         let Some(bump) = scene.camera.bump else {
-            return Estimate::px(0.0, formula);
+            return EffectEstimate::px(0.0, formula);
         };
-        Estimate::px(
+        EffectEstimate::px(
             bump.amplitude_px.norm() * envelope(&bump, &ideal.trajectory),
             formula,
         )
@@ -37,7 +37,7 @@ impl Effect for Bump {
 
     fn action(&self, scene: &Scene) -> Action {
         match scene.camera.bump {
-            Some(bump) if bump.amplitude_px.norm() > 0.0 => Action::Shake(Box::new(Swing { bump })),
+            Some(bump) if bump.amplitude_px.norm() > 0.0 => Action::PictureShift(Box::new(Swing { bump })),
             _ => Action::Nothing,
         }
     }
@@ -45,7 +45,7 @@ impl Effect for Bump {
 
 /// The largest value of Σ (v_n,i / v_n,1) exp(−(t − t_i)/τ), which is right after an impact; 1 where swings are over before
 /// the next one.
-fn envelope(bump: &scene::Bump, trajectory: &Trajectory) -> f64 {
+fn envelope(bump: &scene::SceneBump, trajectory: &Trajectory) -> f64 {
     let mut sum = 0.0_f64;
     let mut largest = 0.0_f64;
     let mut last_s = 0.0;
@@ -82,10 +82,10 @@ pub(super) fn top_speed_px_s(scene: &Scene, trajectory: &Trajectory) -> f64 {
 }
 
 struct Swing {
-    bump: scene::Bump,
+    bump: scene::SceneBump,
 }
 
-impl Shake for Swing {
+impl PictureShift for Swing {
     fn shift_px(&self, trajectory: &Trajectory, time_s: f64) -> Vector2<f64> {
         let swing: f64 = shares(trajectory)
             .take_while(|(i, _)| i.time_s <= time_s)

@@ -4,9 +4,9 @@
 //! After perspective and before the lens, whose distortion belongs to the sensor. What hangs in the world turns with it (floor
 //! line, bench, shadow, the ball's lamp); texture and uneven light, which are given in the picture, stay.
 
-use super::{Action, Effect, Estimate, Ideal, Warp};
+use super::{Action, Effect, EffectEstimate, Ideal, Warp};
 use crate::geometry::PixelPoint;
-use crate::simulate::camera::{Ellipse, Line, Outline, axis_px, rolled};
+use crate::simulate::camera::{BallOutline, Ellipse, PictureEdge, axis_px, rolled};
 use crate::simulate::scene::Scene;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -22,11 +22,11 @@ impl Effect for CameraRoll {
         true
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         let axis = axis_px(&scene.camera);
         let chord = 2.0 * (0.5 * scene.camera.roll_rad).sin().abs();
         let shift = ideal.largest(|s| chord * (Vector2::new(s.pixel.u_px, s.pixel.v_px) - axis).norm());
-        Estimate::px(shift, "2 ρ sin(r/2), ρ off the optical axis")
+        EffectEstimate::px(shift, "2 ρ sin(r/2), ρ off the optical axis")
     }
 
     fn action(&self, scene: &Scene) -> Action {
@@ -52,9 +52,9 @@ impl Turn {
 }
 
 impl Warp for Turn {
-    fn warp(&self, _ball_m: &Vector3<f64>, outline: &Outline) -> Outline {
+    fn warp(&self, _ball_m: &Vector3<f64>, outline: &BallOutline) -> BallOutline {
         let centre = self.point(Vector2::new(outline.centre.u_px, outline.centre.v_px));
-        Outline {
+        BallOutline {
             centre: PixelPoint::new(centre.x, centre.y),
             ellipse: Ellipse {
                 centre: self.point(outline.ellipse.centre),
@@ -64,8 +64,8 @@ impl Warp for Turn {
         }
     }
 
-    fn warp_line(&self, line: &Line) -> Line {
-        Line {
+    fn warp_line(&self, line: &PictureEdge) -> PictureEdge {
+        PictureEdge {
             at: self.point(line.at),
             normal: self.turn * line.normal,
         }

@@ -11,7 +11,7 @@
 //! the vertical one.
 
 use super::deviation::{Disturbance, Jump};
-use super::{Action, ContactLaw, Effect, Estimate, Ideal, Plane};
+use super::{Action, ContactLaw, Effect, EffectEstimate, Ideal, Plane};
 use crate::rebound::Motion;
 use crate::simulate::flight::Impact;
 use crate::simulate::scene::Scene;
@@ -29,7 +29,7 @@ impl Effect for ContactTime {
         "contact_time"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         let law = Hertz::new(scene);
         let longest_s = ideal
             .trajectory
@@ -41,7 +41,7 @@ impl Effect for ContactTime {
             })
             .filter(|s| s.is_finite())
             .fold(0.0, f64::max);
-        Estimate::path(
+        EffectEstimate::path(
             scene,
             ideal,
             &law,

@@ -1,6 +1,6 @@
 //! Optical blur: a Gaussian of standard deviation `blur_px`, which stands for defocus and diffraction together.
 
-use super::{Action, Effect, Estimate, Ideal};
+use super::{Action, Effect, EffectEstimate, Ideal};
 use crate::simulate::scene::Scene;
 
 /// Optical blur.
@@ -11,8 +11,8 @@ impl Effect for Defocus {
         "defocus"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
-        Estimate::px(
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
+        EffectEstimate::px(
             scene.camera.blur_px,
             "standard deviation of the blur: how far it moves an edge's foot",
         )

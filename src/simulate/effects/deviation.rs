@@ -12,7 +12,7 @@
 use super::{Ideal, Plane};
 use crate::rebound::Motion;
 use crate::simulate::camera::{along_axis, picture_shift_px};
-use crate::simulate::flight::{Impact, State};
+use crate::simulate::flight::{BallState, Impact};
 use crate::simulate::scene::Scene;
 use nalgebra::Vector3;
 
@@ -24,7 +24,7 @@ const NEAR_TRANSITION: f64 = 4.0;
 /// What disturbs the ball.
 pub trait Disturbance {
     /// In flight, m/s².
-    fn acceleration(&self, _state: &State, _spin_m_s: &Vector3<f64>) -> Vector3<f64> {
+    fn acceleration(&self, _state: &BallState, _spin_m_s: &Vector3<f64>) -> Vector3<f64> {
         Vector3::zeros()
     }
 
@@ -47,7 +47,7 @@ pub struct Jump {
 
 /// How far a disturbance moves the ball while the picture may show it, at most.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Largest {
+pub struct LargestDeviation {
     /// In the picture, px: along it, and with perspective also towards the camera.
     pub shift_px: f64,
     /// Towards the camera or away from it, m.
@@ -60,24 +60,24 @@ pub struct Largest {
     pub late_s: f64,
 }
 
-struct Deviation {
+struct PathDeviation {
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
     spin_m_s: Vector3<f64>,
 }
 
 /// The largest deviation while the picture may show the ball.
-pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbance) -> Largest {
+pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbance) -> LargestDeviation {
     let end_s = ideal.trajectory.end_s();
     let mut spin = Vector3::from(scene.launch.spin_ratio) * scene.launch.speed_m_s;
-    let mut now = Deviation {
+    let mut now = PathDeviation {
         position_m: Vector3::zeros(),
         velocity_m_s: Vector3::zeros(),
         spin_m_s: Vector3::zeros(),
     };
     let top_speed = ideal.top_speed_m_s();
-    let mut most = Largest::default();
-    let mut see = |time_s: f64, now: &Deviation, transient_m: f64| {
+    let mut most = LargestDeviation::default();
+    let mut see = |time_s: f64, now: &PathDeviation, transient_m: f64| {
         let at_m = ideal.trajectory.state(time_s).position_m;
         let deviation_m = &now.position_m;
         if ideal.may_show(&at_m) {
@@ -120,7 +120,7 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
         spin = impact.rebound.surface_spin_m_s;
         from_s = to_s;
     }
-    Largest {
+    LargestDeviation {
         late_s,
         impact_late_s,
         ..most
@@ -128,7 +128,7 @@ pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbanc
 }
 
 /// A step of `step_s` under the disturbing acceleration `a`, m/s²; of a ball that lies, on the floor `lies_on`.
-fn fly(now: &mut Deviation, mut a: Vector3<f64>, step_s: f64, lies_on: Option<Plane>) {
+fn fly(now: &mut PathDeviation, mut a: Vector3<f64>, step_s: f64, lies_on: Option<Plane>) {
     if let Some(floor) = lies_on {
         // The floor holds it.
         a = floor.with_normal(&a, 0.0);
@@ -140,7 +140,7 @@ fn fly(now: &mut Deviation, mut a: Vector3<f64>, step_s: f64, lies_on: Option<Pl
 }
 
 /// How much later the ball leaves the floor, s.
-fn strike(now: &mut Deviation, impact: &Impact, scene: &Scene, floor: &Plane, jump: &Jump) -> f64 {
+fn strike(now: &mut PathDeviation, impact: &Impact, scene: &Scene, floor: &Plane, jump: &Jump) -> f64 {
     let down = Vector3::new(0.0, 0.0, -scene.gravity_m_s2);
     let (before, after) = (impact.incident.velocity_m_s, impact.rebound.velocity_m_s);
     // A grazing impact has no |v_oz| to divide by; its deviation is then as large as it gets.

@@ -9,24 +9,24 @@
 //! Limits: a smooth ball; the drag crisis of rough balls above Re of some 10⁵ is not in the curve.
 
 use super::deviation::Disturbance;
-use super::{Action, Effect, Estimate, Force, Ideal, Loads};
-use crate::simulate::flight::State;
+use super::{Action, Effect, EffectEstimate, Force, Ideal, Loads};
+use crate::simulate::flight::BallState;
 use crate::simulate::scene::Scene;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
 /// Air drag.
-pub(super) struct Drag;
+pub(super) struct AirDrag;
 
-impl Effect for Drag {
+impl Effect for AirDrag {
     fn name(&self) -> &'static str {
         "drag"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
-        let law = Law::new(scene);
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
+        let law = DragForce::new(scene);
         let reynolds = ideal.largest(|s| law.reynolds(s.state.velocity_m_s.norm()));
-        Estimate::path(
+        EffectEstimate::path(
             scene,
             ideal,
             &law,
@@ -37,15 +37,15 @@ impl Effect for Drag {
     }
 
     fn disturbance(&self, scene: &Scene) -> Option<Box<dyn Disturbance>> {
-        Some(Box::new(Law::new(scene)))
+        Some(Box::new(DragForce::new(scene)))
     }
 
     fn action(&self, scene: &Scene) -> Action {
-        Action::Force(Box::new(Law::new(scene)))
+        Action::Force(Box::new(DragForce::new(scene)))
     }
 }
 
-struct Law {
+struct DragForce {
     radius_m: f64,
     mass_kg: f64,
     density_kg_m3: f64,
@@ -54,7 +54,7 @@ struct Law {
     factor: f64,
 }
 
-impl Law {
+impl DragForce {
     fn new(scene: &Scene) -> Self {
         Self {
             radius_m: scene.ball.radius_m,
@@ -78,15 +78,15 @@ impl Law {
     }
 }
 
-impl Force for Law {
-    fn act(&self, state: &State, _spin_m_s: &Vector3<f64>, loads: &mut Loads) {
+impl Force for DragForce {
+    fn act(&self, state: &BallState, _spin_m_s: &Vector3<f64>, loads: &mut Loads) {
         let v = state.velocity_m_s;
         loads.force_n -= v * self.resistance_kg_s(v.norm());
     }
 }
 
-impl Disturbance for Law {
-    fn acceleration(&self, state: &State, _spin_m_s: &Vector3<f64>) -> Vector3<f64> {
+impl Disturbance for DragForce {
+    fn acceleration(&self, state: &BallState, _spin_m_s: &Vector3<f64>) -> Vector3<f64> {
         let v = state.velocity_m_s;
         -v * (self.resistance_kg_s(v.norm()) / self.mass_kg)
     }

@@ -1,6 +1,6 @@
 //! Exposure blur: a frame is the time average over the exposure, whose middle is the frame's time.
 
-use super::{Action, Effect, Estimate, Ideal};
+use super::{Action, Effect, EffectEstimate, Ideal};
 use crate::simulate::scene::Scene;
 
 /// Exposure blur.
@@ -11,8 +11,8 @@ impl Effect for ExposureBlur {
         "exposure_blur"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
-        Estimate::px(
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
+        EffectEstimate::px(
             0.5 * ideal.top_speed_px_s(scene) * scene.camera.exposure_s,
             "v T/2, how far the smear moves an edge (a centre it moves by g T²/24, and by an impact within it)",
         )

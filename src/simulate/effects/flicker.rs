@@ -1,6 +1,6 @@
 //! Flicker of the light: 1 + a sin(2π f t), averaged over the exposure.
 
-use super::{Action, Effect, Estimate, Ideal, Lamp};
+use super::{Action, Effect, EffectEstimate, Ideal, Lamp};
 use crate::simulate::scene::Scene;
 use std::f64::consts::PI;
 
@@ -12,10 +12,10 @@ impl Effect for Flicker {
         "flicker"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
         let mains = Mains::new(scene);
         let brightest = scene.look.ball_grey.max(scene.look.background_grey);
-        Estimate::grey(
+        EffectEstimate::grey(
             brightest * mains.amplitude * mains.attenuation(scene.camera.exposure_s).abs(),
             "amplitude × brightest grey × sin(π f T)/(π f T)",
         )

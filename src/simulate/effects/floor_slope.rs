@@ -8,7 +8,7 @@
 //! gravity stays along −z. Everything that knows of a floor asks the [`Plane`]: flight, rebound, contact, floor line, shadow,
 //! reflection.
 
-use super::{Action, Effect, Estimate, Ideal};
+use super::{Action, Effect, EffectEstimate, Ideal};
 use crate::rebound::{Motion, Regime};
 use crate::simulate::camera::picture_shift_px;
 use crate::simulate::flight::Trajectory;
@@ -17,9 +17,9 @@ use crate::simulate::scene::{Contact, Scene};
 use nalgebra::Vector3;
 
 /// Floor slope.
-pub(super) struct FloorSlope;
+pub(super) struct SlopingFloor;
 
-impl Effect for FloorSlope {
+impl Effect for SlopingFloor {
     fn name(&self) -> &'static str {
         "floor_slope"
     }
@@ -28,27 +28,27 @@ impl Effect for FloorSlope {
         true
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         let formula =
             "largest distance between the rigid flights over the sloping floor and over a level one";
         let slope_rad = scene.floor.slope_rad;
         if slope_rad == 0.0 {
-            return Estimate::px(0.0, formula);
+            return EffectEstimate::px(0.0, formula);
         }
         let (Ok(level), Ok(sloping)) = (
             ideal.rigid_over(scene, Plane::LEVEL),
             ideal.rigid_over(scene, Plane::sloping(slope_rad)),
         ) else {
             // One of them never lands: nothing that could be left out.
-            return Estimate::px(f64::INFINITY, formula);
+            return EffectEstimate::px(f64::INFINITY, formula);
         };
         let late_s = (level.impacts().iter().zip(sloping.impacts()))
             .map(|(a, b)| (b.time_s - a.time_s).abs())
             .fold(0.0, f64::max);
         let (shift_px, speed_share) = apart(scene, ideal, &level, &sloping);
-        Estimate {
+        EffectEstimate {
             coupling: ideal.coupling_px(scene, speed_share, late_s),
-            ..Estimate::px(shift_px, formula)
+            ..EffectEstimate::px(shift_px, formula)
         }
     }
 
@@ -56,7 +56,7 @@ impl Effect for FloorSlope {
         if scene.floor.slope_rad == 0.0 {
             Action::Nothing
         } else {
-            Action::Floor(Plane::sloping(scene.floor.slope_rad))
+            Action::SceneFloor(Plane::sloping(scene.floor.slope_rad))
         }
     }
 }

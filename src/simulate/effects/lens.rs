@@ -8,10 +8,10 @@
 //! the outline lies elsewhere than the image of its middle (by 0.02 px for a ball of 15 px in the corner of a barrel
 //! lens). What is left out, bulges of a third of the circumference each, pulls no centre.
 
-use super::{Action, Effect, Estimate, Ideal, Warp};
+use super::{Action, Effect, EffectEstimate, Ideal, Warp};
 use crate::geometry::{PixelPoint, nearest_ellipse};
-use crate::simulate::camera::{Ellipse, Outline};
-use crate::simulate::scene::{Lens, Scene};
+use crate::simulate::camera::{BallOutline, Ellipse};
+use crate::simulate::scene::{Scene, SceneLens};
 use nalgebra::{Vector2, Vector3};
 
 /// Lens distortion.
@@ -22,7 +22,7 @@ impl Effect for LensDistortion {
         "lens"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         let formula = "largest displacement along the flight, Brown's model with k1, k2, p1, p2, k3";
         let shift = scene.camera.lens.map_or(0.0, |lens| {
             ideal.largest(|s| {
@@ -30,7 +30,7 @@ impl Effect for LensDistortion {
                 (lens.distort(at) - at).norm()
             })
         });
-        Estimate::px(shift, formula)
+        EffectEstimate::px(shift, formula)
     }
 
     fn action(&self, scene: &Scene) -> Action {
@@ -41,7 +41,7 @@ impl Effect for LensDistortion {
     }
 }
 
-impl Lens {
+impl SceneLens {
     /// Where a point of the picture without distortion (px) is in the real one.
     fn distort(&self, at: Vector2<f64>) -> Vector2<f64> {
         let [[fx, _, cx], [_, fy, cy], _] = self.camera_matrix;
@@ -56,12 +56,12 @@ impl Lens {
     }
 }
 
-impl Warp for Lens {
-    fn warp(&self, _ball_m: &Vector3<f64>, outline: &Outline) -> Outline {
+impl Warp for SceneLens {
+    fn warp(&self, _ball_m: &Vector3<f64>, outline: &BallOutline) -> BallOutline {
         let centre = self.distort(Vector2::new(outline.centre.u_px, outline.centre.v_px));
         let ellipse = outline.ellipse;
         let rim = |d: Vector2<f64>| Some(self.distort(ellipse.centre + ellipse.axes * d));
-        Outline {
+        BallOutline {
             centre: PixelPoint::new(centre.x, centre.y),
             ellipse: nearest_ellipse(rim).map_or(ellipse, |(centre, axes)| Ellipse { centre, axes }),
         }

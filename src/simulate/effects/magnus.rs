@@ -6,8 +6,8 @@
 //! Limits: smooth balls can show a reversed lift near the drag crisis. The spin is not slowed by the air.
 
 use super::deviation::Disturbance;
-use super::{Action, Effect, Estimate, Force, Ideal, Loads};
-use crate::simulate::flight::State;
+use super::{Action, Effect, EffectEstimate, Force, Ideal, Loads};
+use crate::simulate::flight::BallState;
 use crate::simulate::scene::Scene;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -20,31 +20,31 @@ impl Effect for Magnus {
         "magnus"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
-        Estimate::path(
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
+        EffectEstimate::path(
             scene,
             ideal,
-            &Law::new(scene),
+            &MagnusForce::new(scene),
             "first-order shift by ½ρπR²C_L v²/m, C_L = 1/(2 + v/Rω), Štěpánek 1988",
         )
     }
 
     fn disturbance(&self, scene: &Scene) -> Option<Box<dyn Disturbance>> {
-        Some(Box::new(Law::new(scene)))
+        Some(Box::new(MagnusForce::new(scene)))
     }
 
     fn action(&self, scene: &Scene) -> Action {
-        Action::Force(Box::new(Law::new(scene)))
+        Action::Force(Box::new(MagnusForce::new(scene)))
     }
 }
 
-struct Law {
+struct MagnusForce {
     /// ½ ρ π R² times the ball's factor, kg/m.
     strength_kg_m: f64,
     mass_kg: f64,
 }
 
-impl Law {
+impl MagnusForce {
     fn new(scene: &Scene) -> Self {
         Self {
             strength_kg_m: scene.ball.lift_factor
@@ -56,7 +56,7 @@ impl Law {
         }
     }
 
-    fn force_n(&self, state: &State, spin_m_s: &Vector3<f64>) -> Vector3<f64> {
+    fn force_n(&self, state: &BallState, spin_m_s: &Vector3<f64>) -> Vector3<f64> {
         let speed = state.velocity_m_s.norm();
         let share = speed + 2.0 * spin_m_s.norm();
         if share == 0.0 {
@@ -66,14 +66,14 @@ impl Law {
     }
 }
 
-impl Force for Law {
-    fn act(&self, state: &State, spin_m_s: &Vector3<f64>, loads: &mut Loads) {
+impl Force for MagnusForce {
+    fn act(&self, state: &BallState, spin_m_s: &Vector3<f64>, loads: &mut Loads) {
         loads.force_n += self.force_n(state, spin_m_s);
     }
 }
 
-impl Disturbance for Law {
-    fn acceleration(&self, state: &State, spin_m_s: &Vector3<f64>) -> Vector3<f64> {
+impl Disturbance for MagnusForce {
+    fn acceleration(&self, state: &BallState, spin_m_s: &Vector3<f64>) -> Vector3<f64> {
         self.force_n(state, spin_m_s) / self.mass_kg
     }
 }

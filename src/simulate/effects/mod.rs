@@ -37,9 +37,9 @@ mod shot_noise;
 mod texture;
 mod uneven_light;
 
-use super::camera::{Line, Outline, PictureOf, picture_shift_px};
-use super::flight::{Acts, State, Trajectory};
-use super::render::{Backdrop, Patch};
+use super::camera::{BallOutline, PictureEdge, PictureOf, picture_shift_px};
+use super::flight::{BallState, Perturbations, Trajectory};
+use super::render::{Backdrop, FineGrid};
 use super::scene::{EffectsChoice, Scene, SceneError, Switch};
 use crate::geometry::PixelPoint;
 use crate::rebound::Motion;
@@ -48,15 +48,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use contact_time::Dip;
-pub use deviation::{Disturbance, Jump, Largest};
+pub use deviation::{Disturbance, Jump, LargestDeviation};
 pub use drag::drag_coefficient;
 pub use floor_slope::Plane;
 
 /// All effects, in the order in which they act.
 pub static ALL: [&dyn Effect; 22] = [
     &bench::Bench,
-    &floor_slope::FloorSlope,
-    &drag::Drag,
+    &floor_slope::SlopingFloor,
+    &drag::AirDrag,
     &magnus::Magnus,
     &buoyancy::Buoyancy,
     &contact_time::ContactTime,
@@ -93,7 +93,7 @@ pub trait Effect: Sync {
     fn name(&self) -> &'static str;
 
     /// How much it matters, from the scene and its ideal flight alone.
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate;
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate;
 
     /// Whether it belongs to what the scene is rather than to what reality adds: then the ideal flight, along which the
     /// others are estimated, has it, unless it is switched off.
@@ -112,7 +112,7 @@ pub trait Effect: Sync {
 
 /// How much an effect matters.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Estimate {
+pub struct EffectEstimate {
     /// In what `unit` says.
     pub amount: f64,
     /// By how much it may change what other effects do, in the same unit; counts in the decision only.
@@ -132,7 +132,7 @@ pub enum Unit {
     Grey,
 }
 
-impl Estimate {
+impl EffectEstimate {
     /// A shift in the picture.
     #[must_use]
     pub fn px(amount: f64, formula: impl Into<String>) -> Self {
@@ -195,11 +195,11 @@ pub enum Action {
         board: Option<Box<dyn Fixture>>,
     },
     /// Where the floor is.
-    Floor(Plane),
+    SceneFloor(Plane),
     /// Between the ideal picture and the real one.
     Warp(Box<dyn Warp>),
     /// The camera moves.
-    Shake(Box<dyn Shake>),
+    PictureShift(Box<dyn PictureShift>),
     /// The exposure is a time average over so many seconds.
     Exposure(f64),
     /// Rows are exposed one after the other, over so many seconds.
@@ -209,15 +209,15 @@ pub enum Action {
     /// How bright the ball's surface is.
     Surface(Box<dyn Surface>),
     /// What is behind the ball, added to its plain grey.
-    Texture(Box<dyn Texture>),
+    Pattern(Box<dyn Pattern>),
     /// What the ball does to the picture around itself.
     Layer(Box<dyn Layer>),
     /// Light over the picture.
-    Light(Box<dyn Light>),
+    LightField(Box<dyn LightField>),
     /// Light over time.
     Lamp(Box<dyn Lamp>),
     /// Noise of the sensor.
-    Noise(Box<dyn Noise>),
+    SensorNoise(Box<dyn SensorNoise>),
     /// The file is compressed with loss, with this constant rate factor.
     Lossy(u8),
 }
@@ -234,7 +234,7 @@ pub struct Loads {
 /// A force in flight.
 pub trait Force: Send + Sync {
     /// Adds its own to `loads`, for a ball in `state` with surface speed `spin_m_s` (R ω).
-    fn act(&self, state: &State, spin_m_s: &Vector3<f64>, loads: &mut Loads);
+    fn act(&self, state: &BallState, spin_m_s: &Vector3<f64>, loads: &mut Loads);
 }
 
 /// An impact that takes time.
@@ -246,17 +246,17 @@ pub trait ContactLaw: Send + Sync {
 /// A step between the ideal picture (parallel light, no lens) and the real one.
 pub trait Warp: Send + Sync {
     /// Where a ball at `ball_m`, so far at `outline`, goes.
-    fn warp(&self, ball_m: &Vector3<f64>, outline: &Outline) -> Outline;
+    fn warp(&self, ball_m: &Vector3<f64>, outline: &BallOutline) -> BallOutline;
 
     /// Where a straight edge of the backdrop goes. The floor line of the ideal picture stands for that of the real one, so
     /// that only what turns the whole picture moves it.
-    fn warp_line(&self, line: &Line) -> Line {
+    fn warp_line(&self, line: &PictureEdge) -> PictureEdge {
         *line
     }
 }
 
 /// A camera that moves.
-pub trait Shake: Send + Sync {
+pub trait PictureShift: Send + Sync {
     /// How far the whole picture is shifted (right, down) in the frame at `time_s`, px.
     fn shift_px(&self, trajectory: &Trajectory, time_s: f64) -> Vector2<f64>;
 }
@@ -267,7 +267,7 @@ pub trait Fixture: Send + Sync {
     fn grey(&self) -> f64;
 
     /// The straight edges between which it is, their normals outward.
-    fn sides(&self, picture: &PictureOf) -> Vec<Line>;
+    fn sides(&self, picture: &PictureOf) -> Vec<PictureEdge>;
 }
 
 /// How bright the ball's surface is.
@@ -277,17 +277,17 @@ pub trait Surface: Send + Sync {
 }
 
 /// What is behind the ball.
-pub trait Texture: Send + Sync {
+pub trait Pattern: Send + Sync {
     /// Added to the plain grey at a point of the picture.
     fn grey(&self, at: PixelPoint) -> f64;
 }
 
 /// A ball at a moment, for what it does to the picture around itself.
-pub struct Moment<'a> {
+pub struct BallMoment<'a> {
     /// Its centre, m.
     pub ball_m: Vector3<f64>,
     /// Its outline.
-    pub outline: Outline,
+    pub outline: BallOutline,
     /// The way into the picture.
     pub picture: &'a PictureOf,
     /// Its surface.
@@ -297,20 +297,20 @@ pub struct Moment<'a> {
 /// What the ball does to the picture around itself, painted before the ball.
 pub trait Layer: Send + Sync {
     /// The smallest and largest corner of what it paints, px; `None` where it paints nothing.
-    fn extent(&self, moment: &Moment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)>;
+    fn extent(&self, moment: &BallMoment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)>;
 
     /// Paints the rows `rows` of `patch`.
     fn paint(
         &self,
-        moment: &Moment<'_>,
+        moment: &BallMoment<'_>,
         backdrop: &Backdrop,
-        patch: &mut Patch,
+        patch: &mut FineGrid,
         rows: std::ops::Range<usize>,
     );
 }
 
 /// Light over the picture.
-pub trait Light: Send + Sync {
+pub trait LightField: Send + Sync {
     /// Factor at a point of the picture.
     fn gain(&self, at: PixelPoint) -> f64;
 }
@@ -322,7 +322,7 @@ pub trait Lamp: Send + Sync {
 }
 
 /// Noise of the sensor.
-pub trait Noise: Send + Sync {
+pub trait SensorNoise: Send + Sync {
     /// Variance at a grey level, grey².
     fn variance(&self, grey: f64) -> f64;
 }
@@ -354,7 +354,7 @@ pub struct Ideal {
     /// The path.
     pub trajectory: Trajectory,
     /// The ball in the ideal picture, in each frame that may show any of it.
-    pub visible: Vec<Sighting>,
+    pub visible: Vec<IdealFrame>,
     /// How far all disturbances together may take the ball towards the camera or away from it, m.
     pub wander_m: f64,
     /// How far all disturbances together may shift the ball in the picture, px.
@@ -367,11 +367,11 @@ pub struct Ideal {
 
 /// A frame of the ideal flight.
 #[derive(Debug, Clone, Copy)]
-pub struct Sighting {
+pub struct IdealFrame {
     /// s.
     pub time_s: f64,
     /// The ball.
-    pub state: State,
+    pub state: BallState,
     /// Its centre in the ideal picture.
     pub pixel: PixelPoint,
 }
@@ -393,18 +393,18 @@ impl Ideal {
         longer.stop.tail_s += MARGIN * late_s;
         let radius_px = scene.ball.radius_m / scene.camera.metres_per_pixel;
         let mut ideal = Self::of_length(&longer, radius_px + MARGIN * shift_px)?;
-        let disturbances: Vec<Largest> = ideal.disturbances(scene).collect();
+        let disturbances: Vec<LargestDeviation> = ideal.disturbances(scene).collect();
         ideal.wander_m = disturbances.iter().map(|d| d.depth_m).sum();
         ideal.total_px = disturbances.iter().map(|d| d.shift_px).sum();
         Ok(ideal)
     }
 
     fn of_length(scene: &Scene, slack_px: f64) -> Result<Self, SceneError> {
-        let mut every = Chosen::default();
+        let mut every = ChosenEffects::default();
         for effect in ALL {
             every.take(effect.action(scene), &Arc::default());
         }
-        let base = Chosen::of_the_ideal(scene);
+        let base = ChosenEffects::of_the_ideal(scene);
         let mut ideal = Self {
             trajectory: Trajectory::new(scene, &base.acts)?,
             visible: Vec::new(),
@@ -419,7 +419,7 @@ impl Ideal {
         ideal.visible = super::frame_times_s(scene, &ideal.trajectory)
             .map(|time_s| {
                 let state = ideal.trajectory.state(time_s);
-                Sighting {
+                IdealFrame {
                     time_s,
                     state,
                     pixel: ideal.pictures[0].outline(&state.position_m).centre,
@@ -444,7 +444,7 @@ impl Ideal {
 
     /// The rigid flight over another floor.
     fn rigid_over(&self, scene: &Scene, floor: Plane) -> Result<Trajectory, SceneError> {
-        let mut acts = Chosen::of_the_ideal(scene).acts;
+        let mut acts = ChosenEffects::of_the_ideal(scene).acts;
         acts.floor = Some(Acting::of(Box::new(floor)));
         Trajectory::new(scene, &acts)
     }
@@ -456,13 +456,13 @@ impl Ideal {
             .any(|p| p.shows(p.outline(ball_m).centre, self.slack_px))
     }
 
-    fn disturbances(&self, scene: &Scene) -> impl Iterator<Item = Largest> {
+    fn disturbances(&self, scene: &Scene) -> impl Iterator<Item = LargestDeviation> {
         ALL.iter()
             .filter_map(|e| e.disturbance(scene))
             .map(|d| self.deviation(scene, d.as_ref()))
     }
 
-    fn deviation(&self, scene: &Scene, disturbance: &dyn Disturbance) -> Largest {
+    fn deviation(&self, scene: &Scene, disturbance: &dyn Disturbance) -> LargestDeviation {
         deviation::largest(scene, self, disturbance)
     }
 
@@ -487,7 +487,7 @@ impl Ideal {
     }
 
     /// The largest `of` over all frames that show the ball, 0 where none does.
-    pub fn largest(&self, of: impl Fn(&Sighting) -> f64) -> f64 {
+    pub fn largest(&self, of: impl Fn(&IdealFrame) -> f64) -> f64 {
         self.visible.iter().map(of).fold(0.0, f64::max)
     }
 }
@@ -498,7 +498,7 @@ pub struct Decision {
     /// The effect.
     pub name: &'static str,
     /// How much it matters.
-    pub estimate: Estimate,
+    pub estimate: EffectEstimate,
     /// What it is compared with, in the estimate's unit.
     pub tolerance: f64,
     /// Whether it is simulated.
@@ -518,13 +518,13 @@ impl Decision {
 
 /// The actions of the effects in use, each at its hook.
 #[derive(Default)]
-pub struct Chosen {
+pub struct ChosenEffects {
     /// Flight and impact.
-    pub acts: Acts,
+    pub acts: Perturbations,
     /// Camera geometry.
     pub warps: Vec<Acting<dyn Warp>>,
     /// Motion of the camera.
-    pub shakes: Vec<Acting<dyn Shake>>,
+    pub shakes: Vec<Acting<dyn PictureShift>>,
     /// In front of the background.
     pub fixtures: Vec<Acting<dyn Fixture>>,
     /// s.
@@ -536,20 +536,20 @@ pub struct Chosen {
     /// Brightness of the ball.
     pub surface: Option<Acting<dyn Surface>>,
     /// Background.
-    pub textures: Vec<Acting<dyn Texture>>,
+    pub textures: Vec<Acting<dyn Pattern>>,
     /// Around the ball.
     pub layers: Vec<Acting<dyn Layer>>,
     /// Over the picture.
-    pub lights: Vec<Acting<dyn Light>>,
+    pub lights: Vec<Acting<dyn LightField>>,
     /// Over time.
     pub lamps: Vec<Acting<dyn Lamp>>,
     /// Sensor.
-    pub noises: Vec<Acting<dyn Noise>>,
+    pub noises: Vec<Acting<dyn SensorNoise>>,
     /// Constant rate factor of lossy storage.
     pub lossy_crf: Option<Acting<u8>>,
 }
 
-impl Chosen {
+impl ChosenEffects {
     /// The effects of the ideal flight and picture, but those that are switched off.
     pub fn of_the_ideal(scene: &Scene) -> Self {
         let mut base = Self::default();
@@ -577,18 +577,18 @@ impl Chosen {
                 self.acts.bench_s = Some(acting(Box::new(seen_s), evaluations));
                 self.fixtures.extend(board.map(|x| acting(x, evaluations)));
             }
-            Action::Floor(x) => self.acts.floor = Some(acting(Box::new(x), evaluations)),
-            Action::Shake(x) => self.shakes.push(acting(x, evaluations)),
+            Action::SceneFloor(x) => self.acts.floor = Some(acting(Box::new(x), evaluations)),
+            Action::PictureShift(x) => self.shakes.push(acting(x, evaluations)),
             Action::Warp(x) => self.warps.push(acting(x, evaluations)),
             Action::Exposure(s) => self.exposure_s = Some(acting(Box::new(s), evaluations)),
             Action::Readout(s) => self.readout_s = Some(acting(Box::new(s), evaluations)),
             Action::Blur(px) => self.blur_px = Some(acting(Box::new(px), evaluations)),
             Action::Surface(x) => self.surface = Some(acting(x, evaluations)),
-            Action::Texture(x) => self.textures.push(acting(x, evaluations)),
+            Action::Pattern(x) => self.textures.push(acting(x, evaluations)),
             Action::Layer(x) => self.layers.push(acting(x, evaluations)),
-            Action::Light(x) => self.lights.push(acting(x, evaluations)),
+            Action::LightField(x) => self.lights.push(acting(x, evaluations)),
             Action::Lamp(x) => self.lamps.push(acting(x, evaluations)),
-            Action::Noise(x) => self.noises.push(acting(x, evaluations)),
+            Action::SensorNoise(x) => self.noises.push(acting(x, evaluations)),
             Action::Lossy(crf) => self.lossy_crf = Some(acting(Box::new(crf), evaluations)),
         }
         true
@@ -597,10 +597,10 @@ impl Chosen {
 
 /// Decides on every effect by `choice`, and gives the table and the actions in use.
 #[must_use]
-pub fn decide(scene: &Scene, choice: &EffectsChoice, ideal: &Ideal) -> (Vec<Decision>, Chosen) {
-    let estimates: Vec<Estimate> = ALL.iter().map(|e| e.estimate(scene, ideal)).collect();
+pub fn decide(scene: &Scene, choice: &EffectsChoice, ideal: &Ideal) -> (Vec<Decision>, ChosenEffects) {
+    let estimates: Vec<EffectEstimate> = ALL.iter().map(|e| e.estimate(scene, ideal)).collect();
     let left_out_px = left_out(scene, choice, &estimates);
-    let mut chosen = Chosen::default();
+    let mut chosen = ChosenEffects::default();
     let table = ALL
         .iter()
         .zip(estimates)
@@ -628,7 +628,7 @@ pub fn decide(scene: &Scene, choice: &EffectsChoice, ideal: &Ideal) -> (Vec<Deci
 }
 
 /// The largest estimate (px) that `auto` still leaves out: see the module's head. Negative where nothing is.
-fn left_out(scene: &Scene, choice: &EffectsChoice, estimates: &[Estimate]) -> f64 {
+fn left_out(scene: &Scene, choice: &EffectsChoice, estimates: &[EffectEstimate]) -> f64 {
     let mut shifts: Vec<f64> = ALL
         .iter()
         .zip(estimates)
@@ -648,7 +648,7 @@ fn left_out(scene: &Scene, choice: &EffectsChoice, estimates: &[Estimate]) -> f6
 }
 
 /// Whether to use an effect, and why.
-fn judge(scene: &Scene, switch: Switch, estimate: &Estimate, left_out_px: f64) -> (bool, String) {
+fn judge(scene: &Scene, switch: Switch, estimate: &EffectEstimate, left_out_px: f64) -> (bool, String) {
     match (switch, estimate.unit) {
         (Switch::On, _) => (true, "on by request".to_owned()),
         (Switch::Off, _) => (false, "off by request".to_owned()),

@@ -1,6 +1,6 @@
 //! Read noise: the same Gaussian spread at every grey level.
 
-use super::{Action, Effect, Estimate, Ideal, Noise};
+use super::{Action, Effect, EffectEstimate, Ideal, SensorNoise};
 use crate::simulate::scene::Scene;
 
 /// Read noise.
@@ -11,13 +11,13 @@ impl Effect for ReadNoise {
         "noise"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
-        Estimate::grey(scene.camera.noise_grey, "standard deviation as given")
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
+        EffectEstimate::grey(scene.camera.noise_grey, "standard deviation as given")
     }
 
     fn action(&self, scene: &Scene) -> Action {
         if scene.camera.noise_grey > 0.0 {
-            Action::Noise(Box::new(Constant(scene.camera.noise_grey.powi(2))))
+            Action::SensorNoise(Box::new(Constant(scene.camera.noise_grey.powi(2))))
         } else {
             Action::Nothing
         }
@@ -26,7 +26,7 @@ impl Effect for ReadNoise {
 
 struct Constant(f64);
 
-impl Noise for Constant {
+impl SensorNoise for Constant {
     fn variance(&self, _grey: f64) -> f64 {
         self.0
     }

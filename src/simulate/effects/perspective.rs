@@ -13,9 +13,9 @@
 //!
 //! (the cone of tangents to the sphere, cut by the picture plane; e.g. Wong et al., IEEE TPAMI 2008).
 
-use super::{Action, Effect, Estimate, Ideal, Warp};
+use super::{Action, Effect, EffectEstimate, Ideal, Warp};
 use crate::geometry::PixelPoint;
-use crate::simulate::camera::{Ellipse, Outline, axis_px, nearness_m};
+use crate::simulate::camera::{BallOutline, Ellipse, axis_px, nearness_m};
 use crate::simulate::scene::{Camera, Scene};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -27,9 +27,9 @@ impl Effect for Perspective {
         "perspective"
     }
 
-    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, ideal: &Ideal) -> EffectEstimate {
         let Some(distance_m) = scene.camera.distance_m else {
-            return Estimate::px(0.0, "ρ h/(D − h) + ρ (R/Z)²: camera infinitely far");
+            return EffectEstimate::px(0.0, "ρ h/(D − h) + ρ (R/Z)²: camera infinitely far");
         };
         let middle = axis_px(&scene.camera);
         let shift = ideal.largest(|s| {
@@ -40,7 +40,7 @@ impl Effect for Perspective {
             let depth = distance_m - nearness;
             off_axis_px * farthest / depth + off_axis_px * (scene.ball.radius_m / depth).powi(2)
         });
-        Estimate::px(
+        EffectEstimate::px(
             shift,
             "ρ h/(D − h) for a ball h nearer than the calibrated plane, + ρ (R/Z)² for its outline; pinhole",
         )
@@ -64,7 +64,7 @@ struct Pinhole {
 }
 
 impl Warp for Pinhole {
-    fn warp(&self, ball_m: &Vector3<f64>, outline: &Outline) -> Outline {
+    fn warp(&self, ball_m: &Vector3<f64>, outline: &BallOutline) -> BallOutline {
         let middle = axis_px(&self.camera);
         let depth = self.distance_m - nearness_m(&self.camera, ball_m);
         let off_axis = Vector2::new(outline.centre.u_px, outline.centre.v_px) - middle;
@@ -77,7 +77,7 @@ impl Warp for Pinhole {
         let tangential = focal_px * self.radius_m / free.sqrt();
         let turn = Matrix2::from_columns(&[along, across]);
         let centre = middle + off_axis * (self.distance_m / depth);
-        Outline {
+        BallOutline {
             centre: PixelPoint::new(centre.x, centre.y),
             ellipse: Ellipse {
                 centre: middle + along * (focal_px * rho_m * depth / free),

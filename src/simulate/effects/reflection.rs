@@ -3,9 +3,9 @@
 //! In a side view only; a camera that looks down sees the reflection behind the ball. The mirrored ball is painted
 //! where it is below the floor line.
 
-use super::{Action, Effect, Estimate, Ideal, Layer, Moment};
-use crate::simulate::camera::Outline;
-use crate::simulate::render::{Backdrop, Patch, normal};
+use super::{Action, BallMoment, Effect, EffectEstimate, Ideal, Layer};
+use crate::simulate::camera::BallOutline;
+use crate::simulate::render::{Backdrop, FineGrid, normal};
 use crate::simulate::scene::{Scene, View};
 use nalgebra::{Vector2, Vector3};
 use std::ops::Range;
@@ -18,14 +18,14 @@ impl Effect for Reflection {
         "reflection"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
         let seen = if scene.camera.view == View::Side {
             scene.look.reflection
         } else {
             0.0
         };
         let contrast = (scene.look.ball_grey - scene.look.floor_grey).abs() + scene.look.highlight_grey;
-        Estimate::grey(
+        EffectEstimate::grey(
             seen * contrast,
             "reflectance × (contrast + highlight); side view only",
         )
@@ -47,7 +47,7 @@ struct Mirror {
 }
 
 impl Mirror {
-    fn image(&self, moment: &Moment<'_>) -> Outline {
+    fn image(&self, moment: &BallMoment<'_>) -> BallOutline {
         moment
             .picture
             .outline(&moment.picture.floor().mirrored(&moment.ball_m))
@@ -55,12 +55,12 @@ impl Mirror {
 }
 
 impl Layer for Mirror {
-    fn extent(&self, moment: &Moment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)> {
+    fn extent(&self, moment: &BallMoment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)> {
         let ellipse = self.image(moment).ellipse;
         Some((ellipse.centre - ellipse.reach(), ellipse.centre + ellipse.reach()))
     }
 
-    fn paint(&self, moment: &Moment<'_>, backdrop: &Backdrop, patch: &mut Patch, rows: Range<usize>) {
+    fn paint(&self, moment: &BallMoment<'_>, backdrop: &Backdrop, patch: &mut FineGrid, rows: Range<usize>) {
         let Some(floor) = backdrop.floor_line else {
             return;
         };

@@ -3,7 +3,7 @@
 //! Half-Lambert, grey = G [1 − a (1 − (1 + n·l)/2)]: Lambert's cosine law softened by the light that walls return, so
 //! that there is no hard terminator. The highlight is Blinn and Phong's, H (n·h)^p with h halfway to the camera.
 
-use super::{Action, Effect, Estimate, Ideal, Surface};
+use super::{Action, Effect, EffectEstimate, Ideal, Surface};
 use crate::simulate::scene::Scene;
 use nalgebra::Vector3;
 
@@ -20,9 +20,9 @@ impl Effect for Shading {
         "shading"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
         let look = &scene.look;
-        Estimate::grey(
+        EffectEstimate::grey(
             look.ball_grey * look.shading + look.highlight_grey,
             "fall of a half-Lambert ball from pole to pole, + highlight (Blinn 1977)",
         )

@@ -3,9 +3,9 @@
 //! Depth S exp(−h/4R) for a ball h above the floor. In a side view the floor is seen at a grazing angle, so that the
 //! shadow is a flat ellipse just below the floor line. The outline is soft over 0.5 to 1.5 of its size.
 
-use super::{Action, Effect, Estimate, Ideal, Layer, Moment};
-use crate::simulate::camera::{Ellipse, Line};
-use crate::simulate::render::{Backdrop, Patch};
+use super::{Action, BallMoment, Effect, EffectEstimate, Ideal, Layer};
+use crate::simulate::camera::{Ellipse, PictureEdge};
+use crate::simulate::render::{Backdrop, FineGrid};
 use crate::simulate::scene::Scene;
 use nalgebra::{Matrix2, Vector2, Vector3};
 use std::ops::Range;
@@ -25,8 +25,8 @@ impl Effect for Shadow {
         "shadow"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
-        Estimate::grey(
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
+        EffectEstimate::grey(
             scene.look.shadow * scene.look.floor_grey,
             "share of the floor's grey below a ball at rest",
         )
@@ -53,7 +53,7 @@ struct Cast {
 
 impl Cast {
     /// Its outer edge.
-    fn ellipse(&self, moment: &Moment<'_>) -> Ellipse {
+    fn ellipse(&self, moment: &BallMoment<'_>) -> Ellipse {
         let height_m = self.height_m(moment);
         let floor = moment.picture.floor();
         let on_floor =
@@ -61,7 +61,7 @@ impl Cast {
         let below = moment.picture.outline(&on_floor).centre;
         let below = Vector2::new(below.u_px, below.v_px);
         let size_px = OUTER * (self.radius_m + 0.3 * height_m) / self.metres_per_pixel;
-        let Some(Line { normal: into, .. }) = moment.picture.floor_line() else {
+        let Some(PictureEdge { normal: into, .. }) = moment.picture.floor_line() else {
             return Ellipse::circle(below, size_px);
         };
         let touch_px = self.radius_m / self.metres_per_pixel;
@@ -72,18 +72,18 @@ impl Cast {
         }
     }
 
-    fn height_m(&self, moment: &Moment<'_>) -> f64 {
+    fn height_m(&self, moment: &BallMoment<'_>) -> f64 {
         (moment.picture.floor().along_normal(&moment.ball_m) - self.radius_m).max(0.0)
     }
 }
 
 impl Layer for Cast {
-    fn extent(&self, moment: &Moment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)> {
+    fn extent(&self, moment: &BallMoment<'_>) -> Option<(Vector2<f64>, Vector2<f64>)> {
         let ellipse = self.ellipse(moment);
         Some((ellipse.centre - ellipse.reach(), ellipse.centre + ellipse.reach()))
     }
 
-    fn paint(&self, moment: &Moment<'_>, backdrop: &Backdrop, patch: &mut Patch, rows: Range<usize>) {
+    fn paint(&self, moment: &BallMoment<'_>, backdrop: &Backdrop, patch: &mut FineGrid, rows: Range<usize>) {
         let depth = (self.depth * (-self.height_m(moment) / (4.0 * self.radius_m)).exp()) as f32;
         let floor = backdrop.floor_line;
         patch.paint(&self.ellipse(moment), rows, |unit, at, grey| {

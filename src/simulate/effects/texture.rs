@@ -1,6 +1,6 @@
 //! Texture of the background: value noise of four octaves (Perlin 1985), fixed in the picture.
 
-use super::{Action, Effect, Estimate, Ideal, Texture as Pattern};
+use super::{Action, Effect, EffectEstimate, Ideal, Pattern};
 use crate::geometry::PixelPoint;
 use crate::simulate::scene::Scene;
 
@@ -18,13 +18,13 @@ impl Effect for Texture {
         "texture"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
-        Estimate::grey(scene.look.texture_grey, "standard deviation as given")
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
+        EffectEstimate::grey(scene.look.texture_grey, "standard deviation as given")
     }
 
     fn action(&self, scene: &Scene) -> Action {
         if scene.look.texture_grey > 0.0 {
-            Action::Texture(Box::new(ValueNoise {
+            Action::Pattern(Box::new(ValueNoise {
                 seed: scene.seed,
                 amplitude: scene.look.texture_grey / SPREAD,
             }))

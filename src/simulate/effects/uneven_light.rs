@@ -1,6 +1,6 @@
 //! Uneven light: it falls off along the diagonal from the upper left corner, linearly.
 
-use super::{Action, Effect, Estimate, Ideal, Light};
+use super::{Action, Effect, EffectEstimate, Ideal, LightField};
 use crate::geometry::PixelPoint;
 use crate::simulate::scene::Scene;
 
@@ -12,9 +12,9 @@ impl Effect for UnevenLight {
         "uneven_light"
     }
 
-    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> Estimate {
+    fn estimate(&self, scene: &Scene, _ideal: &Ideal) -> EffectEstimate {
         let brightest = scene.look.ball_grey.max(scene.look.background_grey);
-        Estimate::grey(
+        EffectEstimate::grey(
             scene.look.unevenness * brightest,
             "share × brightest grey, corner to corner",
         )
@@ -22,7 +22,7 @@ impl Effect for UnevenLight {
 
     fn action(&self, scene: &Scene) -> Action {
         if scene.look.unevenness > 0.0 {
-            Action::Light(Box::new(Slope {
+            Action::LightField(Box::new(Slope {
                 fall: scene.look.unevenness,
                 width_px: scene.camera.width_px as f64,
                 height_px: scene.camera.height_px as f64,
@@ -39,7 +39,7 @@ struct Slope {
     height_px: f64,
 }
 
-impl Light for Slope {
+impl LightField for Slope {
     fn gain(&self, at: PixelPoint) -> f64 {
         1.0 - self.fall * 0.5 * ((at.u_px + 0.5) / self.width_px + (at.v_px + 0.5) / self.height_px)
     }

@@ -8,31 +8,31 @@ const G: f64 = 9.81;
 const FAR: f64 = 100.0 * 1e-10;
 
 /// −c v, N.
-struct Linear(f64);
+struct LinearDrag(f64);
 /// −c v |v|, N.
-struct Quadratic(f64);
+struct QuadraticDrag(f64);
 /// c (Rω × v), N.
-struct Lift(f64);
+struct ConstantLift(f64);
 /// Nothing.
 struct None_;
 
-impl Force for Linear {
-    fn act(&self, state: &State, _: &Vector3<f64>, loads: &mut Loads) {
+impl Force for LinearDrag {
+    fn act(&self, state: &BallState, _: &Vector3<f64>, loads: &mut Loads) {
         loads.force_n -= state.velocity_m_s * self.0;
     }
 }
-impl Force for Quadratic {
-    fn act(&self, state: &State, _: &Vector3<f64>, loads: &mut Loads) {
+impl Force for QuadraticDrag {
+    fn act(&self, state: &BallState, _: &Vector3<f64>, loads: &mut Loads) {
         loads.force_n -= state.velocity_m_s * (self.0 * state.velocity_m_s.norm());
     }
 }
-impl Force for Lift {
-    fn act(&self, state: &State, spin: &Vector3<f64>, loads: &mut Loads) {
+impl Force for ConstantLift {
+    fn act(&self, state: &BallState, spin: &Vector3<f64>, loads: &mut Loads) {
         loads.force_n += spin.cross(&state.velocity_m_s) * self.0;
     }
 }
 impl Force for None_ {
-    fn act(&self, _: &State, _: &Vector3<f64>, _: &mut Loads) {}
+    fn act(&self, _: &BallState, _: &Vector3<f64>, _: &mut Loads) {}
 }
 
 fn scene(gravity_m_s2: f64) -> Scene {
@@ -53,10 +53,10 @@ fn flown(
     time_s: f64,
     relative_tolerance: f64,
     steps: f64,
-) -> State {
+) -> BallState {
     let scene = scene(gravity_m_s2);
     let forces = [Acting::of(force)];
-    let equations = Equations {
+    let equations = MotionEquations {
         scene: &scene,
         forces: &forces,
         spin,
@@ -66,16 +66,16 @@ fn flown(
             fixed_step_s: None,
         },
     };
-    let start = State {
+    let start = BallState {
         position_m: Vector3::new(0.0, 0.0, 100.0),
         velocity_m_s: velocity,
     };
     let step_s = time_s / steps;
     let nodes = equations.integrate(&start, step_s, time_s * 1.5).unwrap();
-    let path = Phase {
+    let path = FlightPhase {
         start_s: 0.0,
         start,
-        path: Path::Nodes { step_s, nodes },
+        path: PhasePath::Nodes { step_s, nodes },
     };
     path.state(time_s)
 }
@@ -86,7 +86,7 @@ fn tight(
     velocity: Vector3<f64>,
     spin: Vector3<f64>,
     time_s: f64,
-) -> State {
+) -> BallState {
     flown(gravity, force, velocity, spin, time_s, RELATIVE_TOLERANCE, 100.3)
 }
 
@@ -96,7 +96,7 @@ fn val_stokes_drag() {
     let (c, t) = (0.7, 1.3);
     let end = tight(
         G,
-        Box::new(Linear(c)),
+        Box::new(LinearDrag(c)),
         Vector3::new(3.0, 0.0, 4.0),
         Vector3::zeros(),
         t,
@@ -113,7 +113,13 @@ fn val_stokes_drag() {
 fn val_quadratic_drag_in_vertical_fall() {
     let (c, t) = (0.3_f64, 1.7);
     let terminal = (G / c).sqrt();
-    let end = tight(G, Box::new(Quadratic(c)), Vector3::zeros(), Vector3::zeros(), t);
+    let end = tight(
+        G,
+        Box::new(QuadraticDrag(c)),
+        Vector3::zeros(),
+        Vector3::zeros(),
+        t,
+    );
     let landed = -terminal * (G * t / terminal).tanh();
     assert!(
         (end.velocity_m_s.z - landed).abs() < FAR,
@@ -130,7 +136,7 @@ fn val_magnus_circle() {
     let (c, spin, speed, t) = (0.4, 5.0, 3.0, 2.0);
     let end = tight(
         1e-12,
-        Box::new(Lift(c)),
+        Box::new(ConstantLift(c)),
         Vector3::new(speed, 0.0, 0.0),
         Vector3::new(0.0, 0.0, spin),
         t,
@@ -150,13 +156,13 @@ fn lift_does_no_work() {
     let velocity = Vector3::new(2.0, -1.0, 5.0);
     let end = tight(
         G,
-        Box::new(Lift(0.2)),
+        Box::new(ConstantLift(0.2)),
         velocity,
         Vector3::new(3.0, -2.0, 1.0),
         1.9,
     );
-    let energy = |s: &State| 0.5 * s.velocity_m_s.norm_squared() + G * s.position_m.z;
-    let start = State {
+    let energy = |s: &BallState| 0.5 * s.velocity_m_s.norm_squared() + G * s.position_m.z;
+    let start = BallState {
         position_m: Vector3::new(0.0, 0.0, 100.0),
         velocity_m_s: velocity,
     };
@@ -171,12 +177,12 @@ fn lift_does_no_work() {
 #[test]
 fn without_a_force_the_flight_is_the_parabola() {
     let scene = scene(G);
-    let acts = Acts {
+    let acts = Perturbations {
         forces: vec![Acting::of(Box::new(None_))],
-        ..Acts::default()
+        ..Perturbations::default()
     };
     let numerical = Trajectory::new(&scene, &acts).unwrap();
-    let exact = Trajectory::new(&scene, &Acts::default()).unwrap();
+    let exact = Trajectory::new(&scene, &Perturbations::default()).unwrap();
     for (n, e) in numerical.impacts().iter().zip(exact.impacts()) {
         assert!((n.time_s - e.time_s).abs() < 1e-11, "{} {}", n.time_s, e.time_s);
         assert!((n.incident.velocity_m_s - e.incident.velocity_m_s).norm() < 1e-10);
@@ -197,7 +203,7 @@ fn the_error_follows_the_tolerance() {
     let error = |tolerance: f64| {
         let end = flown(
             G,
-            Box::new(Quadratic(c)),
+            Box::new(QuadraticDrag(c)),
             Vector3::zeros(),
             Vector3::zeros(),
             t,
@@ -219,7 +225,7 @@ fn between_nodes_the_error_is_of_sixth_order() {
     let error = |steps: f64| {
         let end = flown(
             1e-12,
-            Box::new(Lift(c)),
+            Box::new(ConstantLift(c)),
             Vector3::new(speed, 0.0, 0.0),
             Vector3::new(0.0, 0.0, spin),
             t,

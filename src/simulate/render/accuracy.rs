@@ -2,31 +2,31 @@
 
 use super::*;
 use crate::calibration::Calibration;
-use crate::simulate::Recording;
+use crate::simulate::SimulatedRecording;
 use crate::simulate::truth::CentreTruth;
 use std::f64::consts::PI;
 
-fn recording(more: &str) -> Recording {
+fn recording(more: &str) -> SimulatedRecording {
     let text = format!(
         r#"{{"schema": "track.scene/1", "contact": {{"model": "mu_e", "restitution": 0.8, "friction": 0.1}},
             "effects": {{"drag": "off", "magnus": "off", "buoyancy": "off", "contact_time": "off"}}, {more}}}"#
     );
-    Recording::new(&Scene::from_json(&text).unwrap()).unwrap()
+    SimulatedRecording::new(&Scene::from_json(&text).unwrap()).unwrap()
 }
 
 /// A small picture, fast to render; a flat ball unless `look` says otherwise.
-fn small(camera: &str, look: &str) -> Recording {
+fn small(camera: &str, look: &str) -> SimulatedRecording {
     recording(&format!(
         r#""camera": {{"image_size_px": [320, 200], "origin_px": [60, 180], {camera}}},
            "look": {{"background_grey": 60, "ball_grey": 200, {look}}}"#
     ))
 }
 
-fn light(recording: &Recording, index: usize) -> Vec<f32> {
+fn light(recording: &SimulatedRecording, index: usize) -> Vec<f32> {
     recording.renderer().light(recording.trajectory(), index)
 }
 
-fn with_cells(mut recording: Recording, cells: usize) -> Recording {
+fn with_cells(mut recording: SimulatedRecording, cells: usize) -> SimulatedRecording {
     recording.renderer.cells = cells;
     recording
 }
@@ -231,7 +231,7 @@ fn roll_slope_and_bump_put_the_ball_where_the_truth_says() {
 
 /// Middle of the area that a sphere at `depth_m` covers of the picture: its outline as many points, each through the
 /// calibration's lens.
-fn middle_of_outline(recording: &Recording, centre: &CentreTruth, depth_m: f64) -> Vector2<f64> {
+fn middle_of_outline(recording: &SimulatedRecording, centre: &CentreTruth, depth_m: f64) -> Vector2<f64> {
     let calibration =
         Calibration::parse(&crate::simulate::calibration(recording).to_string(), "truth").unwrap();
     let lens = calibration.lens;
