@@ -36,6 +36,7 @@ mod samples;
 pub mod segment;
 pub mod shake;
 
+use crate::geometry::PlanePoint;
 use crate::quantity;
 use arc_search::build;
 use candidate::{TrackCandidate, with_continuations};
@@ -274,6 +275,44 @@ impl Flight {
     pub fn radius(&self) -> f64 {
         let used = self.points.iter().filter(|p| matches!(p.use_, SpotUse::Used(_)));
         median(&mut used.map(|p| p.spot.radius).collect::<Vec<_>>())
+    }
+
+    /// The points in use.
+    pub fn used_points(&self) -> impl Iterator<Item = &FlightPoint> {
+        let used = |p: &&FlightPoint| matches!(p.use_, SpotUse::Used(_));
+        self.points.iter().filter(used)
+    }
+
+    /// The arc that holds at `t`: up to an impact the one before, after it the one behind; beyond the ends the nearest.
+    #[must_use]
+    pub fn arc_at(&self, t: f64) -> usize {
+        let before = |i: &&Option<f64>| i.is_none_or(|impact| t > impact);
+        self.impacts.iter().take_while(before).count()
+    }
+
+    /// How many times larger than in the calibrated plane the ball is seen at `t`.
+    #[must_use]
+    pub fn magnification_at(&self, t: f64) -> f64 {
+        self.fit.magnification(self.arc_at(t), t)
+    }
+
+    /// The point of the calibrated plane that `p` is at; `None` where only a fit would tell and there is none.
+    #[must_use]
+    pub fn place_of(&self, p: &FlightPoint) -> Option<PlanePoint> {
+        let above = matches!(self.fit.forces, Forces::Overhead(_));
+        let t = p.spot.time_s;
+        (!above || p.use_ != SpotUse::NotFree)
+            .then(|| self.fit.place_in_plane(p.spot.place, self.arc_at(t), t))
+    }
+
+    /// Where the ball is first, in the calibrated plane.
+    #[must_use]
+    pub fn first_place(&self) -> Option<PlanePoint> {
+        let first = match self.fit.forces {
+            Forces::Overhead(_) => self.used_points().next(),
+            _ => self.points.first(),
+        };
+        self.place_of(first?)
     }
 
     /// Number of points in use.

@@ -9,6 +9,7 @@
 //! Rω'   = Rω + (vt - v't)/k               e_x = -(v't - Rω') / (vt - Rω)          [eqs. 7, 17 of Domenech 2005]
 //! ```
 
+pub mod error_budget;
 pub mod motion;
 pub mod propagation;
 pub mod reading;

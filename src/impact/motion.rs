@@ -1,8 +1,12 @@
 //! From fitted arcs and the calibration to bounces and distances, with uncertainties.
 
+use super::error_budget::{
+    CONTACT_TIME_RELATIVE_STD, HALF_CONTACT_S, HALF_CONTACT_STD_S, HARD_MODULUS_PA, KNOWN_SPIN_LIFT_STD,
+    SOFT_DENSITY_KG_M3, SOFT_MODULUS_PA, SPHERE_LAW_STD, SQUARE_LAW_STD,
+};
 use super::propagation::{InputQuantities, OutputQuantities};
 use super::relations::ImpactVelocities;
-use super::spin_lift::{KNOWN_SPIN_LIFT_STD, SpinLift};
+use super::spin_lift::SpinLift;
 use super::{
     AlongFloor, Bounce, CentreVelocity, Correlation, Distances, EERegime, Impossible, Speed, XSource, reading,
 };
@@ -72,13 +76,6 @@ fn extra(p: &[f64], which: usize) -> f64 {
     p[p.len() - EXTRAS + which]
 }
 
-/// Where the ball is not known the fitted drag goes as the square of the speed; a sphere's coefficient changes by about
-/// this part over the speeds of an arc (0.39 to 0.45 between Reynolds numbers of 1500 and 50 000: Brown and Lawler 2003).
-const SQUARE_LAW_STD: f64 = 0.07;
-
-/// Where it is known, formulas for that change differ by this part (Clift and Gauvin 1970 against Brown and Lawler 2003).
-const SPHERE_LAW_STD: f64 = 0.03;
-
 /// How well the picture tells places.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImagingErrors {
@@ -93,17 +90,6 @@ pub struct ImagingErrors {
     pub steady: bool,
 }
 
-/// Half the time of a contact without loss, s, of a ball of unknown size or mass: that of a small hard ball.
-const HALF_CONTACT_S: f64 = 3.5e-5;
-/// Standard deviation of that from ball to ball, s.
-const HALF_CONTACT_STD_S: f64 = 3e-5;
-
-/// Effective modulus of a hard ball on a hard floor, Pa: between steel on stone (45 GPa) and steel on steel (115 GPa).
-const HARD_MODULUS_PA: f64 = 7e10;
-/// Relative standard uncertainty of the contact time, which goes as E^(-2/5), if the modulus may as well be half or twice as
-/// large (a rectangular distribution of its logarithm). What a soft ball takes more is not contained.
-const CONTACT_TIME_RELATIVE_STD: f64 = 0.16;
-
 /// Half of the time of a contact without loss, s, with its standard deviation: by Hertz
 /// T = 2.87 (m²/(R E² v))^(1/5) (Johnson 1985, 11.1), where the ball is known.
 fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
@@ -116,12 +102,6 @@ fn half_contact_s(ball: &Ball, speed_m_s: f64) -> (f64, f64) {
         _ => (HALF_CONTACT_S, HALF_CONTACT_STD_S),
     }
 }
-
-/// A ball of less density than this may be rubber, plastic or hollow, kg/m³; metal, glass and stone are above.
-const SOFT_DENSITY_KG_M3: f64 = 2000.0;
-
-/// Effective modulus of a soft ball, Pa: a superball's. A golf ball has twenty times that, a tennis ball a fifth.
-const SOFT_MODULUS_PA: f64 = 1e7;
 
 /// A ball that may be soft, for which the time of contact does not stand.
 #[derive(Debug, Clone, Copy, PartialEq)]

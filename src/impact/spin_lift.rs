@@ -8,24 +8,12 @@
 //! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
 //! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth
 //! ball's lift can differ from a tennis ball's by a third (and turn round near the drag crisis, far above these speeds):
-//! that uncertainty is [`KNOWN_SPIN_LIFT_STD`].
+//! that uncertainty is [`KNOWN_SPIN_LIFT_STD`](super::error_budget::KNOWN_SPIN_LIFT_STD).
 
+use super::error_budget::{NO_SPIN_LIFT_STD, UNKNOWN_SPIN_LIFT_STD, USUAL_DRAG};
 use crate::flight::Flight;
 use crate::flight::planar::{DRAG, Motion, PlanarArcs, speed};
 use nalgebra::DVector;
-
-/// Drag coefficient of a ball of unknown size or mass.
-const USUAL_DRAG: f64 = 0.42;
-
-/// Relative standard uncertainty of the lift of a ball whose spin is known: smooth spheres and golf balls have between 0.65
-/// and 1.4 times a tennis ball's, and a range of that width has this standard deviation.
-pub const KNOWN_SPIN_LIFT_STD: f64 = 0.22;
-
-/// Lift over drag that a ball may have which is said not to spin.
-const NO_SPIN_LIFT_STD: f64 = 0.03;
-
-/// Lift over drag where the spin is not known: about the spin ratio, up to 1/2.
-const UNKNOWN_SPIN_LIFT_STD: f64 = 0.3;
 
 /// Lift on each arc, by its spin R ω in plane units/s, positive where it turns +r towards −h (rolling along +r).
 #[derive(Debug, Clone, Default)]
@@ -97,7 +85,7 @@ impl SpinLift {
     }
 
     /// Standard uncertainty of lift over drag on `arc`, beyond that of the lift that a known spin makes
-    /// ([`KNOWN_SPIN_LIFT_STD`]).
+    /// ([`KNOWN_SPIN_LIFT_STD`](super::error_budget::KNOWN_SPIN_LIFT_STD)).
     #[must_use]
     pub fn std_over_drag(&self, arc: usize) -> f64 {
         self.spin(arc).map_or(UNKNOWN_SPIN_LIFT_STD, |_| NO_SPIN_LIFT_STD)

@@ -1,90 +1,142 @@
-//! What the camera's distance changes: a ball's centre is not that of its outline, and from above it is not over the point
-//! against which it is seen. Also drag, which the same facts of the ball tell.
+//! The camera as the calibration has it, with what its distance and the ball's own facts say of the motion in the picture:
+//! a ball's centre is not that of its outline, from above it is not over the point against which it is seen, and the air
+//! brakes it.
 
-use super::{Recording, refine};
-use crate::calibration::{Optics, ScaleEvidence, Silhouettes, View, Viewpoint};
-use crate::detect::centre::Centre;
+use super::measurement::Warning;
+use super::warnings::warning;
+use crate::calibration::{
+    Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
+};
+use crate::flight::Flight;
 use crate::flight::drag::Drag;
-use crate::flight::fit::Forces;
-use crate::flight::linking::Spot;
+use crate::flight::fit::{Forces, GRAVITY, VerticalPrior};
 use crate::flight::overhead::Overhead;
-use crate::flight::{Flight, FlightPoint, SpotUse};
-use crate::geometry::{PixelPoint, PlanePoint};
+use crate::geometry::PixelPoint;
+use crate::impact::error_budget::{AXIS_PART, DISTANCE_RELATIVE_STD, SPHERE_DRAG_RELATIVE_STD};
 use crate::quantity::Quantity;
 
 /// A ball's speed where nothing is seen of it yet, m/s: drag hardly depends on it.
 const USUAL_SPEED_M_S: f64 = 2.0;
 
-/// Relative standard uncertainty of a smooth sphere's drag: formulas agree within 4 %, the air's density changes by more with
-/// weather and height. Where felt or seams make more of it, the flight shows that.
-const SPHERE_DRAG_RELATIVE_STD: f64 = 0.1;
+/// A calibrated camera and its pictures.
+#[derive(Debug)]
+pub struct CalibratedCamera<'a> {
+    /// What is known of it.
+    pub calibration: &'a Calibration,
+    /// From the reference picture to the calibrated plane.
+    pub map: Rectification,
+    /// Columns and rows of its pictures.
+    pub size_px: (usize, usize),
+    /// Whether it stands still, but for swings.
+    pub stands_still: bool,
+}
 
-/// How far the optical axis may be from where the calibration has it, as a part of the picture's width: the principal
-/// point of a lens that was not calibrated, and a camera that is not quite square to the floor (1 % is half a degree).
-const AXIS_PART: f64 = 0.01;
+impl<'a> CalibratedCamera<'a> {
+    /// # Errors
+    /// A calibration that maps no plane.
+    pub fn new(
+        calibration: &'a Calibration,
+        size_px: (usize, usize),
+        stands_still: bool,
+    ) -> Result<Self, CalibrationError> {
+        Ok(Self {
+            calibration,
+            map: calibration.rectification()?,
+            size_px,
+            stands_still,
+        })
+    }
 
-/// Relative standard uncertainty of a distance given without one: where in its lens a camera has its pinhole is not known to better.
-const DISTANCE_PART: f64 = 0.01;
+    /// Whether the ball falls in the picture.
+    pub fn falls(&self) -> bool {
+        self.calibration.view == View::Side
+    }
 
-/// Less than this part of an outline on one circle is no outline.
-const WHOLE_OUTLINE: f64 = 0.6;
+    /// Length of a pixel in the middle of the picture, plane units.
+    pub fn units_per_px(&self) -> f64 {
+        let (width, height) = self.size_px;
+        let middle = PixelPoint::new(width as f64 / 2.0, height as f64 / 2.0);
+        self.map
+            .jacobian(middle)
+            .map_or(1.0, |j| j.determinant().abs().sqrt())
+    }
 
-/// How well the middle of a region that is no disc tells the ball's centre, in its radii.
-const OVAL_CENTRE_STD_RADII: f64 = 0.15;
+    /// Length of a pixel of the usual ball's radius, plane units.
+    pub fn ball_units_per_px(&self) -> f64 {
+        self.silhouettes(None).units_per_px().unwrap_or(1.0)
+    }
 
-impl Recording<'_> {
-    /// Where the camera stands over the plane, as far as `metres_per_unit` is known.
-    pub(super) fn viewpoint(&self, metres_per_unit: f64) -> Option<Viewpoint> {
-        let info = &self.seen.info;
+    /// How the pictures draw the ball, as far as the camera's angles are known.
+    pub fn silhouettes(&self, optics: Option<Optics>) -> Silhouettes<'_> {
+        let middle = |size: usize| 0.5 * (size as f64 - 1.0);
+        let middle = PixelPoint::new(middle(self.size_px.0), middle(self.size_px.1));
+        Silhouettes::new(&self.map, optics, middle)
+    }
+
+    /// The camera's angles, where its lens, or its distance and the scale are known.
+    pub fn optics(&self, metres_per_unit: Option<Quantity>) -> Option<Optics> {
         self.calibration
-            .viewpoint(metres_per_unit, (info.width_px, info.height_px))
+            .optics(metres_per_unit.map(|q| q.value), self.size_px)
+    }
+
+    /// Metres a plane unit, as far as the calibration alone tells: a scale that rests on the recording itself has to wait for
+    /// the ball.
+    pub fn metres_per_unit_before_flight(&self) -> Option<Quantity> {
+        self.calibration.metres_per_unit(&ScaleEvidence::default()).ok()
+    }
+
+    /// Metres a plane unit, from whatever scale the calibration names.
+    ///
+    /// # Errors
+    /// Where what that scale rests on was not measured.
+    pub fn metres_per_unit(
+        &self,
+        flight: &Flight,
+        radius_px: Option<Quantity>,
+    ) -> Result<Quantity, CalibrationError> {
+        let units = self.ball_units_per_px();
+        let g = flight.fit.gravity();
+        self.calibration.metres_per_unit(&ScaleEvidence {
+            ball_radius_units: radius_px.map(|r| r.scaled(units)),
+            gravity_units_s2: (g > 0.0)
+                .then(|| Quantity::new(g, flight.fit.covariance[(GRAVITY, GRAVITY)].max(0.0).sqrt()))
+                .flatten(),
+        })
+    }
+
+    /// What moves the ball before anything is known of its flight.
+    pub fn first_forces(&self) -> Forces {
+        if self.falls() {
+            Forces::Fall(VerticalPrior::LEVEL_CAMERA)
+        } else {
+            self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
+        }
+    }
+
+    /// What moves the ball, by the `flight` found so far: gravity, and drag where the ball's size and mass tell it.
+    pub fn forces(&self, flight: &Flight, metres_per_unit: Option<Quantity>) -> Forces {
+        let scale = metres_per_unit.map(|s| s.value);
+        if !self.falls() {
+            return self
+                .overhead(scale, Some(flight))
+                .map_or(Forces::None, Forces::Overhead);
+        }
+        self.drag(scale, flight.mean_speed())
+            .map_or(Forces::Fall(VerticalPrior::LEVEL_CAMERA), |drag| {
+                Forces::FallWithDrag(VerticalPrior::LEVEL_CAMERA, drag)
+            })
+    }
+
+    /// Where the camera stands over the plane, as far as `metres_per_unit` is known.
+    fn viewpoint(&self, metres_per_unit: f64) -> Option<Viewpoint> {
+        self.calibration
+            .viewpoint(metres_per_unit, self.size_px)
             .ok()
             .flatten()
     }
 
-    /// The camera's angles, as far as `metres_per_unit` tells them.
-    pub(super) fn optics_at(&self, metres_per_unit: Option<Quantity>) -> Option<Optics> {
-        let info = &self.seen.info;
-        let size = (info.width_px, info.height_px);
-        self.calibration.optics(metres_per_unit.map(|q| q.value), size)
-    }
-
-    /// How the pictures draw the ball, as far as its camera is known.
-    pub(super) fn silhouettes(&self) -> Silhouettes<'_> {
-        let info = &self.seen.info;
-        let middle = |size: usize| 0.5 * (size as f64 - 1.0);
-        let middle = PixelPoint::new(middle(info.width_px), middle(info.height_px));
-        Silhouettes::new(&self.map, self.optics, middle)
-    }
-
-    /// The spot of a centre: the ball's centre, which is not that of its outline where the camera is near.
-    pub(super) fn spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
-        let s = &self.seen.sightings[id];
-        let fixed = self.seen.detector.background.registrar.fixed;
-        let spot = refine::spot((&self.map, fixed), s, centre, id, self.base.times_s[s.frame])?;
-        let disc = &centre.disc;
-        let place = self
-            .silhouettes()
-            .centre_of_outline(s.registration.reference_from_frame(disc.centre), disc.radius_px)
-            .unwrap_or(spot.place);
-        Some(Spot { place, ..spot })
-    }
-
-    /// The spot of a first centre. The middle of an oval may be that of a ball with its shadow: what bends a path seen from
-    /// above, and makes the ball larger, has to tell those from others.
-    pub(super) fn first_spot(&self, id: usize, centre: &Centre) -> Option<Spot> {
-        let spot = self.spot(id, centre)?;
-        let near = self.calibration.view == View::Top && self.calibration.distance_m.is_some();
-        let std = if near && centre.outline_used < WHOLE_OUTLINE {
-            OVAL_CENTRE_STD_RADII * spot.radius
-        } else {
-            spot.std
-        };
-        Some(Spot { std, ..spot })
-    }
-
     /// Drag, where the ball's size and mass tell it. `speed` is that of the flight, plane units a second.
-    pub(super) fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<Drag> {
+    fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<Drag> {
         let (ball, scale) = (&self.calibration.ball, metres_per_unit?);
         Some(Drag::of_sphere(
             (ball.radius_m?, ball.mass_kg?),
@@ -96,20 +148,19 @@ impl Recording<'_> {
 
     /// The camera above the floor, where its distance is known; without `metres_per_unit` as far as other scales tell.
     /// `flight` is what was found of it so far.
-    pub(super) fn overhead(&self, metres_per_unit: Option<f64>, flight: Option<&Flight>) -> Option<Overhead> {
+    fn overhead(&self, metres_per_unit: Option<f64>, flight: Option<&Flight>) -> Option<Overhead> {
         let c = self.calibration;
-        let by_calibration = || Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
-        let scale = metres_per_unit.or_else(by_calibration);
+        let scale = metres_per_unit.or_else(|| Some(self.metres_per_unit_before_flight()?.value));
         // Foot and height in metres are the same whatever a pixel measures.
         let unit = scale.unwrap_or(1.0);
         let camera = self.viewpoint(unit)?;
         let height_m = camera.height * unit;
-        let distance = c.distance_std_m.map_or(DISTANCE_PART, |s| s / height_m);
+        let distance = c.distance_std_m.map_or(DISTANCE_RELATIVE_STD, |s| s / height_m);
         let speed = flight.map_or(USUAL_SPEED_M_S / unit, Flight::mean_speed);
         let gravity = c.gravity_std_m_s2.map_or(0.0, |s| s / c.gravity_m_s2);
         Some(Overhead {
             nadir: camera.foot,
-            nadir_std: AXIS_PART * self.seen.info.width_px as f64 * self.units_per_px(),
+            nadir_std: AXIS_PART * self.size_px.0 as f64 * self.units_per_px(),
             fall_per_s2: c.gravity_m_s2 / height_m,
             fall_relative_std: distance.hypot(gravity),
             height: scale.map(|_| camera.height),
@@ -119,22 +170,14 @@ impl Recording<'_> {
         })
     }
 
-    /// The image of the ball's centre in its frame, where that is not the centre of its outline.
-    pub(super) fn centre_px(&self, p: &FlightPoint) -> Option<PixelPoint> {
-        self.optics?;
-        let reference = self.map.pixel_from_plane(p.spot.place)?;
-        let s = &self.seen.sightings[p.spot.id];
-        Some(s.registration.frame_from_reference(reference))
+    /// A top view whose camera is not known to be far.
+    pub fn warnings(&self) -> Option<Warning> {
+        let c = self.calibration;
+        (c.view == View::Top && c.distance_m.is_none()).then(|| {
+            warning(
+                "perspective_uncorrected",
+                "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
+            )
+        })
     }
-}
-
-/// The point of the calibrated plane that a spot is at; `None` where only a fit would tell and there is none.
-pub(super) fn in_plane(flight: &Flight, p: &FlightPoint) -> Option<PlanePoint> {
-    let above = matches!(flight.fit.forces, Forces::Overhead(_));
-    let t = p.spot.time_s;
-    (!above || p.use_ != SpotUse::NotFree).then(|| {
-        flight
-            .fit
-            .place_in_plane(p.spot.place, refine::arc_at(flight, t), t)
-    })
 }

@@ -5,12 +5,16 @@
 //! opening's where both show the same; where they do not (a ball that lay there at first, a light or a camera that
 //! moved), the pass is given up and begun anew with the scene of frames from all over the recording.
 
-use super::{MeasureError, Progress};
+use super::error::MeasureError;
+use super::measurement::Warning;
+use super::warnings::of_file::of_file;
+use crate::calibration::Calibration;
 use crate::detect::background::{self, Background};
 use crate::detect::blobs::Crop;
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
 use crate::frames::{self, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth};
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -31,6 +35,41 @@ pub struct Decoded {
     pub sightings: Vec<Sighting>,
     /// The detector with the background it used.
     pub detector: Detector,
+    /// What is odd about the file.
+    pub warnings: Vec<Warning>,
+}
+
+impl Decoded {
+    /// Whether the camera stands still, but for swings.
+    pub fn camera_stands_still(&self) -> bool {
+        self.detector.background.registrar.fixed
+    }
+
+    /// The calibration of the reference picture, in which all is measured: where a camera moves, `calibration` is that of the
+    /// first frame. (A swing of a camera that stands is none of that.)
+    pub fn calibration_of_reference<'c>(&self, calibration: &'c Calibration) -> Cow<'c, Calibration> {
+        let moves = !self.camera_stands_still();
+        match self.registrations.first().filter(|r| moves && !r.is_still()) {
+            Some(r) => Cow::Owned(calibration.shifted(-r.shift_u_px, -r.shift_v_px)),
+            None => Cow::Borrowed(calibration),
+        }
+    }
+}
+
+/// How far the work has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// Frames for the background are being read.
+    Survey,
+    /// This frame was looked at.
+    Frame {
+        /// Its index, from 0.
+        index: usize,
+        /// Frames in all, by the container.
+        expected: Option<u64>,
+    },
+    /// Arcs are being fitted.
+    Fit,
 }
 
 /// Frames for the background: an odd number, so that the median is one of them; enough that a ball that is seldom
@@ -44,12 +83,30 @@ const CROPS_BUDGET_BYTES: usize = 80 << 20;
 /// Frames held at the opening, bytes, where there are no key frames to take the scene from.
 const OPENING_BYTES: usize = 64 << 20;
 
+/// Fewer frames than this hold no impact: three on one side of it, three on the other.
+const LEAST_FRAMES: usize = 6;
+
 /// Watches the whole recording, opened as `source`.
 ///
 /// # Errors
 ///
-/// What stops the decoder, or a recording without frames.
+/// What stops the decoder, or a recording with too few frames.
 pub fn decode(
+    video: &Path,
+    source: Box<dyn FrameSource + Send>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Decoded, MeasureError> {
+    let decoded = decode_all(video, source, progress)?;
+    match decoded.stamps_s.len() {
+        frames @ ..LEAST_FRAMES => Err(MeasureError::NothingToSee {
+            path: video.to_owned(),
+            frames,
+        }),
+        _ => Ok(decoded),
+    }
+}
+
+fn decode_all(
     video: &Path,
     source: Box<dyn FrameSource + Send>,
     progress: &mut dyn FnMut(Progress),
@@ -58,12 +115,12 @@ pub fn decode(
     // It decodes its first frames while the survey does its own.
     let mut source = frames::ReadAhead::start(source)?;
     if let Some(survey) = frames::open_sparse_at_once(video, SURVEY_FRAMES)? {
-        return Pass::new(background_of(video, &survey)?).whole(source, progress);
+        return DecodingPass::new(background_of(video, &survey)?).whole(source, progress);
     }
     let (opening, is_all) = opening(&mut source)?;
-    let mut pass = Pass::new(background_of(video, &spread_over(&opening))?);
+    let mut pass = DecodingPass::new(background_of(video, &spread_over(&opening))?);
     if !is_all {
-        pass.provisional = Some(Provisional {
+        pass.provisional = Some(ProvisionalBackground {
             spread: EvenSample::new(SURVEY_FRAMES),
             next_check: 2 * opening.len(),
         });
@@ -73,7 +130,7 @@ pub fn decode(
     }
     progress(Progress::Survey);
     let survey = frames::open_sparse(video, SURVEY_FRAMES)?;
-    let pass = Pass::new(background_of(video, &survey)?);
+    let pass = DecodingPass::new(background_of(video, &survey)?);
     drop(survey);
     pass.whole(frames::ReadAhead::start(frames::open(video)?)?, progress)
 }
@@ -116,29 +173,29 @@ fn spread_over(frames: &[Frame]) -> Vec<&Frame> {
 }
 
 /// Looks at one frame after the other and keeps what it sees.
-struct Pass {
+struct DecodingPass {
     detector: Detector,
-    kept: Kept,
+    kept: SightingStore,
     stamps_s: Vec<f64>,
     changes: Vec<Option<f32>>,
     registrations: Vec<Registration>,
     /// Where the scene of the whole is still to be found.
-    provisional: Option<Provisional>,
+    provisional: Option<ProvisionalBackground>,
 }
 
 /// What a scene taken from the opening is checked with.
-struct Provisional {
+struct ProvisionalBackground {
     /// Frames for the scene of the whole.
     spread: EvenSample,
     /// After so many frames.
     next_check: usize,
 }
 
-impl Pass {
+impl DecodingPass {
     fn new(background: Background) -> Self {
         Self {
             detector: Detector::new(background),
-            kept: Kept::default(),
+            kept: SightingStore::default(),
             stamps_s: Vec::new(),
             changes: Vec::new(),
             registrations: Vec::new(),
@@ -190,9 +247,11 @@ impl Pass {
     }
 
     fn seen(self, source: &frames::ReadAhead) -> Decoded {
+        let health = source.health();
         Decoded {
             info: source.info().clone(),
-            health: source.health(),
+            warnings: of_file(&health),
+            health,
             stamps_s: self.stamps_s,
             changes: self.changes,
             registrations: self.registrations,
@@ -264,14 +323,14 @@ impl Pass {
 
 /// Sightings whose pixels are let go when the budget is spent: first of what is no ball, the oldest first.
 #[derive(Default)]
-struct Kept {
+struct SightingStore {
     sightings: Vec<Sighting>,
     shapeless: VecDeque<usize>,
     round: VecDeque<usize>,
     bytes: usize,
 }
 
-impl Kept {
+impl SightingStore {
     fn add(&mut self, new: Vec<Sighting>) {
         for s in new {
             self.bytes += s.blob.crop.luma.data.len();

@@ -2,9 +2,8 @@
 //! points.
 
 use super::decode::Decoded;
-use super::is_used;
-use super::refine::{BallCentre, arc_at, of_sighting};
-use super::result::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
+use super::measurement::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
+use super::spots::{BallCentre, with_id};
 use super::world_frame::WorldFrame;
 use crate::calibration::Rectification;
 use crate::detect::blobs::Crop;
@@ -48,7 +47,7 @@ pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<Arc
 pub fn residual(flight: &Flight, p: &FlightPoint, frame: &WorldFrame) -> Option<WorldPoint> {
     let k = match p.use_ {
         SpotUse::Used(k) => k,
-        SpotUse::Outlier(_) | SpotUse::Contact => arc_at(flight, p.spot.time_s),
+        SpotUse::Outlier(_) | SpotUse::Contact => flight.arc_at(p.spot.time_s),
         SpotUse::NotFree => return None,
     };
     let t = p.spot.time_s;
@@ -80,11 +79,11 @@ pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
 /// The empty scene and the ball of every used point.
 pub fn strobe(seen: &Decoded, found: &[BallCentre], flight: &Flight) -> Strobe {
     let mut strobe = empty_strobe(seen);
-    for p in flight.points.iter().filter(|p| is_used(p.use_)) {
-        let Some(f) = of_sighting(found, p.spot.id) else {
+    for p in flight.used_points() {
+        let Some(f) = with_id(found, p.spot.id) else {
             continue;
         };
-        let s = &seen.sightings[f.sighting];
+        let s = &seen.sightings[f.id];
         let disc = f.centre.disc;
         let reach = disc.radius_px + 0.5 * disc.swept_px[0].hypot(disc.swept_px[1]) + 3.0;
         let crop = &s.blob.crop;

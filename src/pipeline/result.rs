@@ -1,194 +1,151 @@
-//! What a measurement of one recording consists of: the shapes that `measure` fills and `report` writes.
+//! The measurement put together from what the stages give.
 
-pub use crate::calibration::View;
-use crate::frames::Luma;
-use crate::geometry::{PixelPoint, WorldPoint};
-use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
-use crate::quantity::Quantity;
-use std::path::PathBuf;
+use super::camera::CalibratedCamera;
+use super::clock::Clocked;
+use super::drawing;
+use super::impacts::Impacts;
+use super::measurement::{
+    Measurement, Outcome, PointUse, Strobe, TimeSource, Track, TrackPoint, VideoFacts, Warning,
+};
+use super::refine::Refined;
+use super::spots::with_id;
+use super::warnings::rejection;
+use crate::detect::centre::Accuracy;
+use crate::flight::FlightPoint;
+use crate::impact::Distances;
+use crate::quantity::median;
+use std::path::Path;
 
-/// Everything measured on one recording.
-#[derive(Debug, Clone)]
-pub struct Measurement {
-    /// The file.
-    pub video: VideoFacts,
-    /// What the second coordinate of a [`WorldPoint`] is.
-    pub view: View,
-    /// Whether it was measured, and why not.
-    pub outcome: Outcome,
-    /// The ball in every frame where it was seen.
-    pub track: Track,
-    /// Magnitude of the acceleration in flight, m/s², where the scale does not itself come from gravity.
-    pub gravity_m_s2: Option<Quantity>,
-    /// How far "up" is from where the calibration has it, in a side view.
-    pub up: Option<UpTilt>,
-    /// The floor's slope, in a side view.
-    pub floor: Option<FloorSlope>,
-    /// Where the ball left a bench that it was seen on.
-    pub launch: Option<BenchLaunch>,
-    /// The impacts on the floor, in time order.
-    pub bounces: Vec<Bounce>,
-    /// x0 and x.
-    pub distances: Distances,
-    /// What both models make of the first bounce.
-    pub readings: Option<Readings>,
-    /// What the user has to know, in order of appearance.
-    pub warnings: Vec<Warning>,
-    /// The fitted arcs, for drawing.
-    pub arcs: Vec<ArcTrace>,
-    /// What a stroboscopic picture is made of.
-    pub strobe: Option<Strobe>,
+/// The recording as a file: `frames` of it were read.
+pub fn video_facts(
+    video: &Path,
+    frames: u64,
+    camera: &CalibratedCamera<'_>,
+    clocked: &Clocked,
+) -> VideoFacts {
+    let (width_px, height_px) = camera.size_px;
+    VideoFacts {
+        path: video.to_owned(),
+        width_px,
+        height_px,
+        frames,
+        frame_rate_hz: clocked.base.interval_s.map(|i| 1.0 / i),
+        duration_s: clocked.base.times_s.last().copied().unwrap_or(0.0),
+        time_source: if camera.calibration.frame_rate_hz.is_some() {
+            TimeSource::Calibration
+        } else {
+            TimeSource::Stamps
+        },
+    }
 }
 
-/// The recording as a file.
-#[derive(Debug, Clone)]
-pub struct VideoFacts {
-    /// As the user named it.
-    pub path: PathBuf,
-    /// Columns.
-    pub width_px: usize,
-    /// Rows.
-    pub height_px: usize,
-    /// Frames read.
-    pub frames: u64,
-    /// Rate of distinct frames on the time base in use, Hz.
-    pub frame_rate_hz: Option<f64>,
-    /// Last time minus first, s.
-    pub duration_s: f64,
-    /// Where times come from.
-    pub time_source: TimeSource,
+/// A recording that was measured, or holds a flight without a bounce. `before` are the warnings of the stages that gave the
+/// flight; one of the flight with the same code says nothing new.
+pub fn measured(
+    video: VideoFacts,
+    camera: &CalibratedCamera<'_>,
+    refined: &Refined,
+    impacts: Impacts,
+    strobe: Option<Strobe>,
+    before: Vec<Warning>,
+) -> Measurement {
+    let outcome = if impacts.bounces.is_empty() {
+        Outcome::Rejected {
+            reason: rejection::no_bounce(&impacts.flight, impacts.walls, camera.calibration),
+        }
+    } else {
+        Outcome::Measured
+    };
+    let track = track(camera, refined, &impacts);
+    let mut new = impacts.warnings;
+    new.retain(|new| before.iter().all(|w| w.code != new.code));
+    Measurement {
+        video,
+        view: camera.calibration.view,
+        outcome,
+        track,
+        gravity_m_s2: impacts.gravity_m_s2,
+        up: impacts.up,
+        floor: impacts.floor,
+        launch: impacts.launch,
+        distances: impacts.distances,
+        readings: impacts.readings,
+        bounces: impacts.bounces,
+        arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame),
+        strobe,
+        warnings: [before, new, refined.warnings.clone()].concat(),
+    }
 }
 
-/// The direction of "up" in use.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UpTilt {
-    /// Angle from the calibration's "up" (straight up in the picture where it has none) to the one in use, rad; positive to
-    /// the right in the picture.
-    pub tilt_rad: Quantity,
-    /// What tells it more closely.
-    pub source: UpSource,
+/// A recording without a flight, and why.
+pub fn rejected(
+    video: VideoFacts,
+    camera: &CalibratedCamera<'_>,
+    asked: Accuracy,
+    reason: String,
+    strobe: Option<Strobe>,
+    warnings: Vec<Warning>,
+) -> Measurement {
+    Measurement {
+        video,
+        view: camera.calibration.view,
+        outcome: Outcome::Rejected { reason },
+        track: Track {
+            method: method_name(asked).to_owned(),
+            detected: 0,
+            centre_std_px: None,
+            radius_px: None,
+            points: Vec::new(),
+        },
+        gravity_m_s2: None,
+        up: None,
+        floor: None,
+        launch: None,
+        bounces: Vec::new(),
+        distances: Distances::default(),
+        readings: None,
+        warnings,
+        arcs: Vec::new(),
+        strobe,
+    }
 }
 
-/// What tells "up".
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum UpSource {
-    /// The calibration.
-    Calibration,
-    /// The direction in which all arcs fall.
-    Fall,
+fn track(camera: &CalibratedCamera<'_>, refined: &Refined, impacts: &Impacts) -> Track {
+    let (flight, frame) = (&impacts.flight, &impacts.frame);
+    let tracked = &refined.tracked;
+    let point = |p: &FlightPoint| {
+        let c = with_id(&tracked.centres, p.spot.id)?;
+        // Where the camera's angles are known the ball's centre is not that of its outline.
+        let of_ball = tracked.optics.and(camera.map.pixel_from_plane(p.spot.place));
+        Some(TrackPoint {
+            frame: p.spot.frame,
+            time_s: p.spot.time_s,
+            pixel: of_ball.map_or(c.centre.disc.centre, |reference| {
+                c.registration.frame_from_reference(reference)
+            }),
+            std_px: Some(c.centre.std_px() * flight.std(&p.spot) / p.spot.std),
+            world: flight.place_of(p).map(|place| frame.world(place.right, place.up)),
+            use_: drawing::use_of(p, frame),
+            residual_m: drawing::residual(flight, p, frame),
+        })
+    };
+    let points: Vec<TrackPoint> = flight.points.iter().filter_map(point).collect();
+    let used = points.iter().filter(|p| matches!(p.use_, PointUse::Used(_)));
+    let mut stds: Vec<f64> = used.filter_map(|p| p.std_px).collect();
+    Track {
+        method: method_name(refined.method).to_owned(),
+        detected: points.len(),
+        centre_std_px: median(&mut stds),
+        radius_px: impacts.radius_px,
+        points,
+    }
 }
 
-/// Where times come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TimeSource {
-    /// The file's own presentation time stamps.
-    Stamps,
-    /// `frame_rate_hz` of the calibration.
-    Calibration,
-}
-
-/// Measured, or not and why.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Outcome {
-    /// There are bounces.
-    Measured,
-    /// There is nothing to trust.
-    Rejected {
-        /// Why, and what to try, in a sentence or two.
-        reason: String,
-    },
-}
-
-/// The ball's centres.
-#[derive(Debug, Clone)]
-pub struct Track {
-    /// The centre method.
-    pub method: String,
-    /// Frames in which the ball was seen.
-    pub detected: usize,
-    /// Typical standard uncertainty of a centre in each coordinate as the flight's residuals show it, px.
-    pub centre_std_px: Option<f64>,
-    /// The ball's radius, px.
-    pub radius_px: Option<Quantity>,
-    /// A row for every frame in which the ball was seen, in time order.
-    pub points: Vec<TrackPoint>,
-}
-
-/// One centre.
-#[derive(Debug, Clone)]
-pub struct TrackPoint {
-    /// Frame in presentation order, from 0.
-    pub frame: usize,
-    /// Time on the time base in use, s.
-    pub time_s: f64,
-    /// Centre in that frame's own picture.
-    pub pixel: PixelPoint,
-    /// Standard uncertainty of each coordinate, px.
-    pub std_px: Option<f64>,
-    /// Centre in the world, `None` without a scale.
-    pub world: Option<WorldPoint>,
-    /// The arc it belongs to and was used for, or why it was not used.
-    pub use_: PointUse,
-    /// Residual to its arc (measured − fitted): along x and along up, m; `None` when it belongs to no arc.
-    pub residual_m: Option<WorldPoint>,
-}
-
-/// Whether a point entered a fit.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum PointUse {
-    /// Used for the arc with this index.
-    Used(usize),
-    /// Not used, and why (a short phrase: "in contact with the floor").
-    Unused(String),
-}
-
-/// A fitted arc as a fine polyline (24 points or more), ready to draw.
-#[derive(Debug, Clone)]
-pub struct ArcTrace {
-    /// First to last time, s.
-    pub samples: Vec<ArcSample>,
-}
-
-/// A point of a fitted arc.
-#[derive(Debug, Clone, Copy)]
-pub struct ArcSample {
-    /// Time, s.
-    pub time_s: f64,
-    /// Place in the reference picture.
-    pub pixel: PixelPoint,
-    /// Place in the world, `None` without a scale.
-    pub world: Option<WorldPoint>,
-}
-
-/// A word to the user: a stable code and a sentence.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Warning {
-    /// Stable, lower case with underscores.
-    pub code: &'static str,
-    /// What was noticed, with numbers, and what to do.
-    pub message: String,
-}
-
-/// What a stroboscopic picture is made of: the empty scene, and the ball cut out of its frames.
-#[derive(Debug, Clone)]
-pub struct Strobe {
-    /// The scene without anything that moves, code values stretched to 0..=255.
-    pub background: Luma,
-    /// Cut-outs of used points, in time order.
-    pub balls: Vec<StrobeBall>,
-}
-
-/// A ball cut out of its frame.
-#[derive(Debug, Clone)]
-pub struct StrobeBall {
-    /// The frame it comes from.
-    pub frame: usize,
-    /// Column and row of the cut-out's top-left pixel in the background's picture (may be negative).
-    pub corner_px: (i64, i64),
-    /// The cut-out, stretched like the background.
-    pub luma: Luma,
-    /// Centre in the background's picture.
-    pub centre: PixelPoint,
-    /// Ball radius, px.
-    pub radius_px: f64,
+/// Name of the centre method.
+fn method_name(accuracy: Accuracy) -> &'static str {
+    match accuracy {
+        Accuracy::Fast => "fast: circle through edge points",
+        Accuracy::Standard => "standard: likelihood of the edge, learned appearance",
+        Accuracy::Fine => "fine: likelihood of every edge pixel, learned appearance",
+    }
 }

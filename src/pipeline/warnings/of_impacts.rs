@@ -1,230 +1,26 @@
-//! What the user has to know: what is odd about the file, the time base, the scale, the flight. Each warning names
-//! what was found, with numbers, and the key or step that mends it.
+//! What does not fit together of what was measured and what the calibration gives, or is doubtful.
 
-use super::decode::Decoded;
-use super::result::UpTilt;
-use super::result::Warning;
+use super::{rounded, warning};
 use crate::calibration::{Calibration, Scale, View};
-use crate::detect::centre::Accuracy;
-use crate::detect::registration::Registration;
+use crate::flight::Flight;
 use crate::flight::overhead::search;
 use crate::flight::shake::Shake;
-use crate::flight::{Flight, NoFlight};
-use crate::frames::timebase::TimeBase;
+use crate::impact::error_budget::READ_STD_PX;
 use crate::impact::motion::{MeasuredMotion, SoftBall};
 use crate::impact::{BenchLaunch, Bounce, FloorSlope, Impossible};
+use crate::pipeline::measurement::UpTilt;
+use crate::pipeline::measurement::Warning;
 use crate::quantity::Quantity;
 
 /// What is measured contradicts what is given when they differ by more than this many of their standard uncertainties together.
 const CONTRADICTS_SIGMAS: f64 = 4.0;
 
 /// Residuals this much larger than the centres' own uncertainty say that the flight is not a parabola.
-const LARGE_EXCESS: f64 = 4.0;
+const LARGE_SCATTER_RATIO: f64 = 4.0;
 
 /// Errors of successive frames that hang together as (1 + ρ)/(1 − ρ) = this: ρ = 0.5. A codec's change from frame to
 /// frame; a path that is no parabola lasts.
 const LASTING: f64 = 3.0;
-
-fn warning(code: &'static str, message: String) -> Warning {
-    Warning { code, message }
-}
-
-/// Oddities of the file and its clock.
-pub fn file(seen: &Decoded, base: &TimeBase, repeats: &[bool], calibration: &Calibration) -> Vec<Warning> {
-    let mut out: Vec<Warning> = seen
-        .health
-        .notes
-        .iter()
-        .map(|n| warning(n.code, n.message.clone()))
-        .collect();
-    let health = &seen.health;
-    let read = health.frames_read;
-    if let Some(why) = &health.ended_early {
-        let of = health
-            .frames_expected
-            .map_or(String::new(), |n| format!(" of {n}"));
-        out.push(warning(
-            "file_cut_short",
-            format!("the file ends early: {read}{of} frames were read, then: {why}. What is there was measured; copy the file from the camera again to have the rest."),
-        ));
-    } else if let Some(expected) = health.frames_expected.filter(|&n| n > read) {
-        out.push(warning(
-            "frames_missing",
-            format!("the file announces {expected} frames, {read} could be read."),
-        ));
-    }
-    if health.damaged > 0 {
-        out.push(warning(
-            "damaged_frames",
-            format!(
-                "{} of {read} frames are damaged; centres in them are less sure or missing.",
-                health.damaged
-            ),
-        ));
-    }
-    if health.interlaced > 0 {
-        out.push(warning(
-            "interlaced",
-            format!("{} of {read} frames are interlaced: odd and even rows show different moments, which blurs a moving ball. Record progressively, or deinterlace to double rate first (ffmpeg -vf bwdif).", health.interlaced),
-        ));
-    }
-    if health.stamps_repaired > 0 {
-        out.push(warning(
-            "time_stamps_repaired",
-            format!(
-                "{} frames had no usable time stamp; their times were interpolated.",
-                health.stamps_repaired
-            ),
-        ));
-    }
-    out.extend(repeated(seen, base, repeats, calibration));
-    if base.gaps > 0 {
-        out.push(warning(
-            "dropped_frames",
-            format!("the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.", base.missing, base.gaps),
-        ));
-    }
-    if base.skipped > 0 {
-        out.push(warning(
-            "frames_skipped",
-            format!("{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.", base.skipped),
-        ));
-    }
-    out.extend(moved_camera(
-        &seen.registrations,
-        seen.detector.background.registrar.fixed,
-    ));
-    out.extend(shaken_camera(seen, base));
-    out
-}
-
-/// A top view whose camera is not known to be far.
-pub fn perspective(calibration: &Calibration) -> Option<Warning> {
-    (calibration.view == View::Top && calibration.distance_m.is_none()).then(|| {
-        warning(
-            "perspective_uncorrected",
-            "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
-        )
-    })
-}
-
-fn repeated(seen: &Decoded, base: &TimeBase, repeats: &[bool], calibration: &Calibration) -> Option<Warning> {
-    let count = repeats.iter().filter(|&&r| r).count();
-    if count == 0 {
-        return None;
-    }
-    let stored = seen
-        .info
-        .nominal_rate_hz
-        .map_or(String::new(), |r| format!(" of a {r:.4} Hz file"));
-    let rate = base.interval_s.map_or(String::new(), |i| {
-        let clock = if calibration.frame_rate_hz.is_some() {
-            "by the calibration"
-        } else if base.evened {
-            "evenly, as the ball's motion shows, not by the stamps"
-        } else {
-            "by the stamps"
-        };
-        format!(" Distinct pictures come at {:.4} Hz {clock}.", 1.0 / i)
-    });
-    Some(warning(
-        "repeated_frames",
-        format!(
-            "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
-            repeats.len()
-        ),
-    ))
-}
-
-/// Shifts beyond this are worth a word, px: smaller ones are followed without one, and a codec makes some of up to 0.3.
-const WORTH_SAYING_PX: f64 = 0.5;
-
-/// Swings of a camera that otherwise stands still.
-fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
-    let swings = |r: &&Registration| !r.is_still();
-    let shaken: Vec<(f64, f64)> = seen
-        .registrations
-        .iter()
-        .zip(&base.times_s)
-        .filter(|(r, _)| swings(r))
-        .map(|(r, &t)| (t, r.shift_px()))
-        .collect();
-    let (first, _) = shaken
-        .first()
-        .filter(|_| seen.detector.background.registrar.fixed)?;
-    let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
-    (most > WORTH_SAYING_PX).then(|| warning(
-        "camera_shaken",
-        format!(
-            "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
-            shaken.len(),
-            seen.registrations.len(),
-        ),
-    ))
-}
-
-fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
-    let most = registrations
-        .iter()
-        .map(Registration::shift_px)
-        .fold(0.0, f64::max);
-    (!fixed && most > WORTH_SAYING_PX).then(|| {
-        warning(
-            "camera_moved",
-            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."),
-        )
-    })
-}
-
-/// A lamp whose light changes by this factor makes a ball look different enough to move its centre.
-const LIGHT_CHANGES: f64 = 1.3;
-
-/// Light that changes while the ball flies, in the frames `flown`, for longer than a tenth of them.
-pub fn light(seen: &Decoded, flown: &[usize]) -> Option<Warning> {
-    let scene = &seen.detector.background.luma.data;
-    let grey = scene.iter().map(|&p| f64::from(p)).sum::<f64>() / scene.len().max(1) as f64;
-    let mut brightness: Vec<f64> = flown
-        .iter()
-        .map(|&frame| seen.registrations[frame].brightness(grey))
-        .collect();
-    brightness.sort_by(f64::total_cmp);
-    let tenth = brightness.len() / 10;
-    let least = *brightness.get(tenth)?;
-    let most = *brightness.get(brightness.len() - 1 - tenth)?;
-    (least > 0.0 && most > LIGHT_CHANGES * least).then(|| {
-        warning(
-            "light_changed",
-            format!("the light changes by a factor of {:.2} while the ball flies: where a side of it is saturated or dark in one light and not in the other, its centre is displaced by some hundredths of its radius, which is not in the uncertainties. Use a steady light.", most / least),
-        )
-    })
-}
-
-/// A pixel that the ball covers in more than this part of the frames: the median of some of them, the empty scene, may be
-/// the ball there.
-const LINGERS_PART: f64 = 0.4;
-
-/// Places of a flight that are looked at for that.
-const LINGERS_PLACES: usize = 300;
-
-/// That the ball covers one place of its flight for too much of the recording's `frames`.
-pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
-    let spots = || flight.points.iter().map(|p| p.spot);
-    let covers = |place: crate::geometry::PlanePoint| {
-        spots()
-            .filter(|s| (s.place.right - place.right).hypot(s.place.up - place.up) < s.radius)
-            .count()
-    };
-    // Some places along the way tell; all of them would take the square of their number.
-    let step = flight.points.len().div_ceil(LINGERS_PLACES).max(1);
-    let most = spots().step_by(step).map(|s| covers(s.place)).max()?;
-    let part = most as f64 / frames.max(1) as f64;
-    (part > LINGERS_PART).then(|| {
-        warning(
-            "ball_lingers",
-            format!("the ball covers one place in {:.0} % of the frames, so the empty scene behind it is not known for sure there: centres may be off by more than their uncertainties. Record the scene without the ball for as long as the flight lasts, before or after it.", 100.0 * part),
-        )
-    })
-}
 
 /// Everything to judge a measured flight by.
 pub struct WarningContext<'a> {
@@ -247,7 +43,7 @@ pub struct WarningContext<'a> {
 }
 
 /// Oddities of the measured flight.
-pub fn measured(j: &WarningContext<'_>) -> Vec<Warning> {
+pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(j.gravity.map(|g| gravity(g, j)).unwrap_or_default());
     out.extend(up_tilted(j));
@@ -278,7 +74,7 @@ pub fn measured(j: &WarningContext<'_>) -> Vec<Warning> {
             format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
         ));
     }
-    if j.flight.scatter_ratio() > LARGE_EXCESS && j.flight.fit.autocorrelation_inflation > LASTING {
+    if j.flight.scatter_ratio() > LARGE_SCATTER_RATIO && j.flight.fit.autocorrelation_inflation > LASTING {
         out.push(warning(
             "not_a_parabola",
             format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.scatter_ratio()),
@@ -309,16 +105,6 @@ fn soft(ball: SoftBall) -> Warning {
             100.0 * ball.restitution_part,
         ),
     )
-}
-
-/// That another method had to be used than was asked for.
-pub fn unlearned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
-    (asked != used).then(|| {
-        warning(
-            "appearance_not_learned",
-            "the ball looks too different from frame to frame (noise, smear, light) to learn its appearance: centres are circles through edge points, which shading pulls by up to a tenth of a pixel. More light, a shorter exposure or a plainer background helps.".to_owned(),
-        )
-    })
 }
 
 /// The self-check: gravity as the flight shows it, and what would explain another.
@@ -453,9 +239,6 @@ fn floor_slope(j: &WarningContext<'_>) -> Option<Warning> {
     })
 }
 
-/// A pixel read off a picture by eye, where its uncertainty is not given, px.
-const READ_PX: f64 = 1.0;
-
 /// What a bench that is seen says against the calibration.
 fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
     let Some(launch) = &j.launch else {
@@ -477,7 +260,7 @@ fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
         .filter(|_| j.calibration.has_origin())
     {
         let metre = j.motion.metres_per_unit.value * j.units_per_px;
-        let read = j.calibration.origin_std_px.unwrap_or(READ_PX) * metre;
+        let read = j.calibration.origin_std_px.unwrap_or(READ_STD_PX) * metre;
         let std = edge.std_uncertainty.unwrap_or(0.0);
         if (edge.value - said).abs() > CONTRADICTS_SIGMAS * std.hypot(read) {
             out.push(warning(
@@ -596,20 +379,6 @@ fn time_factor(ratio: f64) -> Option<f64> {
         .min_by(|a, b| (n / a).ln().abs().total_cmp(&(n / b).ln().abs()))
 }
 
-/// Up to four digits without trailing zeros.
-fn rounded(x: f64) -> String {
-    let text = if x >= 100.0 {
-        format!("{x:.0}")
-    } else {
-        format!("{x:.2}")
-    };
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
-}
-
 /// A ball of known size is a second ruler.
 fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
     if matches!(j.calibration.scale, Scale::Ball) {
@@ -677,70 +446,4 @@ fn different_heights(j: &WarningContext<'_>) -> Option<Warning> {
             format!("the second impact is {:.0} mm {} than the first: x is the distance between them, not one on a level floor, and the relation of x to x0 does not hold.", 1e3 * (first - second).abs(), if second < first { "lower" } else { "higher" }),
         )
     })
-}
-
-/// Why nothing was measured, and what to try.
-pub fn no_flight(reason: &NoFlight, seen: &Decoded, base: &TimeBase, calibration: &Calibration) -> String {
-    let frames = seen.stamps_s.len();
-    let moving = seen.sightings.len();
-    match reason {
-        NoFlight::NothingRound { spots } => format!(
-            "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
-        ),
-        NoFlight::NothingFalls { longest } if calibration.view == View::Top => {
-            let all = format!(
-                "{moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames)"
-            );
-            match calibration.distance_m {
-                Some(distance_m) => format!(
-                    "nothing bounces as seen from above: {all} follows the path of a bouncing ball as a camera {distance_m} m above it shows it. Are \"distance_m\" (from the lens to the calibrated plane, in metres), the scale and the frame rate right, and does the camera look straight down?"
-                ),
-                None => format!(
-                    "nothing moves in straight lines as seen from above: {all} is made of straight lines with turns between. A camera that is near sees them bent, because the ball nears it as it rises: set \"distance_m\" to the distance from the lens to the calibrated plane."
-                ),
-            }
-        }
-        NoFlight::NothingFalls { longest } => format!(
-            "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?{}",
-            slow_frames(base, calibration.gravity_m_s2)
-        ),
-    }
-}
-
-/// Frames that an arc needs to be found.
-const ARC_FRAMES: f64 = 5.0;
-
-/// Rates below which the time between two impacts of a ball in the lab (0.1 s and more) may hold too few frames, Hz.
-const FEW_FRAMES_HZ: f64 = 90.0;
-
-/// That arcs may hold too few frames, where frames are slow.
-fn slow_frames(base: &TimeBase, gravity_m_s2: f64) -> String {
-    let slow = base.interval_s.filter(|&s| s > 1.0 / FEW_FRAMES_HZ);
-    slow.map_or(String::new(), |s| {
-        format!(
-            " An arc needs {ARC_FRAMES} frames: at {} Hz that is {:.2} s from impact to impact, so bounces below {:.0} mm are too short; a higher frame rate helps.",
-            rounded(1.0 / s),
-            ARC_FRAMES * s,
-            // Up and down in that time: g T² / 8.
-            1e3 * gravity_m_s2 * (ARC_FRAMES * s).powi(2) / 8.0,
-        )
-    })
-}
-
-/// Why a flight alone is no measurement.
-pub fn no_bounce(flight: &Flight, walls: usize, calibration: &Calibration) -> String {
-    let frames = flight.used();
-    if calibration.view == View::Top {
-        return format!(
-            "a ball moves freely through {frames} frames, but shows no impact within the clip: seen from above it is a turn of the path between two stretches, so keep recording until after the first one."
-        );
-    }
-    let walls = if walls > 0 {
-        format!(", and {walls} impact(s) on something upright")
-    } else {
-        String::new()
-    };
-    format!(
-        "a ball flies freely through {frames} frames{walls}, but does not bounce on a floor within the clip: keep recording until after the first bounce, with the floor in the picture."
-    )
 }

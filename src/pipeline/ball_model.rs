@@ -1,0 +1,259 @@
+//! What all frames of a recording share of the ball: its radius, and what it looks like.
+
+use super::camera::CalibratedCamera;
+use super::decode::Decoded;
+use super::spots::{BallCentre, with_id};
+use super::track::Tracked;
+use crate::calibration::{Optics, Silhouette, Silhouettes};
+use crate::detect::Sighting;
+use crate::detect::centre::affine_patch::AffinePatch;
+use crate::detect::centre::appearance::{self, AppearanceFrame, AppearanceSettings, RadiusSource};
+use crate::detect::centre::known_ball::{Appearance, FitSettings};
+use crate::detect::centre::{Accuracy, Disc, Patch, ball, fine, standard};
+use crate::flight::Flight;
+use crate::geometry::{PixelPoint, PlanePoint};
+use crate::impact::error_budget::{
+    EDGE_STD_PX, FADED_STD_PX, LASTING_PART, LEARNED_COMMON_STD_PX, OUTLINE_COMMON_STD_PX,
+    OUTLINE_RADIUS_STD_PX,
+};
+use crate::quantity::{Quantity, median};
+
+/// A rim that differs from what is behind it by less than this part of where it differs most is faded.
+const FADED_PART: f64 = 0.25;
+
+/// An outline this little longer than wide is round, px.
+const ROUND_ENOUGH_PX: f64 = 0.01;
+
+/// What all frames share.
+#[derive(Debug, Clone)]
+pub struct BallModel {
+    /// The usual ball's radius, px: where the optical axis meets the calibrated plane ([`Silhouettes`]).
+    pub radius_px: Quantity,
+    /// The radius that first outlines have, px: of a ball of few pixels it is larger.
+    pub outline_px: f64,
+    /// What it looks like; `None` where that is not asked for or could not be learned: then its outline has to do.
+    pub appearance: Option<Appearance>,
+    /// Part of the rim that hardly differs from what is behind it, or differs the other way: where a ball's dark side fades into
+    /// the wall.
+    faded: f64,
+}
+
+impl BallModel {
+    /// How long the shutter is open, s; 0 where its smear cannot be seen.
+    pub fn exposure_s(&self) -> f64 {
+        self.appearance.as_ref().map_or(0.0, |a| a.exposure_s)
+    }
+}
+
+/// Standard deviation of the error that all centres share, px, where a codec or a shaking camera displaces each by
+/// `displaced_px`.
+pub fn common_std_px(ball: Option<&BallModel>, displaced_px: f64) -> f64 {
+    let learned = ball.and_then(|ball| Some((ball, ball.appearance.as_ref()?)));
+    learned.map_or(OUTLINE_COMMON_STD_PX, |(ball, a)| {
+        a.shift_std_px
+            .hypot(LEARNED_COMMON_STD_PX)
+            .hypot(LASTING_PART * displaced_px)
+            .hypot(FADED_STD_PX * ball.faded)
+    })
+}
+
+/// What is learned of the ball, and how hard each centre is looked for.
+pub fn method(accuracy: Accuracy) -> Option<(&'static AppearanceSettings, &'static FitSettings)> {
+    match accuracy {
+        Accuracy::Fast => None,
+        Accuracy::Standard => Some((&standard::APPEARANCE, &standard::FIT)),
+        Accuracy::Fine => Some((&fine::APPEARANCE, &fine::FIT)),
+    }
+}
+
+/// The pixels of a recording as its camera draws a ball in them.
+#[derive(Debug, Clone, Copy)]
+pub struct BallPictures<'a> {
+    /// What moves.
+    pub decoded: &'a Decoded,
+    /// What sees it.
+    pub camera: &'a CalibratedCamera<'a>,
+    silhouettes: Silhouettes<'a>,
+}
+
+impl<'a> BallPictures<'a> {
+    /// By a camera whose angles are `optics`, as far as they are known.
+    pub fn new(decoded: &'a Decoded, camera: &'a CalibratedCamera<'a>, optics: Option<Optics>) -> Self {
+        Self {
+            decoded,
+            camera,
+            silhouettes: camera.silhouettes(optics),
+        }
+    }
+
+    /// The outline of a ball at a place of a sighting's frame.
+    fn silhouette(&self, s: &Sighting, p: PixelPoint) -> Option<Silhouette> {
+        self.silhouettes.at(s.registration.reference_from_frame(p))
+    }
+
+    /// How many times larger than usual a ball of the calibrated plane is there.
+    pub fn size(&self, s: &Sighting, p: PixelPoint) -> f64 {
+        self.silhouette(s, p).map_or(1.0, |drawn| drawn.size)
+    }
+
+    /// The pixels around a sighting, and how the picture draws out a ball like `disc` there.
+    pub fn patch<'s>(&self, s: &'s Sighting, disc: &Disc) -> Patch<'s>
+    where
+        'a: 's,
+    {
+        let drawn = self
+            .silhouette(s, disc.centre)
+            .filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
+        Patch {
+            affine: drawn.and_then(|drawn| AffinePatch::new(disc.centre, drawn.stretch)),
+            ..self.decoded.detector.patch(&s.blob.crop, &s.registration)
+        }
+    }
+
+    /// Where the arcs say the ball is at `t`, in the reference picture.
+    pub fn predicted(&self, flight: &Flight, t: f64) -> Option<PixelPoint> {
+        let m = flight.fit.motion(flight.arc_at(t), t);
+        self.camera.map.pixel_from_plane(PlanePoint::new(m.r, m.h))
+    }
+
+    /// Velocity in the picture at `t`, px/s.
+    pub fn velocity_px_s(&self, flight: &Flight, t: f64) -> Option<[f64; 2]> {
+        let k = flight.arc_at(t);
+        let dt = 1e-3 * flight.interval_s;
+        let at = |t: f64| {
+            let m = flight.fit.motion(k, t);
+            self.camera.map.pixel_from_plane(PlanePoint::new(m.r, m.h))
+        };
+        let (a, b) = (at(t - dt)?, at(t + dt)?);
+        Some([(b.u_px - a.u_px) / (2.0 * dt), (b.v_px - a.v_px) / (2.0 * dt)])
+    }
+}
+
+/// The ball's radius and appearance from some of the flight's used points, spread over it.
+pub fn learned(
+    pictures: &BallPictures<'_>,
+    tracked: &Tracked,
+    accuracy: Accuracy,
+    radius: RadiusSource,
+) -> Option<BallModel> {
+    let outlines = outline_radius(pictures, &tracked.flight)?;
+    let (appearance, behind_grey) = method(accuracy)
+        .map(|(settings, _)| {
+            let examples = examples(pictures, tracked, settings);
+            let behind = examples.iter().filter_map(|e| e.patch.background.first());
+            let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
+            let longest_exposure_s = tracked.flight.interval_s;
+            (
+                appearance::estimate(&examples, longest_exposure_s, settings, radius),
+                behind_grey,
+            )
+        })
+        .unwrap_or_default();
+    let radius_px = match &appearance {
+        Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
+        None => outlines,
+    };
+    Some(BallModel {
+        radius_px,
+        outline_px: outlines.value,
+        faded: appearance
+            .as_ref()
+            .zip(behind_grey)
+            .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind)),
+        appearance,
+    })
+}
+
+/// Frames to learn from: used points whose pixels were kept, evenly over the flight.
+fn examples<'a>(
+    pictures: &BallPictures<'a>,
+    tracked: &Tracked,
+    settings: &AppearanceSettings,
+) -> Vec<AppearanceFrame<'a>> {
+    let flight = &tracked.flight;
+    let used: Vec<(&Sighting, &BallCentre, f64)> = flight
+        .used_points()
+        .filter_map(|p| {
+            let c = with_id(&tracked.centres, p.spot.id)?;
+            let sighting = &pictures.decoded.sightings[c.id];
+            let kept = !sighting.blob.crop.luma.data.is_empty();
+            kept.then_some((sighting, c, p.spot.time_s))
+        })
+        .collect();
+    let step = used.len().div_ceil(settings.frames).max(1);
+    used.iter()
+        .skip(step / 2)
+        .step_by(step)
+        .filter_map(|&(s, c, t)| {
+            let disc = c.centre.disc;
+            let patch = pictures.patch(s, &disc);
+            let moving = Disc {
+                swept_px: pictures.velocity_px_s(flight, t)?,
+                ..disc
+            };
+            let round = patch.affine.map_or(moving, |d| d.disc_in_patch(&moving));
+            Some(AppearanceFrame {
+                patch,
+                disc,
+                velocity_px_s: round.swept_px,
+                gain: s.registration.gain,
+                magnification: flight.magnification_at(t) * pictures.size(s, disc.centre),
+            })
+        })
+        .collect()
+}
+
+/// The part of a ball's rim that is faded, with light of these `terms`, before a scene of `behind_grey`.
+fn faded_part(terms: &[f64], behind_grey: f64) -> f64 {
+    let contrast = ball::rim_grey(terms).map(|grey| grey - behind_grey);
+    let most = contrast
+        .into_iter()
+        .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+        .unwrap_or(0.0);
+    let faded = contrast.iter().filter(|c| *c / most < FADED_PART).count();
+    faded as f64 / contrast.len() as f64
+}
+
+/// Median radius of the outlines with the standard error that their own scatter shows.
+fn outline_radius(pictures: &BallPictures<'_>, flight: &Flight) -> Option<Quantity> {
+    let mut radii: Vec<f64> = flight
+        .used_points()
+        .filter_map(|p| {
+            let sighting = &pictures.decoded.sightings[p.spot.id];
+            let disc = sighting.centre?.disc;
+            let size = pictures.size(sighting, disc.centre);
+            Some(disc.radius_px / (size * flight.magnification_at(p.spot.time_s)))
+        })
+        .collect();
+    let n = radii.len() as f64;
+    let radius = median(&mut radii)?;
+    let mut off: Vec<f64> = radii.iter().map(|r| (r - radius).abs()).collect();
+    let spread = 1.4826 * median(&mut off)?;
+    // 1.2533: the median's standard error over the mean's. An outline's own error is common to all.
+    let std = if n >= 3.0 {
+        (1.2533 * spread / n.sqrt()).hypot(OUTLINE_RADIUS_STD_PX)
+    } else {
+        f64::NAN
+    };
+    Quantity::new(radius, std)
+}
+
+/// The ball's radius: common to all frames, or (a ball of a few pixels) the outlines' median.
+pub fn radius_px(
+    camera: &CalibratedCamera<'_>,
+    tracked: &Tracked,
+    ball: Option<&BallModel>,
+) -> Option<Quantity> {
+    let outlines = || {
+        let silhouettes = camera.silhouettes(tracked.optics);
+        let usual = |c: &BallCentre| {
+            let drawn = silhouettes.at(c.in_reference());
+            c.centre.disc.radius_px / drawn.map_or(1.0, |drawn| drawn.size)
+        };
+        let mut radii: Vec<f64> = tracked.centres.iter().map(usual).collect();
+        Quantity::undetermined(median(&mut radii)?)
+    };
+    let radius = ball.map(|b| b.radius_px).or_else(outlines)?;
+    let std = radius.std_uncertainty.map_or(f64::NAN, |s| s.hypot(EDGE_STD_PX));
+    Quantity::new(radius.value, std)
+}

@@ -1,0 +1,164 @@
+//! Centres once the flight is known: each is looked for where the arcs say the ball is, with what the recording shares of it
+//! held. Frames in which the ball's outline was not found at first (it touched its shadow, a hand, another thing) are looked
+//! at again there.
+
+use super::ball_model::{BallModel, BallPictures, method};
+use super::spots::{BallCentre, FrameTimes, with_id};
+use crate::detect::LEAST_AGREEMENT;
+use crate::detect::centre::{Accuracy, Centre, Disc, fast, known_ball, outline};
+use crate::flight::Flight;
+use crate::geometry::PixelPoint;
+use rayon::prelude::*;
+
+/// How long before and after the flight found at first the ball may have been missed, s.
+const AROUND_S: f64 = 1.5;
+
+/// A search for a ball of known size and looks in the frames of a recording.
+#[derive(Debug, Clone, Copy)]
+pub struct CentreSearch<'a> {
+    /// Where.
+    pub pictures: BallPictures<'a>,
+    /// When.
+    pub frames: FrameTimes<'a>,
+    /// Of what.
+    pub ball: &'a BallModel,
+    /// How.
+    pub accuracy: Accuracy,
+}
+
+impl CentreSearch<'_> {
+    /// The ball in every frame from the flight's first to its last, looked for where the arcs say; what is in `known` stands.
+    pub fn along(&self, flight: &Flight, known: &[BallCentre]) -> Vec<BallCentre> {
+        let FrameTimes { times_s, duplicates } = self.frames;
+        let sightings = &self.pictures.decoded.sightings;
+        let (from, to) = reach(flight);
+        let wanted: Vec<usize> = (0..sightings.len())
+            .filter(|&i| {
+                let frame = sightings[i].frame;
+                let t = times_s[frame];
+                t >= from && t <= to && !duplicates[frame]
+            })
+            .collect();
+        let each: Vec<Option<BallCentre>> = wanted
+            .par_iter()
+            .map(|&i| {
+                let t = times_s[sightings[i].frame];
+                with_id(known, i).copied().or_else(|| self.guided(flight, i, t))
+            })
+            .collect();
+        let mut centres: Vec<BallCentre> = Vec::new();
+        for c in each.into_iter().flatten() {
+            // Two regions of one frame may both hold the place: the better outline is the ball.
+            match centres.last_mut().filter(|last| last.frame == c.frame) {
+                Some(last) => {
+                    if c.centre.outline_used > last.centre.outline_used {
+                        *last = c;
+                    }
+                }
+                None => centres.push(c),
+            }
+        }
+        centres
+    }
+
+    /// Everything that has the ball's outline, near the time of the flight and not `within` it: looked for with its size known,
+    /// which finds a faint or spoilt ball better than the first look did.
+    pub fn around(&self, flight: &Flight, within: impl Fn(f64) -> bool) -> Vec<BallCentre> {
+        let FrameTimes { times_s, duplicates } = self.frames;
+        let (from, to) = reach(flight);
+        let sightings = self.pictures.decoded.sightings.iter().enumerate();
+        sightings
+            .filter(|(_, s)| {
+                let t = times_s[s.frame];
+                !duplicates[s.frame] && t > from - AROUND_S && t < to + AROUND_S && !within(t)
+            })
+            .filter_map(|(i, s)| {
+                let alike = |c: &Centre| {
+                    let size = self.pictures.size(s, c.disc.centre);
+                    (c.disc.radius_px / (size * self.ball.outline_px) - 1.0).abs() < 0.3
+                };
+                let first = s.centre.filter(alike);
+                let centre = first.map_or(s.blob.centroid, |c| c.disc.centre);
+                let start = Disc {
+                    centre,
+                    radius_px: self.ball.radius_px.value * self.pictures.size(s, centre),
+                    swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
+                };
+                self.outlined(i, &start)
+            })
+            .collect()
+    }
+
+    /// The ball in a sighting of the time `t`, near the place where the flight has it.
+    fn guided(&self, flight: &Flight, id: usize, t: f64) -> Option<BallCentre> {
+        let pictures = &self.pictures;
+        let s = &pictures.decoded.sightings[id];
+        let there = s
+            .registration
+            .frame_from_reference(pictures.predicted(flight, t)?);
+        let radius_px = self.ball.radius_px.value * flight.magnification_at(t) * pictures.size(s, there);
+        if !s.blob.crop.contains(there, -0.3 * radius_px) {
+            return None;
+        }
+        let swept_px = pictures
+            .velocity_px_s(flight, t)?
+            .map(|v| v * self.ball.exposure_s());
+        // Near the prediction the first look's own centre is the better start; far from it, it is another thing.
+        let gate = 0.5 * radius_px + 2.0;
+        let start = s
+            .centre
+            .map(|c| c.disc.centre)
+            .filter(|c| c.distance_px(there) < gate)
+            .unwrap_or(there);
+        let disc = Disc {
+            centre: start,
+            radius_px,
+            swept_px,
+        };
+        let close = |c: &BallCentre, to: PixelPoint, gate: f64| c.centre.disc.centre.distance_px(to) < gate;
+        self.fitted(id, &disc)
+            .or_else(|| {
+                self.outlined(id, &disc)
+                    .filter(|c| close(c, start, 0.5 * radius_px))
+            })
+            .filter(|c| close(c, there, gate))
+    }
+
+    /// The centre near `start`.
+    fn fitted(&self, id: usize, start: &Disc) -> Option<BallCentre> {
+        let s = &self.pictures.decoded.sightings[id];
+        let patch = self.pictures.patch(s, start);
+        let round = patch.affine.map_or(*start, |d| d.disc_in_patch(start));
+        let centre = match (&self.ball.appearance, method(self.accuracy)) {
+            (Some(appearance), Some((_, effort))) => {
+                let magnification = start.radius_px / self.ball.radius_px.value;
+                let ball = appearance.magnified(magnification, effort);
+                known_ball::fit(&patch, &ball, &round, s.registration.gain, effort)?.centre
+            }
+            _ => fast::centre(&patch, &round, s.blob.contrast_grey)?,
+        };
+        let centre = patch.affine.map_or(centre, |d| d.centre_in_frame(&centre));
+        Some(BallCentre::new(id, s, centre))
+    }
+
+    /// The centre wherever around `start` the patch holds an outline of the ball's size.
+    fn outlined(&self, id: usize, start: &Disc) -> Option<BallCentre> {
+        let s = &self.pictures.decoded.sightings[id];
+        let outline_px = self.ball.outline_px * start.radius_px / self.ball.radius_px.value;
+        let found = outline::find(&self.pictures.patch(s, start), start.centre, Some(outline_px))?;
+        let disc = Disc {
+            centre: found.disc.centre,
+            ..*start
+        };
+        (found.agreement >= LEAST_AGREEMENT)
+            .then(|| self.fitted(id, &disc))
+            .flatten()
+    }
+}
+
+/// First and last time to look at: a few frames beyond the flight's ends, where the ball may have been hidden by the hand or cut
+/// by the border.
+fn reach(flight: &Flight) -> (f64, f64) {
+    let (from, to) = flight.time_span();
+    (from - 5.5 * flight.interval_s, to + 5.5 * flight.interval_s)
+}

@@ -1,0 +1,194 @@
+//! What a measurement of one recording consists of: the shapes that `measure` fills and `report` writes.
+
+pub use crate::calibration::View;
+use crate::frames::Luma;
+use crate::geometry::{PixelPoint, WorldPoint};
+use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
+use crate::quantity::Quantity;
+use std::path::PathBuf;
+
+/// Everything measured on one recording.
+#[derive(Debug, Clone)]
+pub struct Measurement {
+    /// The file.
+    pub video: VideoFacts,
+    /// What the second coordinate of a [`WorldPoint`] is.
+    pub view: View,
+    /// Whether it was measured, and why not.
+    pub outcome: Outcome,
+    /// The ball in every frame where it was seen.
+    pub track: Track,
+    /// Magnitude of the acceleration in flight, m/s², where the scale does not itself come from gravity.
+    pub gravity_m_s2: Option<Quantity>,
+    /// How far "up" is from where the calibration has it, in a side view.
+    pub up: Option<UpTilt>,
+    /// The floor's slope, in a side view.
+    pub floor: Option<FloorSlope>,
+    /// Where the ball left a bench that it was seen on.
+    pub launch: Option<BenchLaunch>,
+    /// The impacts on the floor, in time order.
+    pub bounces: Vec<Bounce>,
+    /// x0 and x.
+    pub distances: Distances,
+    /// What both models make of the first bounce.
+    pub readings: Option<Readings>,
+    /// What the user has to know, in order of appearance.
+    pub warnings: Vec<Warning>,
+    /// The fitted arcs, for drawing.
+    pub arcs: Vec<ArcTrace>,
+    /// What a stroboscopic picture is made of.
+    pub strobe: Option<Strobe>,
+}
+
+/// The recording as a file.
+#[derive(Debug, Clone)]
+pub struct VideoFacts {
+    /// As the user named it.
+    pub path: PathBuf,
+    /// Columns.
+    pub width_px: usize,
+    /// Rows.
+    pub height_px: usize,
+    /// Frames read.
+    pub frames: u64,
+    /// Rate of distinct frames on the time base in use, Hz.
+    pub frame_rate_hz: Option<f64>,
+    /// Last time minus first, s.
+    pub duration_s: f64,
+    /// Where times come from.
+    pub time_source: TimeSource,
+}
+
+/// The direction of "up" in use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UpTilt {
+    /// Angle from the calibration's "up" (straight up in the picture where it has none) to the one in use, rad; positive to
+    /// the right in the picture.
+    pub tilt_rad: Quantity,
+    /// What tells it more closely.
+    pub source: UpSource,
+}
+
+/// What tells "up".
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UpSource {
+    /// The calibration.
+    Calibration,
+    /// The direction in which all arcs fall.
+    Fall,
+}
+
+/// Where times come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeSource {
+    /// The file's own presentation time stamps.
+    Stamps,
+    /// `frame_rate_hz` of the calibration.
+    Calibration,
+}
+
+/// Measured, or not and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// There are bounces.
+    Measured,
+    /// There is nothing to trust.
+    Rejected {
+        /// Why, and what to try, in a sentence or two.
+        reason: String,
+    },
+}
+
+/// The ball's centres.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// The centre method.
+    pub method: String,
+    /// Frames in which the ball was seen.
+    pub detected: usize,
+    /// Typical standard uncertainty of a centre in each coordinate as the flight's residuals show it, px.
+    pub centre_std_px: Option<f64>,
+    /// The ball's radius, px.
+    pub radius_px: Option<Quantity>,
+    /// A row for every frame in which the ball was seen, in time order.
+    pub points: Vec<TrackPoint>,
+}
+
+/// One centre.
+#[derive(Debug, Clone)]
+pub struct TrackPoint {
+    /// Frame in presentation order, from 0.
+    pub frame: usize,
+    /// Time on the time base in use, s.
+    pub time_s: f64,
+    /// Centre in that frame's own picture.
+    pub pixel: PixelPoint,
+    /// Standard uncertainty of each coordinate, px.
+    pub std_px: Option<f64>,
+    /// Centre in the world, `None` without a scale.
+    pub world: Option<WorldPoint>,
+    /// The arc it belongs to and was used for, or why it was not used.
+    pub use_: PointUse,
+    /// Residual to its arc (measured − fitted): along x and along up, m; `None` when it belongs to no arc.
+    pub residual_m: Option<WorldPoint>,
+}
+
+/// Whether a point entered a fit.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PointUse {
+    /// Used for the arc with this index.
+    Used(usize),
+    /// Not used, and why (a short phrase: "in contact with the floor").
+    Unused(String),
+}
+
+/// A fitted arc as a fine polyline (24 points or more), ready to draw.
+#[derive(Debug, Clone)]
+pub struct ArcTrace {
+    /// First to last time, s.
+    pub samples: Vec<ArcSample>,
+}
+
+/// A point of a fitted arc.
+#[derive(Debug, Clone, Copy)]
+pub struct ArcSample {
+    /// Time, s.
+    pub time_s: f64,
+    /// Place in the reference picture.
+    pub pixel: PixelPoint,
+    /// Place in the world, `None` without a scale.
+    pub world: Option<WorldPoint>,
+}
+
+/// A word to the user: a stable code and a sentence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Warning {
+    /// Stable, lower case with underscores.
+    pub code: &'static str,
+    /// What was noticed, with numbers, and what to do.
+    pub message: String,
+}
+
+/// What a stroboscopic picture is made of: the empty scene, and the ball cut out of its frames.
+#[derive(Debug, Clone)]
+pub struct Strobe {
+    /// The scene without anything that moves, code values stretched to 0..=255.
+    pub background: Luma,
+    /// Cut-outs of used points, in time order.
+    pub balls: Vec<StrobeBall>,
+}
+
+/// A ball cut out of its frame.
+#[derive(Debug, Clone)]
+pub struct StrobeBall {
+    /// The frame it comes from.
+    pub frame: usize,
+    /// Column and row of the cut-out's top-left pixel in the background's picture (may be negative).
+    pub corner_px: (i64, i64),
+    /// The cut-out, stretched like the background.
+    pub luma: Luma,
+    /// Centre in the background's picture.
+    pub centre: PixelPoint,
+    /// Ball radius, px.
+    pub radius_px: f64,
+}

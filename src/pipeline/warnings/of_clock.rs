@@ -1,0 +1,110 @@
+//! What is odd about the clock of a recording, and what moves its whole picture.
+
+use super::warning;
+use crate::calibration::Calibration;
+use crate::detect::registration::Registration;
+use crate::frames::timebase::TimeBase;
+use crate::pipeline::decode::Decoded;
+use crate::pipeline::measurement::Warning;
+
+/// What is odd about the clock `base` of the recording, and what moves its whole picture.
+pub fn of_clock(
+    seen: &Decoded,
+    base: &TimeBase,
+    duplicates: &[bool],
+    calibration: &Calibration,
+) -> Vec<Warning> {
+    let mut out = Vec::new();
+    out.extend(duplicated(seen, base, duplicates, calibration));
+    if base.gaps > 0 {
+        out.push(warning(
+            "dropped_frames",
+            format!("the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.", base.missing, base.gaps),
+        ));
+    }
+    if base.skipped > 0 {
+        out.push(warning(
+            "frames_skipped",
+            format!("{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.", base.skipped),
+        ));
+    }
+    out.extend(moved_camera(
+        &seen.registrations,
+        seen.detector.background.registrar.fixed,
+    ));
+    out.extend(shaken_camera(seen, base));
+    out
+}
+/// Frames that show the one before once more.
+fn duplicated(
+    seen: &Decoded,
+    base: &TimeBase,
+    duplicates: &[bool],
+    calibration: &Calibration,
+) -> Option<Warning> {
+    let count = duplicates.iter().filter(|&&r| r).count();
+    if count == 0 {
+        return None;
+    }
+    let stored = seen
+        .info
+        .nominal_rate_hz
+        .map_or(String::new(), |r| format!(" of a {r:.4} Hz file"));
+    let rate = base.interval_s.map_or(String::new(), |i| {
+        let clock = if calibration.frame_rate_hz.is_some() {
+            "by the calibration"
+        } else if base.evened {
+            "evenly, as the ball's motion shows, not by the stamps"
+        } else {
+            "by the stamps"
+        };
+        format!(" Distinct pictures come at {:.4} Hz {clock}.", 1.0 / i)
+    });
+    Some(warning(
+        "repeated_frames",
+        format!(
+            "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
+            duplicates.len()
+        ),
+    ))
+}
+
+/// Shifts beyond this are worth a word, px: smaller ones are followed without one, and a codec makes some of up to 0.3.
+const WORTH_SAYING_PX: f64 = 0.5;
+
+/// Swings of a camera that otherwise stands still.
+fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
+    let swings = |r: &&Registration| !r.is_still();
+    let shaken: Vec<(f64, f64)> = seen
+        .registrations
+        .iter()
+        .zip(&base.times_s)
+        .filter(|(r, _)| swings(r))
+        .map(|(r, &t)| (t, r.shift_px()))
+        .collect();
+    let (first, _) = shaken
+        .first()
+        .filter(|_| seen.detector.background.registrar.fixed)?;
+    let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
+    (most > WORTH_SAYING_PX).then(|| warning(
+        "camera_shaken",
+        format!(
+            "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
+            shaken.len(),
+            seen.registrations.len(),
+        ),
+    ))
+}
+
+fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
+    let most = registrations
+        .iter()
+        .map(Registration::shift_px)
+        .fold(0.0, f64::max);
+    (!fixed && most > WORTH_SAYING_PX).then(|| {
+        warning(
+            "camera_moved",
+            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."),
+        )
+    })
+}

@@ -1,0 +1,54 @@
+//! What is odd about the file.
+
+use super::warning;
+use crate::frames::StreamHealth;
+use crate::pipeline::measurement::Warning;
+
+/// What is odd about a file in which the decoder found `health`.
+pub fn of_file(health: &StreamHealth) -> Vec<Warning> {
+    let mut out: Vec<Warning> = health
+        .notes
+        .iter()
+        .map(|n| warning(n.code, n.message.clone()))
+        .collect();
+    let read = health.frames_read;
+    if let Some(why) = &health.ended_early {
+        let of = health
+            .frames_expected
+            .map_or(String::new(), |n| format!(" of {n}"));
+        out.push(warning(
+            "file_cut_short",
+            format!("the file ends early: {read}{of} frames were read, then: {why}. What is there was measured; copy the file from the camera again to have the rest."),
+        ));
+    } else if let Some(expected) = health.frames_expected.filter(|&n| n > read) {
+        out.push(warning(
+            "frames_missing",
+            format!("the file announces {expected} frames, {read} could be read."),
+        ));
+    }
+    if health.damaged > 0 {
+        out.push(warning(
+            "damaged_frames",
+            format!(
+                "{} of {read} frames are damaged; centres in them are less sure or missing.",
+                health.damaged
+            ),
+        ));
+    }
+    if health.interlaced > 0 {
+        out.push(warning(
+            "interlaced",
+            format!("{} of {read} frames are interlaced: odd and even rows show different moments, which blurs a moving ball. Record progressively, or deinterlace to double rate first (ffmpeg -vf bwdif).", health.interlaced),
+        ));
+    }
+    if health.stamps_repaired > 0 {
+        out.push(warning(
+            "time_stamps_repaired",
+            format!(
+                "{} frames had no usable time stamp; their times were interpolated.",
+                health.stamps_repaired
+            ),
+        ));
+    }
+    out
+}
