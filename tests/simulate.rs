@@ -4,9 +4,9 @@
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::path::Path;
-use track::rebound::{SOLID_SPHERE, launch, mu_e};
+use track::rebound::{Contact, SOLID_SPHERE, launch, mu_e};
 use track::simulate::effects::{Decision, drag_coefficient};
-use track::simulate::scene::{Codec, Contact, EffectsChoice, Switch, View};
+use track::simulate::scene::{Codec, EffectsChoice, Switch, View};
 use track::simulate::{Scene, SceneError, SimulatedRecording, write};
 
 const STEEL: &str = r#"{"model": "mu_e", "restitution": 0.78, "friction": 0.07}"#;

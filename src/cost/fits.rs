@@ -5,9 +5,9 @@
 
 use super::stats::{ErrorStatistics, Quartiles};
 use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
-use crate::rebound::fit::study::{DEFAULT_TOLERANCE, Searched, Study, Variant};
+use crate::rebound::fit::study::{DEFAULT_TOLERANCE, Searched, Study};
 use crate::rebound::fit::{Column, Row, Series};
-use crate::rebound::{Motion, SOLID_SPHERE, grip_slide};
+use crate::rebound::{ModelName, Motion, SOLID_SPHERE, grip_slide};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
@@ -82,10 +82,10 @@ impl FitPlan {
     }
 }
 
-/// Variant and its name, and the e_x of its series.
-const VARIANTS: [(Variant, &str, f64); 2] = [
-    (Variant::MuE, "e, μ", 0.0),
-    (Variant::GripSlide, "e, e_x, μ", 0.4),
+/// Model, its parameters, and the e_x of its series.
+const VARIANTS: [(ModelName, &str, f64); 2] = [
+    (ModelName::MuE, "e, μ", 0.0),
+    (ModelName::GripSlide, "e, e_x, μ", 0.4),
 ];
 
 /// Bounces of a ball at angles from 5 to 70°, half of which slide, each velocity off by a normal error.
@@ -128,8 +128,8 @@ struct ReferenceSeries {
 }
 
 impl ReferenceSeries {
-    fn new(variant: Variant, e_x: f64, rows: usize, seed: u64) -> Result<Option<Self>, CostError> {
-        let study = Study::new(&series(e_x, rows, seed)?, variant);
+    fn new(model: ModelName, e_x: f64, rows: usize, seed: u64) -> Result<Option<Self>, CostError> {
+        let study = Study::new(&series(e_x, rows, seed)?, model);
         let found = study.search(REFERENCE).and_then(|reference| {
             let aside = std::array::from_fn(|j| reference.values[j] + 0.1 * reference.stds[j]);
             Some((reference, study.search_near(aside, REFERENCE)?))
@@ -162,10 +162,10 @@ pub fn run(plan: &FitPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, Cos
     let mut own = Vec::new();
     let mut stds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
     for &rows in &plan.rows {
-        for (variant, name, e_x) in VARIANTS {
+        for (model, name, e_x) in VARIANTS {
             let mut cases = Vec::new();
             for seed in 1..=plan.series {
-                cases.extend(ReferenceSeries::new(variant, e_x, rows, seed)?);
+                cases.extend(ReferenceSeries::new(model, e_x, rows, seed)?);
                 stopwatch.advance(rows as f64 * 4e-3);
             }
             own.extend(cases.iter().map(|c| c.in_stds(&c.own)));

@@ -9,7 +9,14 @@
 //! x is the direction of the incident horizontal velocity, as in the paper; of a ball that falls straight, the
 //! direction of its slip.
 
-use super::{Motion, Regime, apply_grip, direction, limiting_angle_rad, rebound_tangent as over, slip_share};
+use super::impulse::{
+    Motion, Regime, apply_grip, direction, limiting_angle_rad, rebound_tangent as over, slip_share,
+};
+use super::model::{
+    BounceNumbers, BounceReading, Coefficient, CoefficientChange, FittedCoefficients, FrictionLimit,
+    RESTITUTION_RANGE, ReboundLaw, ReboundModel, TANGENTIAL_RANGE, sigmas_apart,
+};
+use super::parameter::{E, E_X, Parameter};
 use nalgebra::Vector2;
 
 /// Coefficients of the e-e model.
@@ -79,4 +86,111 @@ pub fn grip_limit_angle_rad(
 ) -> f64 {
     let grip = slip_share(inertia_factor) * (1.0 + tangential_restitution_x);
     limiting_angle_rad(friction * (1.0 + restitution), grip, spin_ratio)
+}
+
+impl ReboundLaw for Parameters {
+    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+        impact(incoming, self, inertia_factor)
+    }
+
+    fn restitution(&self) -> f64 {
+        self.restitution
+    }
+
+    fn transition_rad(&self, _spin_ratio: f64, _inertia_factor: f64) -> Option<f64> {
+        None
+    }
+}
+
+impl Parameters {
+    /// From [`COEFFICIENTS`].
+    pub(super) fn from_scene([restitution, x, y]: [f64; 3]) -> Self {
+        Self {
+            restitution,
+            tangential_restitution_x: x,
+            tangential_restitution_y: y,
+        }
+    }
+
+    /// As fitted.
+    pub(super) fn from_fit(fitted: &FittedCoefficients) -> Self {
+        Self::from_scene([fitted.theta[E], fitted.theta[E_X], fitted.theta[E_X]])
+    }
+}
+
+const COEFFICIENTS: [Coefficient; 3] = [
+    Coefficient::required("restitution", RESTITUTION_RANGE),
+    Coefficient::required("tangential_restitution_x", TANGENTIAL_RANGE),
+    Coefficient {
+        key: "tangential_restitution_y",
+        range: TANGENTIAL_RANGE,
+        same_as: Some("tangential_restitution_x"),
+    },
+];
+
+/// The e-e model, whatever its coefficients.
+pub struct Model;
+
+impl ReboundModel for Model {
+    fn name(&self) -> &'static str {
+        "e_e"
+    }
+
+    fn title(&self) -> &'static str {
+        "e-e: restitution sideways, too"
+    }
+
+    fn coefficients(&self) -> &'static [Coefficient] {
+        &COEFFICIENTS
+    }
+
+    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+        match parameter {
+            Parameter::Friction => Some("the e_e model has no friction"),
+            Parameter::StaticFriction => Some("the e_e model has no static friction of its own"),
+            _ => None,
+        }
+    }
+
+    fn friction_limit(&self) -> FrictionLimit {
+        FrictionLimit::Never
+    }
+
+    fn read(&self, bounce: &BounceNumbers) -> Option<BounceReading> {
+        Some(BounceReading {
+            parameter: Parameter::TangentialRestitution,
+            quantity: bounce.tangential_restitution,
+            regime: bounce.slip,
+        })
+    }
+
+    fn change(&self, first: &BounceNumbers, second: &BounceNumbers) -> Option<CoefficientChange> {
+        let sigmas = sigmas_apart(first.tangential_restitution, second.tangential_restitution)?;
+        Some(CoefficientChange {
+            sigmas,
+            agrees: sigmas.abs() < 2.0,
+        })
+    }
+
+    fn regime_words(&self, regime: Option<Regime>) -> &'static str {
+        match regime {
+            Some(Regime::Ordinary | Regime::Sliding) => {
+                "e_x below 0: the ball's lowest point was still slipping forward when it left"
+            }
+            Some(Regime::Nonsliding) => {
+                "e_x equal to 0 within its uncertainty: the ball left rolling, its lowest point at rest on the floor"
+            }
+            Some(Regime::Grip) => {
+                "e_x above 0: the contact gripped and sprang back sideways, as a superball does; the ball leaves \
+                 spinning faster than it would roll"
+            }
+            None => {
+                "the uncertainty of e_x does not tell its sign (or the spin before the bounce is not known)"
+            }
+        }
+    }
+
+    fn preferred_words(&self) -> &'static str {
+        "the e-e model (horizontal restitution) describes the bounces of this recording better"
+    }
 }

@@ -9,10 +9,15 @@
 //! One e_x for both horizontal directions: both branches act along −c, so the model is continuous at the transition
 //! and looks the same from every side. With e_x = 0 and μ_o = μ it is the μ-e model.
 
-use super::{
-    Motion, Regime, apply_grip, apply_impulse, e_e, length, normal_impulse_m_s, sliding_impulse_m_s,
-    slip_share,
+use super::e_e;
+use super::impulse::{
+    Motion, Regime, apply_grip, apply_impulse, length, normal_impulse_m_s, sliding_impulse_m_s, slip_share,
 };
+use super::model::{
+    Coefficient, FRICTION_RANGE, FittedCoefficients, FrictionLimit, RESTITUTION_RANGE, ReboundLaw,
+    ReboundModel, TANGENTIAL_RANGE,
+};
+use super::parameter::{E, E_X, Parameter};
 use nalgebra::Vector2;
 
 /// Coefficients of the grip-slide model.
@@ -56,4 +61,74 @@ pub fn transition_angle_rad(parameters: &Parameters, spin_ratio: f64, inertia_fa
         spin_ratio,
         inertia_factor,
     )
+}
+
+impl ReboundLaw for Parameters {
+    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+        impact(incoming, self, inertia_factor)
+    }
+
+    fn restitution(&self) -> f64 {
+        self.restitution
+    }
+
+    fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64> {
+        self.friction
+            .is_finite()
+            .then(|| transition_angle_rad(self, spin_ratio, inertia_factor))
+    }
+}
+
+impl Parameters {
+    /// From [`COEFFICIENTS`].
+    pub(super) fn from_scene([restitution, friction, x]: [f64; 3]) -> Self {
+        Self {
+            restitution,
+            tangential_restitution_x: x,
+            friction,
+        }
+    }
+
+    /// As fitted; where no row slides, friction is enough for any.
+    pub(super) fn from_fit(fitted: &FittedCoefficients) -> Self {
+        let friction = fitted.friction.unwrap_or(f64::INFINITY);
+        Self::from_scene([fitted.theta[E], friction, fitted.theta[E_X]])
+    }
+}
+
+const COEFFICIENTS: [Coefficient; 3] = [
+    Coefficient::required("restitution", RESTITUTION_RANGE),
+    Coefficient::required("friction", FRICTION_RANGE),
+    Coefficient::required("tangential_restitution_x", TANGENTIAL_RANGE),
+];
+
+/// The grip-slide model, whatever its coefficients.
+pub struct Model;
+
+impl ReboundModel for Model {
+    fn name(&self) -> &'static str {
+        "grip_slide"
+    }
+
+    fn title(&self) -> &'static str {
+        "grip-slide: restitution sideways up to the limit of friction"
+    }
+
+    fn coefficients(&self) -> &'static [Coefficient] {
+        &COEFFICIENTS
+    }
+
+    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+        (parameter == Parameter::StaticFriction)
+            .then_some("the grip_slide model has no static friction of its own")
+    }
+
+    fn friction_limit(&self) -> FrictionLimit {
+        FrictionLimit::AtFriction
+    }
+
+    /// e_x = 0; friction never reached.
+    fn special_cases(&self) -> &'static [&'static str] {
+        &["mu_e", "e_e"]
+    }
 }

@@ -6,10 +6,15 @@
 //! sliding otherwise              P = −μ (1 + e) |v_oz| c/|c|
 //! ```
 
-use super::{
+use super::impulse::{
     Motion, Regime, apply_grip, apply_impulse, length, limiting_angle_rad, normal_impulse_m_s,
     rebound_tangent, sliding_impulse_m_s, slip_share,
 };
+use super::model::{
+    BounceNumbers, BounceReading, Coefficient, CoefficientChange, Contradiction, FRICTION_RANGE,
+    FittedCoefficients, FrictionLimit, RESTITUTION_RANGE, ReboundLaw, ReboundModel, sigmas_apart,
+};
+use super::parameter::{E, Parameter};
 use nalgebra::Vector2;
 
 /// Coefficients of the μ-e model.
@@ -75,4 +80,150 @@ pub fn nonsliding_rebound_tangent(
 ) -> Option<f64> {
     let s = slip_share(inertia_factor);
     rebound_tangent(((1.0 - s) + s * spin_ratio) * incident_tangent, restitution)
+}
+
+impl ReboundLaw for Parameters {
+    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+        impact(incoming, self, inertia_factor)
+    }
+
+    fn restitution(&self) -> f64 {
+        self.restitution
+    }
+
+    fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64> {
+        self.static_friction
+            .is_finite()
+            .then(|| transition_angle_rad(self, spin_ratio, inertia_factor))
+    }
+}
+
+impl Parameters {
+    /// From [`COEFFICIENTS`].
+    ///
+    /// # Errors
+    ///
+    /// Static friction below friction.
+    pub(super) fn from_scene(
+        [restitution, friction, static_friction]: [f64; 3],
+    ) -> Result<Self, Contradiction> {
+        if static_friction < friction {
+            return Err(Contradiction {
+                key: "static_friction",
+                accepted: format!("at least friction, {friction}"),
+                hint: "a surface that holds worse than it slides has no transition; exchange the two",
+            });
+        }
+        Ok(Self {
+            restitution,
+            friction,
+            static_friction,
+        })
+    }
+
+    /// As fitted; where no row slides, friction is enough for any.
+    pub(super) fn from_fit(fitted: &FittedCoefficients) -> Self {
+        let friction = fitted.friction.unwrap_or(f64::INFINITY);
+        Self {
+            restitution: fitted.theta[E],
+            friction,
+            static_friction: fitted
+                .static_friction
+                .map_or(f64::INFINITY, |limit| limit.max(friction)),
+        }
+    }
+}
+
+const COEFFICIENTS: [Coefficient; 3] = [
+    Coefficient::required("restitution", RESTITUTION_RANGE),
+    Coefficient::required("friction", FRICTION_RANGE),
+    Coefficient {
+        key: "static_friction",
+        range: FRICTION_RANGE,
+        same_as: Some("friction"),
+    },
+];
+
+/// The μ-e model, whatever its coefficients.
+pub struct Model;
+
+impl ReboundModel for Model {
+    fn name(&self) -> &'static str {
+        "mu_e"
+    }
+
+    fn title(&self) -> &'static str {
+        "μ-e: Coulomb friction"
+    }
+
+    fn coefficients(&self) -> &'static [Coefficient] {
+        &COEFFICIENTS
+    }
+
+    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+        (parameter == Parameter::TangentialRestitution)
+            .then_some("the mu_e model has none: a ball that does not slide leaves rolling, which is e_x = 0")
+    }
+
+    fn friction_limit(&self) -> FrictionLimit {
+        FrictionLimit::AtStaticFriction
+    }
+
+    fn same_without_sliding(&self) -> Option<(&'static str, &'static str)> {
+        Some((
+            "e_e",
+            "no row slides, and none needs an e_x other than 0, with which e_e says what mu_e says",
+        ))
+    }
+
+    fn read(&self, bounce: &BounceNumbers) -> Option<BounceReading> {
+        Some(BounceReading {
+            parameter: Parameter::Friction,
+            // Without sliding, friction is only known to be enough.
+            quantity: bounce.friction,
+            regime: match bounce.slip {
+                Some(Regime::Ordinary | Regime::Sliding) => Some(Regime::Sliding),
+                Some(Regime::Nonsliding) => Some(Regime::Nonsliding),
+                // More tangential impulse than stops the slip: Coulomb friction cannot give it.
+                Some(Regime::Grip) | None => None,
+            },
+        })
+    }
+
+    fn allows(&self, slip: Regime) -> bool {
+        slip != Regime::Grip
+    }
+
+    fn change(&self, first: &BounceNumbers, second: &BounceNumbers) -> Option<CoefficientChange> {
+        let sigmas = sigmas_apart(first.friction, second.friction.or(second.friction_at_least))?;
+        Some(CoefficientChange {
+            sigmas,
+            agrees: match second.slip {
+                Some(Regime::Ordinary) => sigmas.abs() < 2.0,
+                // A second bounce that rolls off needs less friction than sliding would give.
+                Some(Regime::Nonsliding) => sigmas < 2.0,
+                _ => false,
+            },
+        })
+    }
+
+    fn regime_words(&self, regime: Option<Regime>) -> &'static str {
+        match regime {
+            Some(Regime::Sliding) => {
+                "the ball slid on the floor for the whole contact, with friction at its limit: the change of \
+                 horizontal speed gives μ"
+            }
+            Some(_) => {
+                "friction stopped the slip before the ball left: it leaves rolling, and the bounce gives only a lower \
+                 limit for μ"
+            }
+            None => {
+                "the uncertainties do not tell whether the ball slid to the end of the contact or left rolling"
+            }
+        }
+    }
+
+    fn preferred_words(&self) -> &'static str {
+        "the μ-e model (Coulomb friction) describes the bounces of this recording better"
+    }
 }

@@ -3,9 +3,9 @@
 use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
 use super::track_plots::span;
 use crate::quantity::{commonest, median};
-use crate::rebound::SOLID_SPHERE;
 use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
-use crate::rebound::fit::{Curve, GroupFit, ModelFit, ModelName, RowRegime, Series};
+use crate::rebound::fit::{GroupFit, ModelFit, ModelName, RowRegime, Series};
+use crate::rebound::{Contact, SOLID_SPHERE};
 use std::f64::consts::FRAC_PI_2;
 
 /// Rows drawn of a group; of more, every n-th.
@@ -272,7 +272,7 @@ impl<'a> GroupDrawing<'a> {
     }
 
     /// θ_L over all spins before.
-    fn border(&self, curve: &Curve) -> Vec<Vec<(f64, f64)>> {
+    fn border(&self, curve: &Contact) -> Vec<Vec<(f64, f64)>> {
         let spins = (0..=2 * STEPS).map(|i| -5.0 + 12.0 * i as f64 / (2.0 * STEPS as f64));
         let line: Vec<(f64, f64)> = spins
             .filter_map(|r| Some((curve.transition_rad(r, self.inertia_factor)?.to_degrees(), r)))
@@ -307,12 +307,10 @@ fn dot(figure: SeriesFigure, row: &DrawnRow) -> Option<PlotPoint> {
     })
 }
 
+/// Lines that are told apart without colour, in the order of the models.
 fn stroke(name: ModelName) -> LineStyle {
-    match name {
-        ModelName::MuE => LineStyle::Solid,
-        ModelName::EE => LineStyle::Dashed,
-        ModelName::GripSlide => LineStyle::Broad,
-    }
+    const STYLES: [LineStyle; 3] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Broad];
+    STYLES[name as usize % STYLES.len()]
 }
 
 /// From zero, where the paper's axes begin, unless the points lie on the other side of it.

@@ -11,7 +11,7 @@ use super::series_table::{self, missing, model_rows, preferred};
 use super::track_plots::PlotError;
 use super::words::{counted, format_quantity};
 use super::{chart::LineStyle, chart::PointMarker};
-use crate::rebound::fit::{GroupFit, ModelFit, Note, Parameter, Preferred, Series, SeriesFit};
+use crate::rebound::fit::{GroupFit, ModelFit, ModelName, Note, Parameter, Preferred, Series, SeriesFit};
 use std::fmt::Write as _;
 
 /// The page, complete. Links of rows are relative to where it lies.
@@ -240,7 +240,7 @@ fn transition_fact(shown: &ModelFit) -> Option<String> {
 /// With a capital letter.
 fn sentence(text: &str) -> String {
     // Names of models stay as they are.
-    if text.starts_with("mu_e") || text.starts_with("e_e") || text.starts_with("grip_slide") {
+    if ModelName::ALL.iter().any(|model| text.starts_with(model.name())) {
         return text.to_owned();
     }
     let mut letters = text.chars();

@@ -3,9 +3,7 @@
 use super::series_json::pace_name;
 use super::table::line;
 use super::words::{self, NO_VALUE, counted, format_quantity};
-use crate::rebound::fit::{
-    CourtPace, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, SeriesFit, Weights,
-};
+use crate::rebound::fit::{CourtPace, Fitted, GroupFit, ModelFit, Parameter, Preferred, SeriesFit, Weights};
 use std::fmt::Write as _;
 
 /// Columns of the names at the left.
@@ -75,17 +73,8 @@ fn group_lines(text: &mut String, group: &GroupFit) {
 /// In words, without a full stop.
 pub(super) fn preferred(preferred: Preferred) -> String {
     match preferred {
-        Preferred::Model(name) => model_name(name).to_owned(),
+        Preferred::Model(name) => name.model().title().to_owned(),
         Preferred::Undetermined => "undetermined: these rows do not tell".to_owned(),
-    }
-}
-
-/// A model in words.
-pub(super) fn model_name(name: ModelName) -> &'static str {
-    match name {
-        ModelName::MuE => "μ-e: Coulomb friction",
-        ModelName::EE => "e-e: restitution sideways, too",
-        ModelName::GripSlide => "grip-slide: restitution sideways up to the limit of friction",
     }
 }
 
@@ -243,24 +232,14 @@ fn why_not(text: &mut String, group: &GroupFit) {
 
 /// The parameters of a model that are not determined, and why; not those that it does not have.
 pub(super) fn missing(fit: &ModelFit) -> Vec<(&'static str, &str)> {
-    let has = |parameter: Parameter| match parameter {
-        Parameter::Restitution => true,
-        Parameter::Friction => fit.name != ModelName::EE,
-        Parameter::StaticFriction => fit.name == ModelName::MuE,
-        Parameter::TangentialRestitution => fit.name != ModelName::MuE,
-        Parameter::SpinRatio => fit.shared_spin_ratio.is_some(),
-    };
-    let symbol = |parameter: Parameter| match parameter {
-        Parameter::Restitution => "e",
-        Parameter::Friction => "μ",
-        Parameter::StaticFriction => "μ_o",
-        Parameter::TangentialRestitution => "e_x",
-        Parameter::SpinRatio => "spin before",
+    let has = |parameter: Parameter| {
+        fit.name.model().lacks(parameter).is_none()
+            && (parameter != Parameter::SpinRatio || fit.shared_spin_ratio.is_some())
     };
     Parameter::ALL
         .into_iter()
         .filter(|p| has(*p))
-        .filter_map(|p| Some((symbol(p), fit.parameter(p).reason()?)))
+        .filter_map(|p| Some((p.symbol(), fit.parameter(p).reason()?)))
         .collect()
 }
 

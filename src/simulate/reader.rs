@@ -45,11 +45,6 @@ pub(super) const FRACTION: NumberRange = NumberRange {
     test: |x| (0.0..=1.0).contains(&x),
     hint: "a coefficient of restitution or a share cannot exceed 1: no rebound gains energy",
 };
-pub(super) const SIGNED_FRACTION: NumberRange = NumberRange {
-    words: "a number from -1 to 1",
-    test: |x| (-1.0..=1.0).contains(&x),
-    hint: "-1 is no friction, 0 leaves rolling, 1 is the ideal superball",
-};
 pub(super) const GREY: NumberRange = NumberRange {
     words: "a grey level from 0 to 255",
     test: |x| (0.0..=255.0).contains(&x),

@@ -1,12 +1,10 @@
 //! A scene: a ball, a floor, a launch, a camera. The JSON of `contract.md`, checked.
 
 use super::effects;
-use super::reader::{
-    ANY, FACTOR, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, SIGNED_FRACTION, Section, nearest, shown,
-};
+use super::reader::{ANY, FACTOR, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, Section, nearest, shown};
 use crate::calibration::INERTIA;
 pub use crate::calibration::View;
-use crate::rebound::{Motion, Regime, e_e, grip_slide, mu_e};
+use crate::rebound::{Contact, ModelName};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -144,39 +142,6 @@ pub struct SceneBall {
     pub drag_factor: f64,
     /// Magnus lift over that of a tennis ball.
     pub lift_factor: f64,
-}
-
-/// The rebound model and its coefficients.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Contact {
-    /// Coulomb friction.
-    MuE(mu_e::Parameters),
-    /// Constant coefficients of restitution.
-    EE(e_e::Parameters),
-    /// Grip until the friction limit.
-    GripSlide(grip_slide::Parameters),
-}
-
-impl Contact {
-    /// The motion after an impact, and its regime.
-    #[must_use]
-    pub fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
-        match self {
-            Self::MuE(p) => mu_e::impact(incoming, p, inertia_factor),
-            Self::EE(p) => e_e::impact(incoming, p, inertia_factor),
-            Self::GripSlide(p) => grip_slide::impact(incoming, p, inertia_factor),
-        }
-    }
-
-    /// e.
-    #[must_use]
-    pub fn restitution(&self) -> f64 {
-        match self {
-            Self::MuE(p) => p.restitution,
-            Self::EE(p) => p.restitution,
-            Self::GripSlide(p) => p.restitution,
-        }
-    }
 }
 
 /// The floor: a plane through x = 0, z = 0.
@@ -606,78 +571,48 @@ fn read_ball(root: &Section<'_>) -> Result<SceneBall, SceneError> {
 }
 
 fn read_contact(root: &Section<'_>) -> Result<Contact, SceneError> {
-    #[derive(Clone, Copy)]
-    enum Model {
-        MuE,
-        EE,
-        GripSlide,
-    }
+    let choices = ModelName::ALL.map(|name| (name.name(), name));
     if root.get("contact").is_none() {
+        let names = choices.map(|(name, _)| format!("\"{name}\""));
         return Err(SceneError::Missing {
             key: "contact".into(),
-            accepted: "{\"model\": \"mu_e\" | \"e_e\" | \"grip_slide\", \"restitution\": ..., ...}".into(),
+            accepted: format!("{{\"model\": {}, \"restitution\": ..., ...}}", names.join(" | ")),
         });
     }
-    let every_key = [
-        "model",
-        "restitution",
-        "friction",
-        "static_friction",
-        "tangential_restitution_x",
-        "tangential_restitution_y",
-    ];
-    let model = root.section("contact", &every_key)?.choice(
-        "model",
-        &[
-            ("mu_e", Model::MuE),
-            ("e_e", Model::EE),
-            ("grip_slide", Model::GripSlide),
-        ],
-    )?;
-    match model {
-        Model::MuE => read_mu_e(&root.section("contact", &every_key[..4])?),
-        Model::EE => {
-            let s = root.section(
-                "contact",
-                &[every_key[0], every_key[1], every_key[4], every_key[5]],
-            )?;
-            let x = s.required_number("tangential_restitution_x", SIGNED_FRACTION)?;
-            Ok(Contact::EE(e_e::Parameters {
-                restitution: s.required_number("restitution", FRACTION)?,
-                tangential_restitution_x: x,
-                tangential_restitution_y: s.number("tangential_restitution_y", x, SIGNED_FRACTION)?,
-            }))
-        }
-        Model::GripSlide => {
-            let s = root.section(
-                "contact",
-                &[every_key[0], every_key[1], every_key[2], every_key[4]],
-            )?;
-            Ok(Contact::GripSlide(grip_slide::Parameters {
-                restitution: s.required_number("restitution", FRACTION)?,
-                tangential_restitution_x: s.required_number("tangential_restitution_x", SIGNED_FRACTION)?,
-                friction: s.required_number("friction", NOT_NEGATIVE)?,
-            }))
+    let keys = |name: ModelName| name.model().coefficients().iter().map(|c| c.key);
+    let mut every_key = vec!["model"];
+    for key in ModelName::ALL.into_iter().flat_map(keys) {
+        if !every_key.contains(&key) {
+            every_key.push(key);
         }
     }
-}
-
-fn read_mu_e(s: &Section<'_>) -> Result<Contact, SceneError> {
-    let friction = s.required_number("friction", NOT_NEGATIVE)?;
-    let static_friction = s.number("static_friction", friction, NOT_NEGATIVE)?;
-    if static_friction < friction {
-        return Err(SceneError::Invalid {
-            key: s.name("static_friction"),
-            found: static_friction.to_string(),
-            accepted: format!("at least friction, {friction}"),
-            hint: "a surface that holds worse than it slides has no transition; exchange the two".into(),
+    let name = root.section("contact", &every_key)?.choice("model", &choices)?;
+    every_key.retain(|key| *key == "model" || keys(name).any(|own| own == *key));
+    let s = root.section("contact", &every_key)?;
+    let mut values: Vec<f64> = Vec::new();
+    for coefficient in name.model().coefficients() {
+        let accept = super::reader::NumberRange {
+            words: coefficient.range.accepted,
+            test: coefficient.range.holds,
+            hint: coefficient.range.hint,
+        };
+        let same_as = coefficient
+            .same_as
+            .and_then(|other| keys(name).position(|key| key == other));
+        values.push(match same_as {
+            Some(place) => s.number(coefficient.key, values[place], accept)?,
+            None => s.required_number(coefficient.key, accept)?,
         });
     }
-    Ok(Contact::MuE(mu_e::Parameters {
-        restitution: s.required_number("restitution", FRACTION)?,
-        friction,
-        static_friction,
-    }))
+    name.with_coefficients(&values)
+        .map_err(|contradiction| SceneError::Invalid {
+            key: s.name(contradiction.key),
+            found: keys(name)
+                .position(|key| key == contradiction.key)
+                .map_or_else(String::new, |place| values[place].to_string()),
+            accepted: contradiction.accepted,
+            hint: contradiction.hint.into(),
+        })
 }
 
 fn read_floor(root: &Section<'_>) -> Result<SceneFloor, SceneError> {

@@ -1,9 +1,9 @@
 //! Which model is preferred, and why.
 //!
-//! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: grip-slide holds both
-//! other models as special cases (e_x = 0; friction never reached), so that it always fits as well and can never be beaten
-//! by much. Up to [`NO_MORE`] better it does not count (where it is not needed, chance puts it beyond that in 1 series of 40),
-//! and the choice is between the other two; from [`GENERAL`] on it is preferred (1 series of 120); between, nothing is.
+//! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: a general model, one that
+//! holds others as special cases (grip-slide: e_x = 0; friction never reached), always fits as well as those and can never
+//! be beaten by much. Up to [`NO_MORE`] better it does not count (where it is not needed, chance puts it beyond that in 1 series of 40),
+//! and the choice is between the simple ones; from [`GENERAL`] on it is preferred (1 series of 120); between, nothing is.
 //!
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
@@ -12,8 +12,9 @@ use super::criteria::{LEAST_PROBABILITY, Marks};
 use super::data::Data;
 use super::estimate::three_digits;
 use super::models::Solution;
-use super::result::{ModelFit, ModelName, Preferred};
+use super::result::{ModelFit, Preferred};
 use super::series::{Note, Weights};
+use crate::rebound::ModelName;
 
 /// A difference of AICc that decides.
 const DECISIVE: f64 = 2.0;
@@ -53,16 +54,16 @@ pub(super) fn choose(
         }
     }
     candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
-    // A model that the rows are too few to judge may be the right one; grip-slide has to show that it is needed.
+    // A model that the rows are too few to judge may be the right one; a general one has to show that it is needed.
     let unjudged = |fit: &&ModelFit| {
         let judged = candidates.iter().any(|c| c.0 == fit.name);
-        fit.name != ModelName::GripSlide && fit.impossible.is_none() && !judged
+        !is_general(fit.name) && fit.impossible.is_none() && !judged
     };
     if fits.iter().any(|fit| unjudged(&fit)) {
         candidates.clear();
     }
-    let rolling = fits.iter().any(|f| f.name == ModelName::MuE && f.sliding == 0);
-    let (mut preferred, mut sentences) = decide(&candidates, rolling);
+    let none_slides: Vec<ModelName> = fits.iter().filter(|f| f.sliding == 0).map(|f| f.name).collect();
+    let (mut preferred, mut sentences) = decide(&candidates, &none_slides);
     if let Preferred::Model(name) = preferred
         && spread > 1.0
         && !far_better(name, fits)
@@ -95,16 +96,22 @@ fn far_better(name: ModelName, fits: &[ModelFit]) -> bool {
             .find(|f| f.name == of)
             .map_or(f64::INFINITY, |f| f.chi2)
     };
-    let rivals = ModelName::ALL.into_iter().filter(|&rival| {
-        // Grip-slide fits as well as its special cases do: it is no rival of theirs.
-        rival != name && rival != ModelName::GripSlide
-    });
+    // A general model fits as well as its special cases do: it is no rival of theirs.
+    let rivals = ModelName::ALL
+        .into_iter()
+        .filter(|&rival| rival != name && !is_general(rival));
     rivals
         .into_iter()
         .all(|rival| chi2(rival) > FAR_BETTER * chi2(name))
 }
 
-fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<String>) {
+/// Whether a model holds others as special cases.
+fn is_general(name: ModelName) -> bool {
+    name.special_cases().next().is_some()
+}
+
+/// `none_slides` are the models in which no row slides.
+fn decide(candidates: &[(ModelName, f64)], none_slides: &[ModelName]) -> (Preferred, Vec<String>) {
     let Some(&(best, least)) = candidates.first() else {
         return (
             Preferred::Undetermined,
@@ -117,7 +124,7 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
             .iter()
             .filter(|c| c.0 != preferred)
             .map(|c| {
-                let contains = if c.0 == ModelName::GripSlide {
+                let contains = if is_general(c.0) {
                     " (which holds the others as special cases)"
                 } else {
                     ""
@@ -132,20 +139,17 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
             vec![format!("{} is the only model left", best.name())],
         );
     }
-    let simple = [ModelName::MuE, ModelName::EE]
-        .into_iter()
-        .filter_map(|name| aicc(name).map(|a| (name, a)))
-        .min_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((simple, simple_aicc)) = simple else {
+    // They are sorted: the first of a kind is its best.
+    let mut simple_ones = candidates.iter().filter(|c| !is_general(c.0));
+    let Some(&(simple, simple_aicc)) = simple_ones.next() else {
         return (Preferred::Model(best), list(best, least));
     };
-    let general = aicc(ModelName::GripSlide);
-    let lead = general.map_or(0.0, |g| simple_aicc - g);
-    if lead >= GENERAL {
-        return (
-            Preferred::Model(ModelName::GripSlide),
-            list(ModelName::GripSlide, general.unwrap_or(least)),
-        );
+    let general = candidates.iter().find(|c| is_general(c.0));
+    let lead = general.map_or(0.0, |(_, aicc)| simple_aicc - aicc);
+    if let Some(&(general, aicc)) = general
+        && lead >= GENERAL
+    {
+        return (Preferred::Model(general), list(general, aicc));
     }
     if lead >= NO_MORE {
         let mut sentences = list(simple, simple_aicc);
@@ -154,19 +158,16 @@ fn decide(candidates: &[(ModelName, f64)], rolling: bool) -> (Preferred, Vec<Str
         ));
         return (Preferred::Undetermined, sentences);
     }
-    let other = if simple == ModelName::MuE {
-        ModelName::EE
-    } else {
-        ModelName::MuE
-    };
-    let gap = aicc(other).map(|a| a - simple_aicc);
-    // Where all rows leave rolling, μ-e is e-e with e_x = 0 and saves a parameter: that is no evidence.
-    let same = rolling && gap.is_some_and(|gap| simple == ModelName::MuE || gap < DECISIVE);
-    if same {
-        let mut sentences = vec![
-            "no row slides, and none needs an e_x other than 0, with which e_e says what mu_e says"
-                .to_owned(),
-        ];
+    let gap = simple_ones.next().map(|(_, aicc)| aicc - simple_aicc);
+    // Where all rows leave rolling, one model is the other with a coefficient less: that is no evidence.
+    let same = none_slides.iter().find_map(|&name| {
+        let (other, sentence) = name.model().same_without_sliding()?;
+        let both = aicc(name).is_some() && aicc(ModelName::of_name(other)?).is_some();
+        let counts = simple == name || gap.is_some_and(|gap| gap < DECISIVE);
+        (both && counts).then_some(sentence)
+    });
+    if let Some(sentence) = same {
+        let mut sentences = vec![sentence.to_owned()];
         sentences.extend(list(simple, simple_aicc));
         return (Preferred::Undetermined, sentences);
     }

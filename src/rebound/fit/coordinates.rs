@@ -7,9 +7,8 @@
 //! | 5 | θ | R ω_y / u_o |
 //! | 7 | θ | R ω_oy / u_o |
 
-use super::result::Curve;
 use super::series::{Column, ColumnSet, GRAVITY_M_S2, Row, Weights};
-use crate::rebound::{Motion, e_e, grip_slide, mu_e};
+use crate::rebound::{Contact, Motion};
 use nalgebra::Vector3;
 
 /// Spin ratios no further from each other than this are those of one kind of launch.
@@ -189,7 +188,7 @@ impl Reader<'_> {
     }
 }
 
-impl Curve {
+impl Contact {
     /// What the model makes of a ball that comes at `incident_tangent` with `spin_ratio`; `None` where the rebound has no
     /// such number (straight down, or no rebound).
     #[must_use]
@@ -198,11 +197,7 @@ impl Curve {
             velocity_m_s: Vector3::new(incident_tangent, 0.0, -1.0),
             surface_spin_m_s: Vector3::new(0.0, spin_ratio * incident_tangent, 0.0),
         };
-        let after = match self {
-            Self::MuE(p) => mu_e::impact(&incoming, p, inertia_factor).0,
-            Self::EE(p) => e_e::impact(&incoming, p, inertia_factor).0,
-            Self::GripSlide(p) => grip_slide::impact(&incoming, p, inertia_factor).0,
-        };
+        let (after, _) = self.impact(&incoming, inertia_factor);
         let kept = after.velocity_m_s.x / incident_tangent;
         let prediction = Prediction {
             rebound_tangent: after.velocity_m_s.x / after.velocity_m_s.z,
@@ -219,37 +214,12 @@ impl Curve {
         .all(|x| x.is_finite())
         .then_some(prediction)
     }
-
-    /// Incident angle at which a ball with `spin_ratio` begins to slide, rad; `None` where it never does.
-    #[must_use]
-    pub fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64> {
-        let angle = match self {
-            Self::MuE(p) if p.static_friction.is_finite() => {
-                mu_e::transition_angle_rad(p, spin_ratio, inertia_factor)
-            }
-            Self::GripSlide(p) if p.friction.is_finite() => {
-                grip_slide::transition_angle_rad(p, spin_ratio, inertia_factor)
-            }
-            _ => return None,
-        };
-        angle.is_finite().then_some(angle)
-    }
-
-    /// e.
-    #[must_use]
-    pub fn restitution(&self) -> f64 {
-        match self {
-            Self::MuE(p) => p.restitution,
-            Self::EE(p) => p.restitution,
-            Self::GripSlide(p) => p.restitution,
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rebound::SOLID_SPHERE;
+    use crate::rebound::{SOLID_SPHERE, e_e};
 
     #[test]
     fn every_set_shows_the_same_bounce() {
@@ -273,7 +243,7 @@ mod tests {
             .with(Column::LaunchSpeed, u, None)
             .with(Column::Gravity, g, None)
             .with(Column::SpinRatio, 0.0, None);
-        let curve = Curve::EE(e_e::Parameters {
+        let curve = Contact::EE(e_e::Parameters {
             restitution: e,
             tangential_restitution_x: 0.0,
             tangential_restitution_y: 0.0,

@@ -1,8 +1,9 @@
 //! The rows of a group, ready for the searches: heaviest first, with a sample of those where they are many.
 
-use super::law::Theta;
+use super::law::{PARAMETERS, RATIO, Regimes, Theta, Variant, nearest};
 use super::observation::{Observation, Spin};
 use super::series::{Column, ColumnSet, Series, SetAside, Weights};
+use crate::rebound::ModelName;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
@@ -92,14 +93,20 @@ impl Data {
 /// s |a − w| / b: the impulse that would stop the slip, for each of the normal impulse before restitution; what rows are
 /// in order of, from grip to sliding.
 pub(super) fn demand(row: &Observation, theta: &Theta) -> f64 {
-    let k = row.kinematics(&row.z, theta[super::law::RATIO]);
+    let k = row.kinematics(&row.z, theta[RATIO]);
     row.slip_share * (k.a - k.w).abs() / k.b
 }
 
 /// Whether the errors of the row leave no equation without any.
 fn weighable(row: &Observation) -> Result<(), String> {
     let theta = [0.7, 0.0, 0.1, 0.3];
-    match super::law::nearest(row, super::law::Regimes::Grip, &theta) {
+    // The errors' place in the equations is the same in every model.
+    let rolls = Variant {
+        model: ModelName::ALL[0],
+        regimes: Regimes::Grip,
+        free: [true; PARAMETERS],
+    };
+    match nearest(row, &rolls, &theta) {
         Some(_) => Ok(()),
         None => Err("its standard deviations are 0, so it cannot be weighed against the others".to_owned()),
     }
@@ -128,7 +135,7 @@ fn sample(rows: &[Observation]) -> Vec<usize> {
     if rows.len() <= SAMPLE {
         return (0..rows.len()).collect();
     }
-    let zero = [0.0; super::law::PARAMETERS];
+    let zero = [0.0; PARAMETERS];
     let mut order: Vec<(f64, usize)> = rows
         .iter()
         .enumerate()

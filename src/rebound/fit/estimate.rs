@@ -10,18 +10,16 @@ use super::data::{Data, demand};
 use super::law::{E, E_X, MU, Nearest, PARAMETERS, RATIO, Theta};
 use super::models::Solution;
 use super::observation::Observation;
-use super::result::{Curve, Estimate, Fitted, ModelFit, ModelName, RowFit, RowRegime};
+use super::result::{Estimate, Fitted, ModelFit, RowFit, RowRegime};
 use super::series::{ColumnSet, Weights};
 use super::transition::Limits;
 use crate::numeric::robust::{commonest, median};
 use crate::quantity::Quantity;
-use crate::rebound::{e_e, grip_slide, mu_e, slip_share};
+use crate::rebound::model::FittedCoefficients;
+use crate::rebound::parameter::{Bounds, SEARCHED};
+use crate::rebound::{Contact, ModelName, Parameter, slip_share};
 use nalgebra::SMatrix;
 use profile::Region;
-
-/// A coefficient that is known to no better than this is not known: the deviation of anything at all in the range of e, e_x,
-/// μ, and spin ratios.
-pub(super) const KNOWN: Theta = [0.3, 0.6, 0.3, 1.0];
 
 /// Why a ball that rolls already tells nothing.
 const NO_SLIP: &str = "no row is seen to slip before the bounce";
@@ -58,15 +56,9 @@ pub(super) fn model_fit(data: &Data, solution: &Solution, rows_order: &[usize]) 
     let freedom = solution.freedom();
     let limits = work.limits();
     ModelFit {
-        name: solution.name,
+        name: solution.name(),
         converged: solution.found.converged,
-        parameters: [
-            work.restitution(),
-            work.friction(),
-            work.static_friction(limits),
-            work.tangential_restitution(),
-            work.shared_ratio(),
-        ],
+        parameters: Parameter::ALL.map(|parameter| work.fitted(parameter, limits)),
         transition: work.transition(limits),
         chi2: solution.found.chi2,
         degrees_of_freedom: freedom,
@@ -81,7 +73,7 @@ pub(super) fn model_fit(data: &Data, solution: &Solution, rows_order: &[usize]) 
         impossible: work.impossible(),
         sliding: work.sliding,
         gripping: work.gripping,
-        curve: work.curve(limits),
+        curve: work.contact(limits),
         shared_spin_ratio: data.shared_spin.then_some(work.theta[RATIO]),
         rows: rows_order.iter().map(|&i| work.row_fit(i)).collect(),
     }
@@ -89,7 +81,7 @@ pub(super) fn model_fit(data: &Data, solution: &Solution, rows_order: &[usize]) 
 
 /// e and μ with their covariance, every row taken as sliding: what a court pace rating is made of.
 pub(super) fn all_sliding(data: &Data) -> Option<(Theta, SMatrix<f64, PARAMETERS, PARAMETERS>, bool, f64)> {
-    let solution = super::models::sliding_throughout(data)?;
+    let solution = super::models::sliding_throughout(data, ModelName::MuE)?;
     let determined = solution.determined[E] && solution.determined[MU];
     let work = Work::new(data, &solution);
     Some((
@@ -122,7 +114,7 @@ impl<'a> Work<'a> {
             solution
                 .found
                 .r_factor
-                .covariance(&solution.determined, &solution.free, solution.rank)
+                .covariance(&solution.determined, &solution.variant.free, solution.rank)
                 * scatter.unwrap_or(0.0).powi(2);
         let factor = criteria::coverage_factor(data.weights, freedom);
         let valleys = valleys(data, solution, scatter.unwrap_or(0.0), factor);
@@ -227,7 +219,7 @@ impl<'a> Work<'a> {
             Fitted::NotDetermined(reason)
         };
         let std = self.covariance[(j, j)].sqrt();
-        if std > KNOWN[j] {
+        if std > SEARCHED[j].vague_std() {
             return vague(&format!("± {std:.2}"));
         }
         let estimate = self.estimate(|theta| theta[j], self.region.open[j]);
@@ -247,6 +239,25 @@ impl<'a> Work<'a> {
     /// Whether a function of all parameters has no end, as some of them have none.
     fn all_open(&self) -> (bool, bool) {
         (self.region.is_open(), self.region.is_open())
+    }
+
+    /// Why the model does not have a parameter.
+    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+        self.solution.name().model().lacks(parameter)
+    }
+
+    /// A parameter, or why there is no number.
+    fn fitted(&self, parameter: Parameter, limits: Option<Limits>) -> Fitted {
+        if let Some(why) = self.lacks(parameter) {
+            return Fitted::NotDetermined(why.to_owned());
+        }
+        match parameter {
+            Parameter::Restitution => self.restitution(),
+            Parameter::Friction => self.friction(),
+            Parameter::StaticFriction => self.static_friction(limits),
+            Parameter::TangentialRestitution => self.tangential_restitution(),
+            Parameter::SpinRatio => self.shared_ratio(),
+        }
     }
 
     fn restitution(&self) -> Fitted {
@@ -279,7 +290,7 @@ impl<'a> Work<'a> {
                 2.0 * kept * theta[E]
             }
         };
-        let (what, with) = match (set, self.solution.free[E_X]) {
+        let (what, with) = match (set, self.solution.is_free(E_X)) {
             (ColumnSet::Angles, true) => ("tan φ / tan θ", "e_x"),
             (ColumnSet::Angles, false) => ("tan φ / tan θ", "the spin before"),
             (_, true) => ("x / x0", "e_x"),
@@ -294,13 +305,10 @@ impl<'a> Work<'a> {
     }
 
     fn friction(&self) -> Fitted {
-        if self.solution.name == ModelName::EE {
-            return Fitted::NotDetermined("the e_e model has no friction".to_owned());
-        }
         if !self.solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
         }
-        if !self.solution.free[MU] {
+        if !self.solution.is_free(MU) {
             return Fitted::NotDetermined(format!(
                 "no row is seen to slide, so friction is only known to be enough{}",
                 self.least_friction()
@@ -311,7 +319,7 @@ impl<'a> Work<'a> {
 
     /// What the row that needs most friction needs, in words; nothing where that is not determined.
     fn least_friction(&self) -> String {
-        if (0..PARAMETERS).any(|j| self.solution.free[j] && !self.solution.determined[j]) {
+        if (0..PARAMETERS).any(|j| self.solution.is_free(j) && !self.solution.determined[j]) {
             return String::new();
         }
         let share = (1.0 + self.theta[E_X]) / (1.0 + self.theta[E]);
@@ -323,16 +331,10 @@ impl<'a> Work<'a> {
     }
 
     fn tangential_restitution(&self) -> Fitted {
-        if self.solution.name == ModelName::MuE {
-            return Fitted::NotDetermined(
-                "the mu_e model has none: a ball that does not slide leaves rolling, which is e_x = 0"
-                    .to_owned(),
-            );
-        }
         if !self.solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
         }
-        if self.solution.free[MU] && (self.gripping == 0 || !self.solution.free[E_X]) {
+        if self.solution.is_free(MU) && (self.gripping == 0 || !self.solution.is_free(E_X)) {
             return Fitted::NotDetermined("no row is seen to grip".to_owned());
         }
         self.searched(E_X, || {
@@ -356,7 +358,7 @@ impl<'a> Work<'a> {
         self.searched(RATIO, || {
             if self.gripping == 0 {
                 "every row slides, whatever its spin".to_owned()
-            } else if self.solution.name == ModelName::MuE {
+            } else if self.lacks(Parameter::TangentialRestitution).is_some() {
                 "it cannot be told from restitution".to_owned()
             } else {
                 "it cannot be told from e_x".to_owned()
@@ -366,47 +368,29 @@ impl<'a> Work<'a> {
 
     /// A coefficient beyond what a bounce can have.
     fn impossible(&self) -> Option<String> {
-        let beyond = |j: usize, least: f64, most: f64, name: &str, why: &str| {
-            if !(self.solution.free[j] && self.solution.determined[j]) {
+        SEARCHED.iter().enumerate().find_map(|(j, parameter)| {
+            if !(self.solution.is_free(j) && self.solution.determined[j]) {
                 return None;
             }
+            let Bounds { least, most, why } = parameter.bounds()?;
             let std = self.covariance[(j, j)].sqrt().max(1e-9);
             let value = self.theta[j];
             let off = (value - most).max(least - value);
-            (off > IMPOSSIBLE * std)
-                .then(|| format!("it needs {name} = {value:.3} ± {}, and {why}", three_digits(std)))
-        };
-        beyond(E, 0.0, 1.0, "e", "no ball rebounds faster than it came")
-            .or_else(|| beyond(E_X, -1.0, 1.0, "e_x", "e_x lies between -1 and 1"))
-            .or_else(|| beyond(MU, 0.0, f64::INFINITY, "μ", "friction does not push"))
+            (off > IMPOSSIBLE * std).then(|| {
+                let (symbol, std) = (parameter.symbol(), three_digits(std));
+                format!("it needs {symbol} = {value:.3} ± {std}, and {why}")
+            })
+        })
     }
 
-    fn curve(&self, limits: Option<Limits>) -> Curve {
-        let (e, e_x, mu) = (self.theta[E], self.theta[E_X], self.theta[MU]);
-        match self.solution.name {
-            ModelName::MuE => {
-                let (friction, static_friction) = if self.solution.free[MU] {
-                    (mu, (self.limit(limits) / (1.0 + e)).max(mu))
-                } else {
-                    (f64::INFINITY, f64::INFINITY)
-                };
-                Curve::MuE(mu_e::Parameters {
-                    restitution: e,
-                    friction,
-                    static_friction,
-                })
-            }
-            ModelName::EE => Curve::EE(e_e::Parameters {
-                restitution: e,
-                tangential_restitution_x: e_x,
-                tangential_restitution_y: e_x,
-            }),
-            ModelName::GripSlide => Curve::GripSlide(grip_slide::Parameters {
-                restitution: e,
-                tangential_restitution_x: e_x,
-                friction: if self.solution.free[MU] { mu } else { f64::INFINITY },
-            }),
-        }
+    /// The coefficients for curves.
+    fn contact(&self, limits: Option<Limits>) -> Contact {
+        let slides = self.solution.is_free(MU);
+        self.solution.name().with_fitted(&FittedCoefficients {
+            theta: self.theta,
+            friction: slides.then_some(self.theta[MU]),
+            static_friction: slides.then(|| self.limit(limits) / (1.0 + self.theta[E])),
+        })
     }
 
     fn row_fit(&self, index: usize) -> RowFit {
@@ -461,13 +445,18 @@ fn valleys(data: &Data, solution: &Solution, scatter: f64, factor: f64) -> Vec<V
         .iter()
         .filter_map(|found| {
             let room = factor * factor - (found.chi2 - lowest) / (scatter * scatter);
-            let (determined, rank) =
-                (room > 0.0).then(|| task.unit_r_factor(&found.theta).determined(&solution.free))?;
+            let (determined, rank) = (room > 0.0).then(|| {
+                task.unit_r_factor(&found.theta)
+                    .determined(&solution.variant.free)
+            })?;
             let same = determined == solution.determined;
             Some(Valley {
                 theta: found.theta,
                 covariance: same.then(|| {
-                    found.r_factor.covariance(&determined, &solution.free, rank) * (scatter * scatter)
+                    found
+                        .r_factor
+                        .covariance(&determined, &solution.variant.free, rank)
+                        * (scatter * scatter)
                 }),
                 room: room.sqrt(),
             })

@@ -21,27 +21,31 @@
 //! in the parameters although the model jumps.
 
 mod algebra;
-mod averaged;
-
-pub(super) use averaged::averaged;
+pub(super) mod averaged;
 
 use super::observation::{Kinematics, Observation, SLOTS, SPIN_OUT, Slots};
 use super::series::ColumnSet;
+use crate::rebound::ModelName;
+use crate::rebound::model::{Incidence, ReboundModel, TangentialImpulse};
 use algebra::{backward, cholesky, dot, forward, relative_move};
 
-/// Parameters: restitution, tangential restitution, friction, shared spin ratio.
-pub(super) const PARAMETERS: usize = 4;
-/// Index of e.
-pub(super) const E: usize = 0;
-/// Index of e_x.
-pub(super) const E_X: usize = 1;
-/// Index of μ.
-pub(super) const MU: usize = 2;
-/// Index of ρ = R ω_oy / v_ox of the rows whose spin is not known.
-pub(super) const RATIO: usize = 3;
+pub(super) use crate::rebound::parameter::{E, E_X, MU, PARAMETERS, RATIO, Theta};
 
-/// A value for each parameter.
-pub(super) type Theta = [f64; PARAMETERS];
+/// A model as it is searched for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Variant {
+    pub model: ModelName,
+    pub regimes: Regimes,
+    /// Which parameters move.
+    pub free: [bool; PARAMETERS],
+}
+
+impl Variant {
+    /// The same in other regimes.
+    pub fn with(self, regimes: Regimes) -> Self {
+        Self { regimes, ..self }
+    }
+}
 
 /// What a ball may do in a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,8 +152,9 @@ impl Regimes {
 }
 
 /// The nearest motion to a row under a model; `None` where there is no such thing (numbers that overflow).
-pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Option<Nearest> {
-    let (law, here) = Law::new(row, regimes, theta);
+pub(super) fn nearest(row: &Observation, variant: &Variant, theta: &Theta) -> Option<Nearest> {
+    let (law, here) = Law::new(row, variant, theta);
+    let regimes = variant.regimes;
     match regimes {
         Regimes::Grip => return law.solve(State::Grip),
         Regimes::Slide => return law.solve(State::Slide),
@@ -198,8 +203,8 @@ pub(super) fn nearest(row: &Observation, regimes: Regimes, theta: &Theta) -> Opt
 }
 
 /// How far beyond the limit Λ a row was measured, s (1 + e_x) |a − w| − Λ b, and the deviation of that.
-pub(super) fn margin(row: &Observation, limit: f64, theta: &Theta) -> (f64, f64) {
-    let (law, here) = Law::new(row, Regimes::Jump(limit), theta);
+pub(super) fn margin(row: &Observation, variant: &Variant, limit: f64, theta: &Theta) -> (f64, f64) {
+    let (law, here) = Law::new(row, &variant.with(Regimes::Jump(limit)), theta);
     let (margin, variance) = law.margin(&here);
     (margin, variance.sqrt())
 }
@@ -226,6 +231,7 @@ impl Nearest {
 /// One row under one set of parameters.
 struct Law<'a> {
     row: &'a Observation,
+    model: &'static dyn ReboundModel,
     theta: &'a Theta,
     friction: Share,
     limit: Share,
@@ -257,12 +263,13 @@ const STEPS: usize = 60;
 
 impl<'a> Law<'a> {
     /// With the motion as it was measured.
-    fn new(row: &'a Observation, regimes: Regimes, theta: &'a Theta) -> (Self, Kinematics) {
-        let (friction, limit) = regimes.shares(theta);
+    fn new(row: &'a Observation, variant: &Variant, theta: &'a Theta) -> (Self, Kinematics) {
+        let (friction, limit) = variant.regimes.shares(theta);
         let here = row.kinematics(&row.z, theta[RATIO]);
         let sign = if here.a - here.w < 0.0 { -1.0 } else { 1.0 };
         let law = Self {
             row,
+            model: variant.model.model(),
             theta,
             friction,
             limit,
@@ -373,14 +380,19 @@ impl<'a> Law<'a> {
         })
     }
 
-    /// s (1 + e_x) |a − w| − Λ b of a motion in `state`.
+    /// |P of grip| − Λ b of a motion in `state`.
     fn margin_at(&self, state: State, k: &Kinematics) -> f64 {
-        self.grip_share() * self.sign_at(state, k) * (k.a - k.w) - self.limit.value * k.b
+        self.grip(k).value * self.sign_at(state, k) - self.limit.value * k.b
     }
 
-    /// s (1 + e_x).
-    fn grip_share(&self) -> f64 {
-        self.row.slip_share * (1.0 + self.theta[E_X])
+    /// The model's impulse below the limit.
+    fn grip(&self, k: &Kinematics) -> TangentialImpulse {
+        let at = Incidence {
+            slip_m_s: k.a - k.w,
+            normal_m_s: k.b,
+            slip_share: self.row.slip_share,
+        };
+        self.model.grip(&at, self.theta)
     }
 
     /// Grip knows no direction, so its need is that of |a − w|.
@@ -412,16 +424,14 @@ impl<'a> Law<'a> {
         k
     }
 
-    /// P = s (1 + e_x) (a − w).
+    /// P of the model, s (1 + e_x) (a − w) of most.
     fn gripping(&self, k: &Kinematics) -> Impulse {
-        let share = self.grip_share();
-        let slip = k.a - k.w;
-        let mut by_parameter = [0.0; PARAMETERS];
-        by_parameter[E_X] = self.row.slip_share * slip;
-        by_parameter[RATIO] = -share * k.dw_dratio;
+        let grip = self.grip(k);
+        let mut by_parameter = grip.by_parameter;
+        by_parameter[RATIO] -= grip.by_slip * k.dw_dratio;
         Impulse {
-            value: share * slip,
-            by_slot: std::array::from_fn(|i| share * (k.da[i] - k.dw[i])),
+            value: grip.value,
+            by_slot: by_slot(&grip, k),
             by_parameter,
         }
     }
@@ -488,18 +498,20 @@ impl<'a> Law<'a> {
         by_parameter[E] -= 2.0 * x0 / speed * after;
     }
 
-    /// s (1 + e_x) |a − w| − Λ b.
+    /// |P of grip| − Λ b.
     fn edge(&self, k: &Kinematics, out: &mut Equations) {
-        let share = self.sign * self.grip_share();
-        let slip = k.a - k.w;
-        let limit = self.limit;
+        let grip = self.gripping(k);
+        let (sign, limit) = (self.sign, self.limit);
         let (f, by_slot, by_parameter) = out.next();
-        *f = share * slip - limit.value * k.b;
-        *by_slot = std::array::from_fn(|i| share * (k.da[i] - k.dw[i]) - limit.value * k.db[i]);
-        *by_parameter = limit.by_parameter.map(|d| -d * k.b);
-        by_parameter[E_X] += self.sign * self.row.slip_share * slip;
-        by_parameter[RATIO] -= share * k.dw_dratio;
+        *f = sign * grip.value - limit.value * k.b;
+        *by_slot = std::array::from_fn(|i| sign * grip.by_slot[i] - limit.value * k.db[i]);
+        *by_parameter = std::array::from_fn(|j| sign * grip.by_parameter[j] - limit.by_parameter[j] * k.b);
     }
+}
+
+/// An impulse's derivatives by the slots of a row.
+fn by_slot(impulse: &TangentialImpulse, k: &Kinematics) -> Slots {
+    std::array::from_fn(|i| impulse.by_slip * (k.da[i] - k.dw[i]) + impulse.by_normal * k.db[i])
 }
 
 /// P and its derivatives.

@@ -53,11 +53,11 @@ mod side_by_side;
 mod starts;
 mod transition;
 
+pub use crate::rebound::{ModelName, Parameter};
 pub use criteria::LEAST_PROBABILITY;
 pub use error::FitError;
 pub use result::{
-    CourtPace, Curve, Estimate, Fitted, GroupFit, ModelFit, ModelName, Parameter, Preferred, RowFit,
-    RowRegime, SeriesFit, Transition,
+    CourtPace, Estimate, Fitted, GroupFit, ModelFit, Preferred, RowFit, RowRegime, SeriesFit, Transition,
 };
 pub use series::{Column, ColumnSet, Note, Reading, Row, Series, SetAside, Weights};
 

@@ -12,15 +12,15 @@
 
 use super::criteria::{self, Marks, chi2_quantile};
 use super::data::{Data, demand};
-use super::estimate;
-use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
+use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, Variant};
 use super::observation::Observation;
-use super::result::ModelName;
 use super::search::{Found, Task};
 use super::series::{ColumnSet, Weights};
 use super::starts;
 use super::transition::Profile;
 use crate::numeric::robust::median;
+use crate::rebound::model::FrictionLimit;
+use crate::rebound::{ModelName, Parameter};
 
 /// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
@@ -46,9 +46,7 @@ pub(super) const FOLLOWED: usize = 8;
 /// A model in one variant at its best.
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
-    pub name: ModelName,
-    pub regimes: Regimes,
-    pub free: [bool; PARAMETERS],
+    pub variant: Variant,
     pub found: Found,
     /// Other valleys of χ², not much higher: the same model with a row more or less that slides.
     pub valleys: Vec<Found>,
@@ -63,19 +61,16 @@ pub(super) struct Solution {
 }
 
 impl Solution {
-    fn new(data: &Data, name: ModelName, regimes: Regimes, free: [bool; PARAMETERS], found: Found) -> Self {
+    fn new(data: &Data, variant: Variant, found: Found) -> Self {
         let task = Task {
             rows: &data.rows,
             chosen: (data.sample.len() < data.rows.len()).then_some(&data.sample),
-            regimes,
-            free,
+            variant,
         };
-        let (determined, rank) = task.unit_r_factor(&found.theta).determined(&free);
-        let limit = usize::from(matches!(regimes, Regimes::Jump(_)));
+        let (determined, rank) = task.unit_r_factor(&found.theta).determined(&variant.free);
+        let limit = usize::from(matches!(variant.regimes, Regimes::Jump(_)));
         Self {
-            name,
-            regimes,
-            free,
+            variant,
             determined,
             rank,
             marks: Marks::new(data, found.chi2, rank + limit, 1.0),
@@ -84,6 +79,23 @@ impl Solution {
             one_incidence: false,
             found,
         }
+    }
+
+    /// Which model.
+    pub fn name(&self) -> ModelName {
+        self.variant.model
+    }
+
+    /// Whether the search moved a parameter.
+    pub fn is_free(&self, parameter: usize) -> bool {
+        self.variant.free[parameter]
+    }
+
+    /// The same numbers as those of another model, which says the same of these rows.
+    fn as_model(&self, model: ModelName) -> Self {
+        let mut same = self.clone();
+        same.variant.model = model;
+        same
     }
 
     /// Degrees of freedom that it leaves the rows.
@@ -99,7 +111,7 @@ impl Solution {
 
     /// Λ where the model jumps.
     pub fn jump(&self) -> Option<f64> {
-        match self.regimes {
+        match self.variant.regimes {
             Regimes::Jump(limit) => Some(limit),
             _ => None,
         }
@@ -110,39 +122,62 @@ impl Solution {
         Task {
             rows: &data.rows,
             chosen: None,
-            regimes: self.regimes,
-            free: self.free,
+            variant: self.variant,
         }
     }
 }
 
-/// The parameters of a variant.
-fn free(data: &Data, e_x: bool, mu: bool) -> [bool; PARAMETERS] {
-    let mut free = [false; PARAMETERS];
-    free[E] = true;
-    free[E_X] = e_x;
-    free[MU] = mu;
-    free[RATIO] = data.shared_spin;
-    free
+/// A model in the variant with these parameters of its own; `mu` goes with rows that slide.
+fn variant(data: &Data, model: ModelName, regimes: Regimes, mu: bool) -> Variant {
+    let mut free = model.searched(data.shared_spin);
+    free[MU] &= mu;
+    Variant { model, regimes, free }
+}
+
+/// A model with every row below the limit of friction.
+fn gripping(data: &Data, model: ModelName) -> Variant {
+    // Where friction limits nothing, it is a parameter of the model's one law, if it has any.
+    variant(data, model, Regimes::Grip, !model.has_friction_limit())
+}
+
+/// A model with every row sliding, whether or not it can: no tangential restitution shows then.
+fn sliding(data: &Data, model: ModelName) -> Variant {
+    let mut slide = variant(data, model, Regimes::Slide, true);
+    slide.free[E_X] = false;
+    slide
 }
 
 /// All models, in the order of the results; a model that cannot be fitted is left out.
 pub(super) fn all(data: &Data) -> Vec<Solution> {
-    let rolling = solve(data, ModelName::MuE, Regimes::Grip, free(data, false, false), &[]);
+    let rolling = solve(data, rolling(data), &[]);
     if let Some(rolling) = rolling.as_ref().filter(|rolling| !slips(data, rolling)) {
         let as_model = |name| Solution {
-            name,
             slips: false,
-            ..rolling.clone()
+            ..rolling.as_model(name)
         };
         return ModelName::ALL.map(as_model).to_vec();
     }
-    let e_e = solve(data, ModelName::EE, Regimes::Grip, free(data, true, false), &[]);
-    let grip_slide = grip_slide(data, e_e.as_ref());
-    [mu_e(data, rolling), e_e, grip_slide]
-        .into_iter()
-        .flatten()
-        .collect()
+    let mut solutions: Vec<Solution> = Vec::new();
+    for name in ModelName::ALL {
+        let solution = match name.model().friction_limit() {
+            FrictionLimit::Never => solve(data, gripping(data, name), &[]),
+            FrictionLimit::AtFriction => with_limit(data, name, &solutions),
+            FrictionLimit::AtStaticFriction => {
+                with_jump(data, name, rolling.as_ref().map(|r| r.as_model(name)))
+            }
+        };
+        solutions.extend(solution);
+    }
+    solutions
+}
+
+/// Every row leaves rolling: what all models say where there is no slip.
+fn rolling(data: &Data) -> Variant {
+    let mut rolling = gripping(data, ModelName::ALL[0]);
+    rolling.free = [false; PARAMETERS];
+    rolling.free[E] = true;
+    rolling.free[RATIO] = data.shared_spin;
+    rolling
 }
 
 /// Whether the balls are seen to slip before the bounce.
@@ -155,10 +190,8 @@ fn slips(data: &Data, rolling: &Solution) -> bool {
         }
     };
     // Slip that is known well, but too small to move the rebound, tells nothing either.
-    let told = Task {
-        free: free(data, true, false),
-        ..rolling.task(data)
-    };
+    let mut told = rolling.task(data);
+    told.variant.free[E_X] = true;
     let moves = told
         .linear(&rolling.found.theta)
         .map_or(0.0, |l| l.r_factor.lengths()[E_X]);
@@ -177,11 +210,12 @@ fn slips(data: &Data, rolling: &Solution) -> bool {
     rows > 0 && chi2 > chi2_quantile(NO_SLIP, rows)
 }
 
-fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
-    let name = ModelName::MuE;
-    let free = free(data, false, true);
+/// A model whose outcome may jump at the limit of static friction; `rolling` is its fit with every row below that.
+fn with_jump(data: &Data, name: ModelName, rolling: Option<Solution>) -> Option<Solution> {
+    let continuous = variant(data, name, Regimes::Continuous, true);
+    let jumping = |limit: f64| continuous.with(Regimes::Jump(limit));
     let from: Vec<Theta> = rolling.iter().map(|r| r.found.theta).collect();
-    let sliding = solve(data, name, Regimes::Continuous, free, &from);
+    let sliding = solve(data, continuous, &from);
     let (Some(rolling), Some(sliding)) = (&rolling, &sliding) else {
         return sliding.or(rolling);
     };
@@ -192,12 +226,12 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
         Marks::new(data, chi2, solution.rank + limit, 1.0)
     };
     let without = averaged(sliding);
-    let jump = Profile::new(data, free, sliding.found.theta, spread)
+    let jump = Profile::new(data, continuous, sliding.found.theta, spread)
         .best(
             sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]),
             0.5 * JUMPS,
         )
-        .map(|(limit, found)| Solution::new(data, name, Regimes::Jump(limit), free, found))
+        .map(|(limit, found)| Solution::new(data, jumping(limit), found))
         // A friction above the limit is the continuous model, pinned.
         .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
         .filter(|s| averaged(s).gain_over(&without, data.weights) > JUMPS)
@@ -206,13 +240,13 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
     // A spin that is fitted makes any single row one that grips; that has to show, too.
     let throughout = data
         .shared_spin
-        .then(|| solve(data, name, Regimes::Slide, free, &[sliding.found.theta]))
+        .then(|| solve(data, self::sliding(data, name), &[sliding.found.theta]))
         .flatten()
         .filter(|slide| !(larger.marks.gain_over(&slide.marks, data.weights) > SHOWS));
     let larger = throughout.unwrap_or(larger);
     Some(if shows(data, rolling, &larger) {
         larger
-    } else if may_slide(data, rolling) {
+    } else if may_slide(data, name, rolling) {
         let mut rolling = rolling.clone();
         rolling.determined[E] = false;
         rolling.one_incidence = true;
@@ -225,7 +259,7 @@ fn mu_e(data: &Data, rolling: Option<Solution>) -> Option<Solution> {
 /// Whether rows that all seem to roll off may as well all slide, as one incidence has it: tan φ or x holds e with the regime
 /// only, and any e goes with some μ. (Velocities hold e by themselves.) Rows at several incidences that lie on the line of
 /// rolling do not lie on one of sliding by chance.
-fn may_slide(data: &Data, rolling: &Solution) -> bool {
+fn may_slide(data: &Data, name: ModelName, rolling: &Solution) -> bool {
     let by_itself = |row: &Observation| row.set == ColumnSet::Velocities;
     if !rolling.determined[E] || data.rows.first().is_none_or(by_itself) {
         return false;
@@ -233,7 +267,7 @@ fn may_slide(data: &Data, rolling: &Solution) -> bool {
     // Rows from θ to 2θ leave e under sliding, a slope beside an intercept, 5 times as uncertain as under rolling; from θ to
     // 1.4 θ this many times.
     const LEVER: f64 = 10.0;
-    let Some(sliding) = sliding_throughout(data) else {
+    let Some(sliding) = sliding_throughout(data, name) else {
         return false;
     };
     if rolling.marks.gain_over(&sliding.marks, data.weights) > SHOWS {
@@ -241,12 +275,12 @@ fn may_slide(data: &Data, rolling: &Solution) -> bool {
     }
     let variance = |of: &Solution| {
         let r_factor = &of.found.r_factor;
-        r_factor.covariance(&of.determined, &of.free, of.rank)[(E, E)]
+        r_factor.covariance(&of.determined, &of.variant.free, of.rank)[(E, E)]
     };
     let vague = variance(&sliding);
     !sliding.determined[E]
         || vague > LEVER.powi(2) * variance(rolling)
-        || vague * sliding.scatter(data).unwrap_or(0.0).powi(2) > estimate::KNOWN[E].powi(2)
+        || vague * sliding.scatter(data).unwrap_or(0.0).powi(2) > Parameter::Restitution.vague_std().powi(2)
 }
 
 /// By how many deviations of a row the outcome jumps, from the rows that slide next to the limit; `None` where none slides.
@@ -272,23 +306,27 @@ fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
     median(&mut next)
 }
 
-fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
-    let name = ModelName::GripSlide;
-    let from: Vec<Theta> = e_e.iter().map(|s| s.found.theta).collect();
-    let both = solve(data, name, Regimes::Continuous, free(data, true, true), &from);
-    let throughout = worth_all_rows(data, e_e)
-        .then(|| solve(data, name, Regimes::Slide, free(data, false, true), &[]))
+/// A model whose outcome is continuous at the limit of friction; `before` are those of its special cases that are fitted.
+fn with_limit(data: &Data, name: ModelName, before: &[Solution]) -> Option<Solution> {
+    // That of its special cases that knows no limit is the same with every row below it.
+    let unlimited = before
+        .iter()
+        .find(|s| name.special_cases().any(|case| case == s.name()) && !s.name().has_friction_limit());
+    let from: Vec<Theta> = unlimited.iter().map(|s| s.found.theta).collect();
+    let both = solve(data, variant(data, name, Regimes::Continuous, true), &from);
+    let throughout = worth_all_rows(data, name, unlimited)
+        .then(|| solve(data, sliding(data, name), &[]))
         .flatten();
-    // Of two as good, e-e, which has no limit to be beyond.
-    let simple = e_e
-        .map(|s| Solution { name, ..s.clone() })
+    // Of two as good the one that has no limit to be beyond.
+    let simple = unlimited
+        .map(|s| s.as_model(name))
         .into_iter()
         .chain(throughout)
-        .reduce(|e_e, slide| {
-            if slide.marks.gain_over(&e_e.marks, data.weights) > 0.0 {
-                slide
+        .reduce(|grips, slides| {
+            if slides.marks.gain_over(&grips.marks, data.weights) > 0.0 {
+                slides
             } else {
-                e_e
+                grips
             }
         });
     let (Some(simple), Some(both)) = (&simple, &both) else {
@@ -301,19 +339,19 @@ fn grip_slide(data: &Data, e_e: Option<&Solution>) -> Option<Solution> {
     })
 }
 
-/// Whether sliding throughout may fit better than `e_e`, as a sample of many rows has it.
-fn worth_all_rows(data: &Data, e_e: Option<&Solution>) -> bool {
+/// Whether sliding throughout may fit better than `unlimited`, as a sample of many rows has it.
+fn worth_all_rows(data: &Data, name: ModelName, unlimited: Option<&Solution>) -> bool {
     // Half as much again is no chance in a sample of hundreds.
     const HOPELESS: f64 = 1.5;
-    let (Some(e_e), true) = (e_e, data.sample.len() < data.rows.len()) else {
+    let (Some(unlimited), true) = (unlimited, data.sample.len() < data.rows.len()) else {
         return true;
     };
     let sample = Task {
         chosen: Some(&data.sample),
-        ..e_e.task(data)
+        ..unlimited.task(data)
     };
-    search(data, &data.sample, Regimes::Slide, free(data, false, true), &[])
-        .is_some_and(|slide| slide.chi2 < HOPELESS * sample.chi2(&e_e.found.theta))
+    search(data, &data.sample, sliding(data, name), &[])
+        .is_some_and(|slide| slide.chi2 < HOPELESS * sample.chi2(&unlimited.found.theta))
 }
 
 /// Whether the rows show that some slide.
@@ -329,36 +367,29 @@ fn slides(data: &Data, solution: &Solution) -> bool {
         .any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
 }
 
-fn solve(
-    data: &Data,
-    name: ModelName,
-    regimes: Regimes,
-    free: [bool; PARAMETERS],
-    from: &[Theta],
-) -> Option<Solution> {
-    let found = search(data, &data.sample, regimes, free, from)?;
+fn solve(data: &Data, variant: Variant, from: &[Theta]) -> Option<Solution> {
+    let found = search(data, &data.sample, variant, from)?;
     let found = if data.sample.len() < data.rows.len() {
         let all = Task {
             rows: &data.rows,
             chosen: None,
-            regimes,
-            free,
+            variant,
         };
         all.search(found.theta)?
     } else {
         found
     };
-    let found = with_the_slip(data, regimes, free, found);
-    let mut solution = Solution::new(data, name, regimes, free, found);
+    let found = with_the_slip(data, variant, found);
+    let mut solution = Solution::new(data, variant, found);
     through_the_order(data, &mut solution);
     Some(solution)
 }
 
 /// Sliding forwards under a friction that pushes is sliding backwards under one that holds: where the spin is fitted, the
 /// slip's direction is that of friction.
-fn with_the_slip(data: &Data, regimes: Regimes, free: [bool; PARAMETERS], found: Found) -> Found {
+fn with_the_slip(data: &Data, variant: Variant, found: Found) -> Found {
     const AS_GOOD: f64 = 1e-6;
-    if !(free[RATIO] && free[MU] && found.theta[MU] < 0.0) {
+    if !(variant.free[RATIO] && variant.free[MU] && found.theta[MU] < 0.0) {
         return found;
     }
     let mut mirrored = found.theta;
@@ -367,8 +398,7 @@ fn with_the_slip(data: &Data, regimes: Regimes, free: [bool; PARAMETERS], found:
     let task = Task {
         rows: &data.rows,
         chosen: None,
-        regimes,
-        free,
+        variant,
     };
     task.search(mirrored)
         .filter(|other| other.chi2 <= found.chi2 + AS_GOOD * (1.0 + found.chi2))
@@ -384,7 +414,7 @@ const BESIDE: usize = 3;
 /// Goes through the ways to part the rows near the transition. Each leads to a valley of its own; the lowest becomes the
 /// solution, the others are kept.
 fn through_the_order(data: &Data, solution: &mut Solution) {
-    if solution.regimes != Regimes::Continuous || data.rows.len() > FEW {
+    if solution.variant.regimes != Regimes::Continuous || data.rows.len() > FEW {
         return;
     }
     let task = solution.task(data);
@@ -406,10 +436,8 @@ fn through_the_order(data: &Data, solution: &mut Solution) {
             _ if below == order.len() => 2.0 * order[below - 1].0,
             _ => 0.5 * (order[below - 1].0 + order[below].0),
         };
-        let parted = Task {
-            regimes: Regimes::Jump(limit * (1.0 + theta[E_X])),
-            ..task.clone()
-        };
+        let mut parted = task.clone();
+        parted.variant.regimes = Regimes::Jump(limit * (1.0 + theta[E_X]));
         let valley = parted.search(theta).and_then(|parted| task.search(parted.theta));
         let is_new = |found: &Found| {
             valleys
@@ -424,25 +452,18 @@ fn through_the_order(data: &Data, solution: &mut Solution) {
     let lowest = valleys.remove(0);
     *solution = Solution {
         valleys,
-        ..Solution::new(data, solution.name, solution.regimes, solution.free, lowest)
+        ..Solution::new(data, solution.variant, lowest)
     };
 }
 
 /// The least χ² of the `chosen` rows from many starts.
-pub(super) fn search(
-    data: &Data,
-    chosen: &[usize],
-    regimes: Regimes,
-    free: [bool; PARAMETERS],
-    from: &[Theta],
-) -> Option<Found> {
+pub(super) fn search(data: &Data, chosen: &[usize], variant: Variant, from: &[Theta]) -> Option<Found> {
     let task = Task {
         rows: &data.rows,
         chosen: Some(chosen),
-        regimes,
-        free,
+        variant,
     };
-    let mut starts = starts::candidates(data, chosen, &free);
+    let mut starts = starts::candidates(data, chosen, &variant.free);
     starts.extend(from);
     starts::best(&task, starts, 1.0, FOLLOWED)
         .into_iter()
@@ -450,7 +471,7 @@ pub(super) fn search(
         .min_by(|a, b| a.chi2.total_cmp(&b.chi2))
 }
 
-/// The μ-e model with every row sliding, whether or not it can.
-pub(super) fn sliding_throughout(data: &Data) -> Option<Solution> {
-    solve(data, ModelName::MuE, Regimes::Slide, free(data, false, true), &[])
+/// A model with every row sliding, whether or not it can.
+pub(super) fn sliding_throughout(data: &Data, model: ModelName) -> Option<Solution> {
+    solve(data, sliding(data, model), &[])
 }

@@ -139,7 +139,7 @@ fn reason(series: &Series, data: &Data, fit: &Robust, index: usize, spread: f64)
     };
     let (equation, _) = side(&near);
     match expected(series, row, &near, &fit.theta, equation) {
-        Some(text) => format!("{others}: {text} by {}", fit.name.name()),
+        Some(text) => format!("{others}: {text} by {}", fit.variant.model.name()),
         None => others,
     }
 }

@@ -4,71 +4,7 @@
 use super::series::{ColumnSet, Note, SetAside, Weights};
 use crate::quantity::Quantity;
 use crate::rebound::itf::Pace;
-use crate::rebound::{e_e, grip_slide, mu_e};
-
-/// A rebound model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ModelName {
-    /// Coulomb friction: leaves rolling, or slides.
-    MuE,
-    /// Horizontal restitution e_x, at any angle.
-    EE,
-    /// e_x up to the limit of friction, sliding beyond.
-    GripSlide,
-}
-
-impl ModelName {
-    /// All of them, in the order of the results.
-    pub const ALL: [Self; 3] = [Self::MuE, Self::EE, Self::GripSlide];
-
-    /// Its name in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::MuE => "mu_e",
-            Self::EE => "e_e",
-            Self::GripSlide => "grip_slide",
-        }
-    }
-}
-
-/// A parameter of a model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Parameter {
-    /// e.
-    Restitution,
-    /// μ.
-    Friction,
-    /// μ_o.
-    StaticFriction,
-    /// e_x.
-    TangentialRestitution,
-    /// R ω_oy / v_ox of the rows whose spin before is not known.
-    SpinRatio,
-}
-
-impl Parameter {
-    /// All of them, in the order of the results.
-    pub const ALL: [Self; 5] = [
-        Self::Restitution,
-        Self::Friction,
-        Self::StaticFriction,
-        Self::TangentialRestitution,
-        Self::SpinRatio,
-    ];
-
-    /// Its name in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Restitution => "restitution",
-            Self::Friction => "friction",
-            Self::StaticFriction => "static_friction",
-            Self::TangentialRestitution => "tangential_restitution",
-            Self::SpinRatio => "spin_ratio",
-        }
-    }
-}
+use crate::rebound::{Contact, ModelName, Parameter};
 
 /// A fitted number with the interval that holds the truth in 95 of 100 series. The interval need not be symmetric, and
 /// where it is not, the standard uncertainty is that of its longer side.
@@ -127,17 +63,6 @@ pub struct Transition {
     pub without_jump_rad: Option<Quantity>,
 }
 
-/// The coefficients of a fitted curve.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Curve {
-    /// The μ-e model.
-    MuE(mu_e::Parameters),
-    /// The e-e model.
-    EE(e_e::Parameters),
-    /// Grip and slide.
-    GripSlide(grip_slide::Parameters),
-}
-
 /// What a row does in a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RowRegime {
@@ -154,8 +79,8 @@ pub struct ModelFit {
     pub name: ModelName,
     /// Whether the search came to its end.
     pub converged: bool,
-    /// Restitution, friction, static friction, tangential restitution, spin ratio, as [`Parameter::ALL`].
-    pub parameters: [Fitted; 5],
+    /// As [`Parameter::ALL`].
+    pub parameters: [Fitted; Parameter::ALL.len()],
     /// Where sliding begins.
     pub transition: Transition,
     /// Sum of squared residuals over their variances; without deviations, of residuals in SI units.
@@ -181,7 +106,7 @@ pub struct ModelFit {
     /// See `sliding`.
     pub gripping: usize,
     /// Coefficients for curves, also those that are not determined (then any that fit).
-    pub curve: Curve,
+    pub curve: Contact,
     /// Spin ratio of the rows whose spin is not known, for curves.
     pub shared_spin_ratio: Option<f64>,
     /// For each row in use, in the order of [`GroupFit::rows_used`].

@@ -5,12 +5,13 @@
 
 use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
 use super::data::{Data, demand};
-use super::law::{E, MU, Nearest, PARAMETERS, Regimes, Theta};
+use super::law::{E, MU, Nearest, PARAMETERS, Regimes, Theta, Variant};
 use super::observation::Observation;
-use super::result::ModelName;
 use super::search::{Found, Task};
 use super::series::Weights;
 use super::starts;
+use crate::rebound::ModelName;
+use crate::rebound::model::FrictionLimit;
 
 /// Probability that a good series loses a row.
 pub(super) const FALSE_ALARM: f64 = 0.001;
@@ -30,9 +31,7 @@ const TRIED: usize = 200;
 
 /// A robust fit of one model.
 pub(super) struct Robust {
-    pub name: ModelName,
-    regimes: Regimes,
-    free: [bool; PARAMETERS],
+    pub variant: Variant,
     pub theta: Theta,
     /// Share of each row of the sample in χ².
     shares: Vec<f64>,
@@ -42,19 +41,17 @@ pub(super) struct Robust {
 /// (a factor on variances; without deviations, their variance).
 pub(super) fn best_fits(data: &Data) -> Option<(Vec<Robust>, f64)> {
     let mut fits: Vec<Vec<Robust>> = variants(data)
-        .into_iter()
-        .map(|(name, regimes, free)| {
-            robust(
-                data,
-                name,
-                regimes,
-                free,
-                starts::candidates(data, &data.sample, &free),
-                6,
-            )
+        .map(|variant| {
+            let starts = starts::candidates(data, &data.sample, &variant.free);
+            robust(data, variant, starts, 6)
         })
         .collect();
-    fits.push(robust_jumps(data));
+    let may_jump = |v: &Variant| v.model.model().friction_limit() == FrictionLimit::AtStaticFriction;
+    fits.extend(
+        variants(data)
+            .filter(may_jump)
+            .map(|variant| robust_jumps(data, variant)),
+    );
     let spread = fits
         .iter()
         .flatten()
@@ -76,23 +73,24 @@ pub(super) fn best_fits(data: &Data) -> Option<(Vec<Robust>, f64)> {
     Some((fits, spread))
 }
 
-fn variants(data: &Data) -> Vec<(ModelName, Regimes, [bool; PARAMETERS])> {
-    let ratio = data.shared_spin;
-    vec![
-        (ModelName::MuE, Regimes::Continuous, [true, false, true, ratio]),
-        (ModelName::EE, Regimes::Grip, [true, true, false, ratio]),
-        (
-            ModelName::GripSlide,
-            Regimes::Continuous,
-            [true, true, true, ratio],
-        ),
-    ]
+/// Every model as the bulk of the rows is fitted with it.
+fn variants(data: &Data) -> impl Iterator<Item = Variant> {
+    let shared_spin = data.shared_spin;
+    ModelName::ALL.into_iter().map(move |model| Variant {
+        model,
+        regimes: if model.has_friction_limit() {
+            Regimes::Continuous
+        } else {
+            Regimes::Grip
+        },
+        free: model.searched(shared_spin),
+    })
 }
 
 impl Robust {
     /// Static friction is not below friction.
     fn is_possible(&self) -> bool {
-        match self.regimes {
+        match self.variant.regimes {
             Regimes::Jump(limit) => self.friction_share() <= limit,
             _ => true,
         }
@@ -107,8 +105,7 @@ impl Robust {
         Task {
             rows: &data.rows,
             chosen,
-            regimes: self.regimes,
-            free: self.free,
+            variant: self.variant,
         }
     }
 }
@@ -118,38 +115,27 @@ fn core_size(rows: usize) -> usize {
 }
 
 /// Least trimmed squares on the sample, from the best of the starts.
-fn robust(
-    data: &Data,
-    name: ModelName,
-    regimes: Regimes,
-    free: [bool; PARAMETERS],
-    starts: Vec<Theta>,
-    followed: usize,
-) -> Vec<Robust> {
+fn robust(data: &Data, variant: Variant, starts: Vec<Theta>, followed: usize) -> Vec<Robust> {
     let task = Task {
         rows: &data.rows,
         chosen: Some(&data.sample),
-        regimes,
-        free,
+        variant,
     };
     let starts = starts::best(&task, starts, CORE, followed);
     starts
         .into_iter()
         .filter_map(|start| concentrate(data, &task, start))
         .map(|(theta, shares)| Robust {
-            name,
-            regimes,
-            free,
+            variant,
             theta,
             shares,
         })
         .collect()
 }
 
-/// The jumping μ-e model, its limit in one gap between rows after the other.
-fn robust_jumps(data: &Data) -> Vec<Robust> {
+/// A model that may jump, its limit in one gap between rows after the other.
+fn robust_jumps(data: &Data, variant: Variant) -> Vec<Robust> {
     const GAPS: usize = 20;
-    let free = [true, false, true, data.shared_spin];
     let mut demands: Vec<f64> = data
         .sample
         .iter()
@@ -159,10 +145,10 @@ fn robust_jumps(data: &Data) -> Vec<Robust> {
     demands.sort_by(f64::total_cmp);
     let gaps: Vec<f64> = demands.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
     let step = gaps.len().div_ceil(GAPS).max(1);
-    let starts = starts::candidates(data, &data.sample, &free);
+    let starts = starts::candidates(data, &data.sample, &variant.free);
     gaps.iter()
         .step_by(step)
-        .flat_map(|&gap| robust(data, ModelName::MuE, Regimes::Jump(gap), free, starts.clone(), 2))
+        .flat_map(|&gap| robust(data, variant.with(Regimes::Jump(gap)), starts.clone(), 2))
         .filter(Robust::is_possible)
         .collect()
 }
@@ -171,7 +157,7 @@ fn robust_jumps(data: &Data) -> Vec<Robust> {
 /// than `cap`.
 fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
     const GAPS: usize = 30;
-    let Regimes::Jump(mut limit) = fit.regimes else {
+    let Regimes::Jump(mut limit) = fit.variant.regimes else {
         return;
     };
     let mut demands: Vec<(f64, usize)> = data
@@ -188,10 +174,8 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
         let step = inside.len().div_ceil(GAPS).max(1);
         let rows: Vec<usize> = inside.iter().map(|d| d.1).collect();
         let cost = |limit: f64| {
-            let task = Task {
-                regimes: Regimes::Jump(limit),
-                ..fit.task(data, Some(&rows))
-            };
+            let mut task = fit.task(data, Some(&rows));
+            task.variant.regimes = Regimes::Jump(limit);
             shares(&task, &fit.theta)
                 .iter()
                 .map(|share| share.min(cap))
@@ -222,7 +206,7 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
         }
         around = narrower;
     }
-    fit.regimes = Regimes::Jump(limit);
+    fit.variant.regimes = Regimes::Jump(limit);
 }
 
 /// Fits the rows that fit best, takes those that then fit best, and so on until they stay.
@@ -337,7 +321,7 @@ fn beyond(data: &Data, fit: &Robust, limit: f64) -> Vec<bool> {
 /// The scatter of the rows that a fit was made on.
 fn spread_of_kept(data: &Data, kept: &[usize], found: &Found, fit: &Robust) -> f64 {
     let equations: usize = kept.iter().map(|&i| data.rows[i].equations()).sum();
-    let freedom = equations.saturating_sub(fit.free.iter().filter(|f| **f).count());
+    let freedom = equations.saturating_sub(fit.variant.free.iter().filter(|f| **f).count());
     criteria::scatter(data, found.chi2, freedom).map_or(f64::INFINITY, |s| s * s)
 }
 
@@ -349,7 +333,7 @@ fn reach(data: &Data, out: &[bool], spread: f64, fit: &Robust) -> f64 {
         Weights::Unit => {
             let kept = data.rows.iter().zip(out).filter(|(_, out)| !**out);
             let equations: usize = kept.map(|(row, _)| row.equations()).sum();
-            let parameters = fit.free.iter().filter(|f| **f).count() + 1;
+            let parameters = fit.variant.free.iter().filter(|f| **f).count() + 1;
             spread * f_quantile(tail, 1, equations.saturating_sub(parameters))
         }
     }
@@ -387,8 +371,8 @@ fn take_back(data: &Data, fit: &mut Robust, out: &mut [bool], spread: f64) {
 
 /// The fit with a row more, from where it was, and (for few rows) from everywhere.
 fn best_with(data: &Data, fit: &Robust, rows: &[usize], from: Theta) -> Option<Found> {
-    if rows.len() <= 40 && !matches!(fit.regimes, Regimes::Jump(_)) {
-        super::models::search(data, rows, fit.regimes, fit.free, &[from])
+    if rows.len() <= 40 && !matches!(fit.variant.regimes, Regimes::Jump(_)) {
+        super::models::search(data, rows, fit.variant, &[from])
     } else {
         fit.task(data, Some(rows)).search(from)
     }

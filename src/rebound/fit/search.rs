@@ -5,7 +5,8 @@
 //! a point at which χ² is not a finite number is never accepted. Where rows have exact incidence, χ² has kinks (a row changes sides at once) at which a smooth method stops too early:
 //! there argmin's Nelder-Mead goes on.
 
-use super::law::{self, Nearest, PARAMETERS, Regimes, Theta};
+use super::law::averaged::averaged;
+use super::law::{self, Nearest, PARAMETERS, Theta, Variant};
 use super::observation::Observation;
 use crate::numeric::least_squares::{self, Damping, Descent, Easing, Outlook, Termination, Trial};
 use crate::numeric::r_factor::RFactor;
@@ -42,8 +43,7 @@ pub(super) struct Task<'a> {
     pub rows: &'a [Observation],
     /// Which of them count; `None` for all.
     pub chosen: Option<&'a [usize]>,
-    pub regimes: Regimes,
-    pub free: [bool; PARAMETERS],
+    pub variant: Variant,
 }
 
 /// χ² and its r_factor at some parameters.
@@ -97,7 +97,7 @@ impl<'a> Task<'a> {
 
     /// The nearest motion to a row.
     pub fn nearest(&self, row: &Observation, theta: &Theta) -> Option<Nearest> {
-        law::nearest(row, self.regimes, theta)
+        law::nearest(row, &self.variant, theta)
     }
 
     /// χ² and its derivatives; `None` where χ² is not finite.
@@ -133,10 +133,10 @@ impl<'a> Task<'a> {
         self.sum(|row| self.nearest(row, theta).map(|near| near.chi2))
     }
 
-    /// χ² with each row's true incidence averaged over both sides of the transition, see [`law::averaged`]; infinite
+    /// χ² with each row's true incidence averaged over both sides of the transition, see [`averaged`]; infinite
     /// where it is not finite.
     pub fn averaged(&self, theta: &Theta, spread: f64) -> f64 {
-        self.sum(|row| law::averaged(row, self.regimes, theta, spread))
+        self.sum(|row| averaged(row, &self.variant, theta, spread))
     }
 
     fn sum(&self, of: impl Fn(&Observation) -> Option<f64> + Sync) -> f64 {
@@ -224,7 +224,7 @@ impl<'a> Task<'a> {
     }
 
     fn masked(&self, mut line: [f64; PARAMETERS]) -> [f64; PARAMETERS] {
-        for (x, free) in line.iter_mut().zip(&self.free) {
+        for (x, free) in line.iter_mut().zip(&self.variant.free) {
             if !free {
                 *x = 0.0;
             }
@@ -267,7 +267,7 @@ impl<'a> Task<'a> {
     fn across_kinks(&self, from: Found) -> Option<Found> {
         let lengths = from.r_factor.lengths();
         let moving: Vec<usize> = (0..PARAMETERS)
-            .filter(|&j| self.free[j] && lengths[j] > 0.0)
+            .filter(|&j| self.variant.free[j] && lengths[j] > 0.0)
             .collect();
         if moving.is_empty() {
             return None;

@@ -1,24 +1,16 @@
 //! The search of one model alone, to a tolerance of one's own: for seeing what the tolerance costs and what it gives.
 
 use super::data::Data;
-use super::law::{E, E_X, MU, PARAMETERS, Regimes, Theta};
+use super::law::{E, E_X, MU, PARAMETERS, Regimes, Theta, Variant};
 use super::models::FOLLOWED;
 use super::search::{Found, SETTLED, Task};
 use super::series::Series;
 use super::starts;
+use crate::rebound::ModelName;
 
 /// The tolerance of the fits: a step that would move all residuals together by less than this part of the scatter of one is
 /// not taken.
 pub const DEFAULT_TOLERANCE: f64 = SETTLED;
-
-/// Which parameters are searched for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Variant {
-    /// e and μ: leaves rolling, or slides.
-    MuE,
-    /// e, e_x and μ: grips, or slides.
-    GripSlide,
-}
 
 /// Where a search ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,17 +30,17 @@ pub struct Searched {
 /// The rows of a series, ready for searches.
 pub struct Study {
     data: Data,
-    variant: Variant,
+    model: ModelName,
 }
 
 impl Study {
-    /// All rows of `series`, whatever their group.
+    /// All rows of `series`, whatever their group, in a model whose rows may slide, with a known spin.
     #[must_use]
-    pub fn new(series: &Series, variant: Variant) -> Self {
+    pub fn new(series: &Series, model: ModelName) -> Self {
         let indices: Vec<usize> = (0..series.rows.len()).collect();
         Self {
             data: Data::new(series, &indices).0,
-            variant,
+            model,
         }
     }
 
@@ -56,7 +48,7 @@ impl Study {
     #[must_use]
     pub fn search(&self, tolerance: f64) -> Option<Searched> {
         let task = self.task();
-        let candidates = starts::candidates(&self.data, &self.data.sample, &task.free);
+        let candidates = starts::candidates(&self.data, &self.data.sample, &task.variant.free);
         self.from(starts::best(&task, candidates, 1.0, FOLLOWED), tolerance)
     }
 
@@ -69,15 +61,14 @@ impl Study {
     }
 
     fn task(&self) -> Task<'_> {
-        let mut free = [false; PARAMETERS];
-        free[E] = true;
-        free[MU] = true;
-        free[E_X] = self.variant == Variant::GripSlide;
         Task {
             rows: &self.data.rows,
             chosen: None,
-            regimes: Regimes::Continuous,
-            free,
+            variant: Variant {
+                model: self.model,
+                regimes: Regimes::Continuous,
+                free: self.model.searched(false),
+            },
         }
     }
 
@@ -93,8 +84,8 @@ impl Study {
             })
             .collect();
         let best = searches.into_iter().min_by(|a, b| a.chi2.total_cmp(&b.chi2))?;
-        let (determined, rank) = task.unit_r_factor(&best.theta).determined(&task.free);
-        let covariance = best.r_factor.covariance(&determined, &task.free, rank);
+        let (determined, rank) = task.unit_r_factor(&best.theta).determined(&task.variant.free);
+        let covariance = best.r_factor.covariance(&determined, &task.variant.free, rank);
         let order = [E, E_X, MU];
         Some(Searched {
             values: order.map(|j| best.theta[j]),

@@ -4,11 +4,11 @@
 //! put in order of the impulse that would stop their slip, the gaps between them are tried one by one, all other
 //! parameters fitted anew in each; and the interval reaches out to where the least χ² is exceeded by what chance allows.
 //!
-//! The values of Λ are compared by the likelihood that is averaged over each row's true incidence ([`law::averaged`]): the
+//! The values of Λ are compared by the likelihood that is averaged over each row's true incidence ([`law::averaged::averaged`]): the
 //! least χ² itself is lower for any jump, by a little for each row near it.
 
 use super::data::{Data, demand};
-use super::law::{self, E, MU, PARAMETERS, Regimes, Theta};
+use super::law::{self, E, MU, Regimes, Theta, Variant};
 use super::observation::Observation;
 use super::search::{Found, Task};
 
@@ -40,7 +40,7 @@ pub(super) struct Limits {
 /// χ² as a function of Λ.
 pub(super) struct Profile<'a> {
     data: &'a Data,
-    free: [bool; PARAMETERS],
+    variant: Variant,
     /// Where the other parameters start, or stay.
     theta: Theta,
     /// Rows that change with Λ; the others only add a constant.
@@ -51,12 +51,12 @@ pub(super) struct Profile<'a> {
 }
 
 impl<'a> Profile<'a> {
-    /// Around `theta`, the fit with the parameters in `free`; `spread` is the square of the rows' scatter.
-    pub fn new(data: &'a Data, free: [bool; PARAMETERS], theta: Theta, spread: f64) -> Self {
+    /// Around `theta`, the fit of `variant`, whatever its regimes; `spread` is the square of the rows' scatter.
+    pub fn new(data: &'a Data, variant: Variant, theta: Theta, spread: f64) -> Self {
         Self {
             spread,
             data,
-            free,
+            variant,
             theta,
             rows: data.sample.clone(),
             refit: data.rows.len() <= REFITTED,
@@ -70,13 +70,9 @@ impl<'a> Profile<'a> {
         if found.theta[MU] * (1.0 + found.theta[E]) <= limit {
             return Some(found);
         }
-        let mut free = self.free;
-        free[MU] = false;
-        let pinned = Task {
-            regimes: Regimes::Pinned(limit),
-            free,
-            ..task
-        };
+        let mut pinned = task;
+        pinned.variant.regimes = Regimes::Pinned(limit);
+        pinned.variant.free[MU] = false;
         let mut found = pinned.search(found.theta)?;
         found.theta[MU] = limit / (1.0 + found.theta[E]);
         Some(found)
@@ -100,8 +96,7 @@ impl<'a> Profile<'a> {
         Task {
             rows: &self.data.rows,
             chosen: Some(&self.rows),
-            regimes: Regimes::Jump(limit),
-            free: self.free,
+            variant: self.variant.with(Regimes::Jump(limit)),
         }
     }
 
@@ -161,7 +156,7 @@ impl<'a> Profile<'a> {
                 rows: all.clone(),
                 refit: true,
                 data: self.data,
-                free: self.free,
+                variant: self.variant,
                 theta: self.theta,
                 spread: self.spread,
             };
@@ -239,8 +234,8 @@ impl<'a> Profile<'a> {
         let rows = &self.data.rows;
         self.rows = (0..rows.len())
             .filter(|&i| {
-                let (least, std) = law::margin(&rows[i], high, &self.theta);
-                let (most, _) = law::margin(&rows[i], low, &self.theta);
+                let (least, std) = law::margin(&rows[i], &self.variant, high, &self.theta);
+                let (most, _) = law::margin(&rows[i], &self.variant, low, &self.theta);
                 least <= FAR * std && most >= -FAR * std
             })
             .collect();

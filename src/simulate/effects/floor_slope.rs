@@ -9,11 +9,11 @@
 //! reflection.
 
 use super::{Action, Effect, EffectEstimate, Ideal};
-use crate::rebound::{Motion, Regime};
+use crate::rebound::{Contact, Motion, Regime};
 use crate::simulate::camera::picture_shift_px;
 use crate::simulate::flight::Trajectory;
 use crate::simulate::frame_times_s;
-use crate::simulate::scene::{Contact, Scene};
+use crate::simulate::scene::Scene;
 use nalgebra::Vector3;
 
 /// Floor slope.

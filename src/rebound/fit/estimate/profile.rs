@@ -4,10 +4,11 @@
 //! one has crossed. The covariance at the least χ² knows of neither. So each parameter is moved away, the others fitted
 //! anew, until χ² is beyond what chance allows. Where it comes out as the covariance has it, one step to either side shows it.
 
-use super::{KNOWN, Work};
+use super::Work;
 use crate::rebound::fit::law::{PARAMETERS, Regimes, Theta};
 use crate::rebound::fit::models::FEW;
 use crate::rebound::fit::search::Task;
+use crate::rebound::parameter::SEARCHED;
 
 /// χ² at the end that the covariance gives may be off by this part before the end is looked for.
 const AS_EXPECTED: f64 = 0.1;
@@ -33,10 +34,11 @@ impl Region {
         let mut region = Self::default();
         let solution = work.solution;
         let level = (work.factor * work.scatter.unwrap_or(0.0)).powi(2);
-        if solution.regimes != Regimes::Continuous || work.data.rows.len() > FEW || !(level > 0.0) {
+        if solution.variant.regimes != Regimes::Continuous || work.data.rows.len() > FEW || !(level > 0.0) {
             return region;
         }
-        let at_once = |j: usize| solution.determined[j] && work.covariance[(j, j)].sqrt() <= KNOWN[j];
+        let at_once =
+            |j: usize| solution.determined[j] && work.covariance[(j, j)].sqrt() <= SEARCHED[j].vague_std();
         for j in (0..PARAMETERS).filter(|&j| at_once(j)) {
             let [low, high] = [-1.0, 1.0].map(|sign| region.end(work, level, j, sign));
             region.open[j] = (low, high);
@@ -68,7 +70,7 @@ impl Region {
             self.ends.push(path.theta);
             inside = reach;
             reach *= 1.6;
-            if reach > work.factor * KNOWN[j] {
+            if reach > work.factor * SEARCHED[j].vague_std() {
                 return true;
             }
             rise = path.rise(best + sign * reach);
@@ -105,7 +107,7 @@ struct Path<'a> {
 impl<'a> Path<'a> {
     fn new(work: &'a Work<'a>, j: usize) -> Self {
         let mut task = work.solution.task(work.data);
-        task.free[j] = false;
+        task.variant.free[j] = false;
         Self {
             work,
             task,

@@ -1,12 +1,14 @@
 //! Where sliding begins: static friction and the angle of the transition, with the intervals that the order of the rows
 //! allows.
 
-use super::{KNOWN, NO_SLIP, Work, three_digits};
+use super::{NO_SLIP, Work, three_digits};
 use crate::quantity::Quantity;
 use crate::rebound::fit::data::demand;
 use crate::rebound::fit::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
-use crate::rebound::fit::result::{Fitted, ModelName, Transition};
+use crate::rebound::fit::result::{Fitted, Transition};
 use crate::rebound::fit::transition::{Limits, Profile};
+use crate::rebound::model::FrictionLimit;
+use crate::rebound::parameter::SEARCHED;
 
 /// Static friction is given where its bounds are closer than this ratio; the paper's own best is 0.15 ± 0.02.
 const CLOSE: f64 = 1.5;
@@ -17,17 +19,22 @@ impl Work<'_> {
         theta[MU] * (1.0 + theta[E])
     }
 
-    /// Λ of the μ-e model: where it may lie, whether or not static friction equals friction.
+    /// How friction ends grip in the model.
+    fn friction_limit(&self) -> FrictionLimit {
+        self.solution.name().model().friction_limit()
+    }
+
+    /// Λ of a model that may jump: where it may lie, whether or not static friction equals friction.
     pub(super) fn limits(&self) -> Option<Limits> {
         let solution = self.solution;
         let both = self.sliding > 0 && self.gripping > 0;
-        if solution.name != ModelName::MuE || !solution.free[MU] || !both {
+        if self.friction_limit() != FrictionLimit::AtStaticFriction || !solution.is_free(MU) || !both {
             return None;
         }
         let scatter = self.scatter?;
         let level = (self.factor * scatter).powi(2);
-        let mut profile = Profile::new(self.data, solution.free, self.theta, scatter * scatter);
-        match solution.regimes {
+        let mut profile = Profile::new(self.data, solution.variant, self.theta, scatter * scatter);
+        match solution.variant.regimes {
             Regimes::Jump(limit) => Some(profile.limits(limit, level)),
             _ => {
                 let share = Self::friction_share(&self.theta);
@@ -61,16 +68,10 @@ impl Work<'_> {
 
     pub(super) fn static_friction(&self, limits: Option<Limits>) -> Fitted {
         let solution = self.solution;
-        if solution.name != ModelName::MuE {
-            return Fitted::NotDetermined(format!(
-                "the {} model has no static friction of its own",
-                solution.name.name()
-            ));
-        }
         if !solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
         }
-        if !solution.free[MU] {
+        if !solution.is_free(MU) {
             return Fitted::NotDetermined(format!(
                 "no row is seen to slide, so static friction is only known to be enough{}",
                 self.least_friction()
@@ -125,22 +126,23 @@ impl Work<'_> {
         };
         let none = |reason: &str| of(Fitted::NotDetermined(reason.to_owned()), None);
         let solution = self.solution;
-        if solution.name == ModelName::EE {
-            return none("the e_e model never slides");
+        if !solution.name().has_friction_limit() {
+            return none(&format!("the {} model never slides", solution.name().name()));
         }
-        if self.sliding == 0 || !solution.free[MU] {
+        if self.sliding == 0 || !solution.is_free(MU) {
             return none("no row is seen to slide");
         }
         if self.gripping == 0 {
             return none("every row slides");
         }
-        let known = |j: usize| solution.determined[j] && self.covariance[(j, j)].sqrt() <= KNOWN[j];
-        if (0..PARAMETERS).any(|j| solution.free[j] && !known(j)) {
+        let known =
+            |j: usize| solution.determined[j] && self.covariance[(j, j)].sqrt() <= SEARCHED[j].vague_std();
+        if (0..PARAMETERS).any(|j| solution.is_free(j) && !known(j)) {
             return none("it depends on parameters that are not determined");
         }
         let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
         let value = continuous(&self.theta);
-        if solution.name == ModelName::GripSlide {
+        if self.friction_limit() == FrictionLimit::AtFriction {
             return of(self.estimate(continuous, self.all_open()), None);
         }
         let ends = limits.map_or((None, None), |l| {

@@ -1,7 +1,7 @@
 //! A row's likelihood with its true incidence averaged over both sides of the transition.
 
 use super::algebra::{dot, forward};
-use super::{Law, MOST, Regimes, State, Theta, nearest};
+use super::{Law, MOST, Regimes, State, Theta, Variant, by_slot, nearest};
 use crate::rebound::fit::observation::{Observation, Slots};
 use statrs::function::erf::erfc;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
@@ -14,15 +14,15 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 /// average is e^(−χ²/2) times the part of a Gaussian that lies on that side. `spread` is what χ² is to be divided by.
 pub(in crate::rebound::fit) fn averaged(
     row: &Observation,
-    regimes: Regimes,
+    variant: &Variant,
     theta: &Theta,
     spread: f64,
 ) -> Option<f64> {
-    let (law, here) = Law::new(row, regimes, theta);
+    let (law, here) = Law::new(row, variant, theta);
     let (margin, variance) = law.margin(&here);
-    let one_sided = matches!(regimes, Regimes::Grip | Regimes::Slide);
+    let one_sided = matches!(variant.regimes, Regimes::Grip | Regimes::Slide);
     if one_sided || !(variance > 0.0 && spread > 0.0) {
-        return nearest(row, regimes, theta).map(|n| n.chi2);
+        return nearest(row, variant, theta).map(|n| n.chi2);
     }
     let first = if margin <= 0.0 { State::Grip } else { State::Slide };
     let second = if margin <= 0.0 { State::Slide } else { State::Grip };
@@ -56,8 +56,9 @@ impl Law<'_> {
     fn log_share(&self, state: State, spread: f64) -> Option<f64> {
         self.closest(state, |at| {
             let k = at.kinematics;
-            let (grip, limit) = (self.grip_share() * self.sign_at(state, k), self.limit.value);
-            let slope: Slots = std::array::from_fn(|i| grip * (k.da[i] - k.dw[i]) - limit * k.db[i]);
+            let (sign, limit) = (self.sign_at(state, k), self.limit.value);
+            let grip = by_slot(&self.grip(k), k);
+            let slope: Slots = std::array::from_fn(|i| sign * grip[i] - limit * k.db[i]);
             // What is left of the margin's variance once the equations hold.
             let mut bound = [0.0; MOST];
             for (entry, spread) in bound.iter_mut().zip(at.spread).take(at.equations.count) {

@@ -6,6 +6,15 @@ use crate::rebound::fit::series::{Column, Row, Series};
 use crate::rebound::{Motion, e_e, grip_slide, mu_e};
 use nalgebra::Vector3;
 
+/// Every parameter free, e_x among them.
+fn of(regimes: Regimes) -> Variant {
+    Variant {
+        model: ModelName::GripSlide,
+        regimes,
+        free: [true; PARAMETERS],
+    }
+}
+
 const THETA: Theta = [0.8, 0.3, 0.12, 0.2];
 
 /// Rows of every kind: the three sets, each way to know the spin, correlated errors.
@@ -87,7 +96,7 @@ fn regimes() -> [Regimes; 5] {
 fn derivatives_are_those_of_chi2() {
     for row in rows() {
         for regimes in regimes() {
-            let near = nearest(&row, regimes, &THETA).unwrap();
+            let near = nearest(&row, &of(regimes), &THETA).unwrap();
             for p in 0..PARAMETERS {
                 let gradient: f64 = (0..near.equations)
                     .map(|i| 2.0 * near.residuals[i] * near.jacobian[i][p])
@@ -96,7 +105,7 @@ fn derivatives_are_those_of_chi2() {
                 let at = |sign: f64| {
                     let mut theta = THETA;
                     theta[p] += sign * step;
-                    nearest(&row, regimes, &theta).unwrap().chi2
+                    nearest(&row, &of(regimes), &theta).unwrap().chi2
                 };
                 let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
                 let size = 1.0 + near.chi2 + gradient.abs();
@@ -115,7 +124,7 @@ fn derivatives_are_those_of_chi2() {
 fn the_nearest_motion_obeys_the_model() {
     for row in rows() {
         for regimes in regimes() {
-            let near = nearest(&row, regimes, &THETA).unwrap();
+            let near = nearest(&row, &of(regimes), &THETA).unwrap();
             let k = row.kinematics(&near.z, THETA[RATIO]);
             let incoming = Motion {
                 velocity_m_s: Vector3::new(k.a, 0.0, -k.b),
@@ -170,7 +179,7 @@ fn the_nearest_motion_obeys_the_model() {
 fn chi2_is_continuous_where_a_row_changes_sides() {
     let row = &rows()[4];
     let chi2 = |mu: f64| {
-        nearest(row, Regimes::Continuous, &[0.8, 0.0, mu, 0.0])
+        nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0])
             .unwrap()
             .chi2
     };
@@ -184,7 +193,7 @@ fn chi2_is_continuous_where_a_row_changes_sides() {
             "mu {mu}: {before} {now}"
         );
         before = now;
-        let near = nearest(row, Regimes::Continuous, &[0.8, 0.0, mu, 0.0]).unwrap();
+        let near = nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0]).unwrap();
         states.insert(format!("{:?}", near.state));
     }
     assert!(states.len() >= 2, "{states:?}");
@@ -257,7 +266,7 @@ fn the_averaged_likelihood_is_the_integral_over_both_sides() {
             sum += (-0.5 * least / spread).exp() * inside / whole;
         }
         let integral = -2.0 * spread * sum.ln();
-        let found = averaged(&row, Regimes::Jump(LIMIT), &THETA, spread).unwrap();
+        let found = averaged::averaged(&row, &of(Regimes::Jump(LIMIT)), &THETA, spread).unwrap();
         assert!(
             (found - integral).abs() < 0.02,
             "{vz} {spread}: {found} {integral}"
@@ -270,12 +279,12 @@ fn far_from_the_limit_the_averaged_likelihood_is_chi2() {
     for row in rows() {
         for limit in [1e-3, 100.0] {
             let regimes = Regimes::Jump(limit);
-            let (beyond, std) = margin(&row, limit, &THETA);
+            let (beyond, std) = margin(&row, &of(Regimes::Grip), limit, &THETA);
             if beyond.abs() < 10.0 * std {
                 continue;
             }
-            let chi2 = nearest(&row, regimes, &THETA).unwrap().chi2;
-            let found = averaged(&row, regimes, &THETA, 1.0).unwrap();
+            let chi2 = nearest(&row, &of(regimes), &THETA).unwrap().chi2;
+            let found = averaged::averaged(&row, &of(regimes), &THETA, 1.0).unwrap();
             assert!(
                 (found - chi2).abs() < 1e-6 * (1.0 + chi2),
                 "{row:?} {limit}: {found} {chi2}"
