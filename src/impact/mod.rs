@@ -9,12 +9,22 @@
 //! Rω'   = Rω + (vt - v't)/k               e_x = -(v't - Rω') / (vt - Rω)          [eqs. 7, 17 of Domenech 2005]
 //! ```
 
+mod bench_edge;
+mod bounces;
+pub mod contact;
+mod distances;
 pub mod error_budget;
+mod floor;
+pub mod from_flight;
+mod inputs;
 pub mod motion;
 pub mod propagation;
 pub mod reading;
 pub mod relations;
+mod side_bounce;
+mod spin;
 pub mod spin_lift;
+mod top_view;
 
 use crate::quantity::Quantity;
 

@@ -13,9 +13,11 @@
 //! Assumed: one plane floor, and a camera that stands still: one in a hand turns from impact to impact, and its impacts are
 //! not asked. Touches whose places do not lie on one line (two floors, a step) tell no slope.
 
-use super::{EXTRAS, FLOOR_LEVEL, FLOOR_LINE, ImpactKind, MeasuredMotion, Motion, PLACES_UP, extra};
+use super::inputs::InputValues;
+use super::motion::{ImpactKind, MeasuredMotion};
+use super::{FloorSlope, FloorSource};
 use crate::calibration::View;
-use crate::impact::{FloorSlope, FloorSource};
+use crate::flight::fit::Motion;
 
 /// Two floors, or a step, where touches are off one line by more than this part of the ball's radius.
 const STEP_PART: f64 = 0.3;
@@ -36,21 +38,6 @@ const STEEPEST_RAD: f64 = 0.35;
 /// Sources that differ by more than this many standard uncertainties contradict each other.
 const AGREE_SIGMAS: f64 = 3.0;
 
-/// How the slope follows from its sources: weights that add up to 1.
-#[derive(Debug, Clone, Default)]
-pub(super) struct SlopeSources {
-    /// Arc before each touch, and its weight in the line through them.
-    touches: Vec<(usize, f64)>,
-    by_touches: f64,
-    /// Direction of the line in the plane, rad, and its weight.
-    line: (f64, f64),
-    /// Slope against gravity, rad, and its weight.
-    level: (f64, f64),
-    /// A source that was left out as it contradicts the others: its slope and standard uncertainty, rad.
-    contradicted: Option<(f64, f64)>,
-    given: bool,
-}
-
 /// A velocity in axes turned by `slope`: along the floor, and its normal. Places stay.
 pub(super) fn turned(m: &Motion, slope: f64) -> Motion {
     let (sin, cos) = slope.sin_cos();
@@ -68,8 +55,8 @@ fn folded(angle: f64) -> f64 {
 
 impl MeasuredMotion<'_> {
     /// The floor's slope for any parameters, rad, along x.
-    pub(super) fn slope(&self, p: &[f64]) -> f64 {
-        let s = &self.slope;
+    pub(super) fn slope(&self, p: &InputValues<'_>) -> f64 {
+        let s = &self.slope_sources;
         let mut sum = 0.0;
         if s.by_touches != 0.0 {
             sum += s.by_touches * self.slope_of(p, &s.touches);
@@ -78,13 +65,13 @@ impl MeasuredMotion<'_> {
             sum += s.line.1 * self.slope_of_line(p, s.line.0);
         }
         if s.level.1 != 0.0 {
-            sum += s.level.1 * (s.level.0 + extra(p, FLOOR_LEVEL));
+            sum += s.level.1 * (s.level.0 + p.errors.floor_level_rad);
         }
         sum
     }
 
     /// Of the line through touches, against the world's horizontal.
-    fn slope_of(&self, p: &[f64], touches: &[(usize, f64)]) -> f64 {
+    fn slope_of(&self, p: &InputValues<'_>, touches: &[(usize, f64)]) -> f64 {
         let places: Vec<(f64, f64, f64)> = touches
             .iter()
             .map(|&(k, weight)| {
@@ -98,12 +85,12 @@ impl MeasuredMotion<'_> {
         let run: f64 = places.iter().map(|q| q.0 * (q.1 - x) * (q.1 - x)).sum();
         let rise: f64 = places.iter().map(|q| q.0 * (q.1 - x) * (q.2 - z)).sum();
         // What differs between the centres' errors at two places, over the run.
-        let apart = extra(p, PLACES_UP) * self.scale(p) * (all / run).sqrt();
+        let apart = p.errors.place_up * self.scale(p) * (all / run).sqrt();
         (rise / run + apart).atan()
     }
 
-    fn slope_of_line(&self, p: &[f64], direction: f64) -> f64 {
-        folded(self.x_sign * (direction + extra(p, FLOOR_LINE) - self.lean(p)))
+    fn slope_of_line(&self, p: &InputValues<'_>, direction: f64) -> f64 {
+        folded(self.x_sign * (direction + p.errors.floor_line_rad - self.lean(p)))
     }
 
     /// The same with what is known of the floor.
@@ -112,15 +99,16 @@ impl MeasuredMotion<'_> {
             return self;
         }
         let known = self.calibration.floor;
-        let n = self.inputs.values.len() - EXTRAS;
         // How well the picture's horizontal is known: only a slope given against gravity needs it.
         let lean_std = self.inputs.outputs(|p| vec![self.lean(p)]).std(0);
         let level = (known.slope_rad, known.std_rad.hypot(lean_std));
-        self.inputs.covariance[(n + FLOOR_LEVEL, n + FLOOR_LEVEL)] = known.std_rad * known.std_rad;
-        let p = self.inputs.values.clone();
         let line = self.line_in_plane().map(|(direction, std)| {
-            self.inputs.covariance[(n + FLOOR_LINE, n + FLOOR_LINE)] = std * std;
-            (direction, self.slope_of_line(p.as_slice(), direction), std)
+            let slope = self.slope_of_line(&self.inputs.best(), direction);
+            (direction, slope, std)
+        });
+        self.inputs.set(|_, stds| {
+            stds.floor_level_rad = known.std_rad;
+            stds.floor_line_rad = line.map_or(0.0, |l| l.2);
         });
         let touches = self.touches_of_one_floor();
         let seen = touches.as_ref().map(|touches| {
@@ -136,17 +124,17 @@ impl MeasuredMotion<'_> {
         let of_picture = combined(&sources);
         let agrees =
             of_picture.is_none_or(|(slope, std)| (slope - level.0).abs() < AGREE_SIGMAS * std.hypot(level.1));
-        self.slope.contradicted = of_picture.filter(|_| !agrees).map(|_| level);
+        self.slope_sources.contradicted = of_picture.filter(|_| !agrees).map(|_| level);
         if agrees {
             sources.push(level);
         }
         let information: f64 = sources.iter().map(|s| 1.0 / (s.1 * s.1)).sum();
         let part = |std: f64| 1.0 / (std * std) / information;
-        self.slope.given = known.given;
-        self.slope.by_touches = seen.map_or(0.0, |s| part(s.1));
-        self.slope.line = line.map_or((0.0, 0.0), |l| (l.0, part(l.2)));
-        self.slope.level = (level.0, if agrees { part(level.1) } else { 0.0 });
-        self.slope.touches = touches.unwrap_or_default();
+        self.slope_sources.given = known.given;
+        self.slope_sources.by_touches = seen.map_or(0.0, |s| part(s.1));
+        self.slope_sources.line = line.map_or((0.0, 0.0), |l| (l.0, part(l.2)));
+        self.slope_sources.level = (level.0, if agrees { part(level.1) } else { 0.0 });
+        self.slope_sources.touches = touches.unwrap_or_default();
         self
     }
 
@@ -213,7 +201,7 @@ impl MeasuredMotion<'_> {
         else {
             return 0.0;
         };
-        let p = self.inputs.values.as_slice();
+        let p = &self.inputs.best();
         let (a, b) = (self.impact(p, first.0).1, self.impact(p, last.0).1);
         0.5 * soft.earlier_s * (a.vh - b.vh).abs() / (a.r - b.r).abs()
     }
@@ -224,7 +212,7 @@ impl MeasuredMotion<'_> {
         if self.calibration.view == View::Top || !self.flight.fit.forces.falls() {
             return None;
         }
-        let s = &self.slope;
+        let s = &self.slope_sources;
         let (by_level, by_line) = (s.level.1, s.line.1);
         let source = if s.by_touches >= by_level.max(by_line) {
             FloorSource::Impacts
@@ -240,7 +228,7 @@ impl MeasuredMotion<'_> {
     /// A slope that is given, or usual, and contradicted by what the picture shows: with its standard uncertainty, rad.
     #[must_use]
     pub fn floor_contradicts(&self) -> Option<(f64, f64)> {
-        self.slope.contradicted
+        self.slope_sources.contradicted
     }
 }
 

@@ -4,7 +4,8 @@
 //! fall of the ball, which is taken out. Near and at a distance that is not known, it sees them bent, and what that does to
 //! directions is not known either. Whatever needs the vertical speed is not reported of a top view.
 
-use super::{Bounce, CentreVelocity, DIRECTION_SIGMAS, EERegime, MeasuredMotion};
+use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
+use super::{Bounce, CentreVelocity, EERegime};
 use crate::calibration::View;
 use crate::flight::SpotUse;
 use crate::flight::fit::Forces;

@@ -1,0 +1,132 @@
+//! x0 from the launch edge to the first bounce, x from there to the second.
+
+use super::inputs::InputValues;
+use super::motion::MeasuredMotion;
+use super::{Bounce, Distances, XSource, top_view};
+use crate::calibration::View;
+use crate::quantity::Quantity;
+
+impl MeasuredMotion<'_> {
+    /// x0 from the edge to the first bounce, x from the first to the second (seen, or where the rebound's arc comes
+    /// down to the first impact's height). `bounces` by [`Self::bounces`].
+    #[must_use]
+    pub fn distances(&self, bounces: &[(usize, Bounce)]) -> Distances {
+        let found = self.distances_of(bounces);
+        if self.bend().is_some() {
+            return Distances {
+                x0_m: found.x0_m.and_then(top_view::undetermined),
+                x_m: found.x_m.and_then(top_view::undetermined),
+                ..found
+            };
+        }
+        found
+    }
+
+    pub(super) fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
+        let Some(&(first, _)) = bounces.first() else {
+            return Distances::default();
+        };
+        // Where the ball touches, as the time is when it does.
+        let place = |p: &InputValues<'_>, k: usize| self.impact(p, k).1.r;
+        let x0_m = self.edge_distance(first, &place);
+        let apart = |p: &InputValues<'_>| p.errors.place_right * self.scale(p);
+        // Seen, when the very next impact is on the floor too.
+        let (x_m, x_source) = match bounces.get(1) {
+            Some(&(second, _)) if second == first + 1 => {
+                let out = self
+                    .inputs
+                    .outputs(|p| vec![place(p, second) - place(p, first) + apart(p)]);
+                (out.quantity(0), XSource::Observed)
+            }
+            _ if self.calibration.view == View::Top => {
+                return Distances {
+                    x0_m,
+                    x_m: None,
+                    x_source: None,
+                };
+            }
+            _ => {
+                let out = self.inputs.outputs(|p| {
+                    let (t, touch, _) = self.impact(p, first);
+                    let down = self.back_at(p, first + 1, t, (touch.r, touch.h));
+                    vec![self.world(p, first + 1, down).r - touch.r + apart(p)]
+                });
+                (out.quantity(0), XSource::Extrapolated)
+            }
+        };
+        Distances {
+            x0_m,
+            x_m,
+            x_source: x_m.map(|_| x_source),
+        }
+    }
+
+    /// When arc `k`, rising about `t`, comes down to the floor through the place (x, z) of the touch before, lift included: the
+    /// rebound's own arc is still below that then, as the ball stays down for a while.
+    pub(super) fn back_at(&self, p: &InputValues<'_>, k: usize, t: f64, (x, z): (f64, f64)) -> f64 {
+        let slope = self.slope(p).tan();
+        let mut down = t + self.flight.fit.planar(p.arcs).return_time(k, t);
+        for _ in 0..5 {
+            let m = self.world(p, k, down);
+            down -= (m.h - z - slope * (m.r - x)) / (m.vh - slope * m.vr);
+        }
+        down
+    }
+
+    /// Whether the arc before the first impact can have begun at the edge: followed back to there, it is not below the
+    /// floor. If it is, an impact before was missed.
+    pub(super) fn comes_from(&self, edge_m: f64, first: usize) -> bool {
+        if self.calibration.view == View::Top {
+            return true;
+        }
+        let p = &self.inputs.best();
+        let (t, before, _) = self.impact(p, first);
+        if first != 0 || !(before.vr.abs() > 1e-9) {
+            return first == 0;
+        }
+        let back_s = (before.r - edge_m) / before.vr;
+        let there = self.world(p, 0, t - back_s);
+        // A tenth of the fall's height for what extrapolation and drag make of it.
+        let fall_m = before.vh * before.vh / (2.0 * p.fall() * self.scale(p));
+        !(back_s > 0.0) || there.h > before.h - 0.1 * fall_m
+    }
+
+    pub(super) fn edge_distance(
+        &self,
+        first: usize,
+        place: &impl Fn(&InputValues<'_>, usize) -> f64,
+    ) -> Option<Quantity> {
+        if let Some(edge_m) = self.calibration.launch.edge_x_m {
+            if !self.comes_from(edge_m, first) {
+                return None;
+            }
+            return self
+                .inputs
+                .outputs(|p| vec![place(p, first) - edge_m])
+                .quantity(0);
+        }
+        if self.calibration.has_origin() || self.calibration.view == View::Top || first != 0 {
+            return None;
+        }
+        if self.flight.launch.is_some() {
+            // Both places are the ball's: what all centres share is in neither.
+            let seen = self.inputs.outputs(|p| {
+                let apart = p.errors.place_right * self.scale(p);
+                vec![place(p, first) - self.edge_place(p).map_or(f64::NAN, |e| e.r) + apart]
+            });
+            return self
+                .bench_launch()
+                .and_then(|l| l.edge_x_m)
+                .and_then(|_| seen.quantity(0));
+        }
+        // A horizontal launch is level where it begins: the apex is the edge.
+        let apex = |p: &InputValues<'_>| self.vertex_s(p);
+        let start = self.flight.spans[0].0;
+        let best = apex(&self.inputs.best());
+        let level = (best - start).abs() < 2.0 * self.flight.interval_s;
+        let out = self
+            .inputs
+            .outputs(|p| vec![place(p, first) - self.world(p, 0, apex(p)).r]);
+        level.then(|| out.quantity(0)).flatten()
+    }
+}
