@@ -23,6 +23,12 @@ impl PixelPoint {
         Self { u_px, v_px }
     }
 
+    /// The point `du_px` columns to the right and `dv_px` rows below.
+    #[must_use]
+    pub const fn shifted(self, du_px: f64, dv_px: f64) -> Self {
+        Self::new(self.u_px + du_px, self.v_px + dv_px)
+    }
+
     /// Euclidean distance to `other`, px.
     #[must_use]
     pub fn distance_px(self, other: Self) -> f64 {

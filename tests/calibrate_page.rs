@@ -12,8 +12,8 @@ use base64::Engine as _;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::{TempDir, tempdir};
-use track::calibration::ruler::{self, Length, RulerRequest, calibrate};
-use track::calibration::{Calibration, Scale};
+use track::calibration::ruler::{self, RulerRequest, calibrate};
+use track::calibration::{Calibration, Ruler, Scale};
 use track::frames::{Coding, Luma, VideoWriter};
 use track::geometry::PixelPoint;
 
@@ -222,13 +222,13 @@ fn a_newcomer_drags_a_ruler_and_saves_a_file() {
     );
     assert_eq!(out["before"]["disabled"], true);
     let c = parsed(&out["calib"]);
-    let Scale::Ruler {
+    let Scale::Ruler(Ruler {
         from,
         to,
         length_m,
         point_std_px,
         ..
-    } = c.scale
+    }) = c.scale
     else {
         panic!("{out}")
     };
@@ -382,12 +382,13 @@ fn with_a_lens_the_page_and_the_program_agree() {
     known.lens = Calibration::parse(&file.to_string(), "file").unwrap().lens;
     let p = PixelPoint::new;
     let request = RulerRequest {
-        length: Length::Ruler {
+        scale: Scale::Ruler(Ruler {
             from: p(80.0, 320.0),
             to: p(560.0, 300.0),
             length_m: 0.3,
             length_std_m: None,
-        },
+            point_std_px: None,
+        }),
         held: Some(ruler::RulerOrientation::Level),
         up_px: [0.0, -1.0],
         up_given: false,

@@ -9,7 +9,8 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use track::calibration::{
-    Calibration, CalibrationError, Floor, FloorLine, Launch, Problem, Scale, ScaleEvidence, Silhouettes, View,
+    Calibration, CalibrationError, Floor, FloorLine, Launch, MetresPerPixel, Problem, Scale, ScaleEvidence,
+    Silhouettes, View,
 };
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
@@ -152,7 +153,7 @@ fn every_sample_is_read_and_works_over_its_whole_picture() {
 
 #[test]
 fn no_sample_has_a_problem() {
-    use track::calibration::check::{Severity, check};
+    use track::calibration::{Severity, check::check};
     for path in samples() {
         let found = check(&path, None).unwrap();
         assert!(
@@ -170,10 +171,10 @@ fn the_contracts_example_means_what_it_says() {
     assert_eq!(c.image_size_px, Some((1280, 720)));
     assert_eq!(
         c.scale,
-        Scale::MetresPerPixel {
+        Scale::MetresPerPixel(MetresPerPixel {
             value: 0.0008,
             std: Some(0.000_001)
-        }
+        })
     );
     assert_eq!(c.origin_px, Some(PixelPoint::new(120.0, 660.0)));
     assert_eq!(c.up_px, [0.0, -1.0]);

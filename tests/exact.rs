@@ -12,7 +12,7 @@ mod noise;
 use exactly::{N, Relation, n};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use noise::Noise;
-use track::calibration::{Calibration, Scale, ScaleEvidence};
+use track::calibration::{Calibration, MetresPerPixel, Ruler, Scale, ScaleEvidence};
 use track::flight::drag::DragLaw;
 use track::flight::planar::{ARCS, DRAG, GRAVITY, PlanarArcs};
 use track::geometry::PixelPoint;
@@ -553,10 +553,10 @@ fn from_the_picture_to_the_plane_and_to_metres() {
             dice.between(-1.0, 1.0),
             dice.between(-1.0, 1.0),
         );
-        let mut c = Calibration::new(Scale::MetresPerPixel {
+        let mut c = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: 1.0,
             std: None,
-        });
+        }));
         c.origin_px = Some(PixelPoint::new(ou, ov));
         c.up_px = [a, b];
         let found = c
@@ -590,13 +590,13 @@ fn from_the_picture_to_the_plane_and_to_metres() {
             y.compare(&inputs, found.up, |x| row(x, 1) / row(x, 2));
         }
         let (fu, fv, length) = (dice.between(0.0, 4000.0), dice.between(0.0, 2000.0), dice.size());
-        let scale = Scale::Ruler {
+        let scale = Scale::Ruler(Ruler {
             from: PixelPoint::new(u, v),
             to: PixelPoint::new(fu, fv),
             length_m: length,
             length_std_m: None,
             point_std_px: None,
-        };
+        });
         let metres = Calibration::new(scale).metres_per_unit(&ScaleEvidence::default());
         if let Ok(metres) = metres {
             ruler.compare(&[u, v, fu, fv, length], metres.value, |x| {

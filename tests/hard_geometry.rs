@@ -6,7 +6,7 @@ mod flown;
 
 use flown::{Film, G, Measured, quantities, sound, truths};
 use nalgebra::{Matrix3, Vector3};
-use track::calibration::{Calibration, Lens, Scale, ScaleEvidence};
+use track::calibration::{Calibration, Lens, MetresPerPixel, Ruler, Scale, ScaleEvidence};
 use track::geometry::{PixelPoint, PlanePoint};
 use track::rebound::{Motion, SOLID_SPHERE, mu_e};
 
@@ -66,19 +66,19 @@ fn from_a_micrometre_to_ten_metres_a_pixel() {
 fn scales_over_thirty_orders_are_exact() {
     for exponent in -15..=15 {
         let size = 10.0_f64.powi(exponent);
-        let per_pixel = Calibration::new(Scale::MetresPerPixel {
+        let per_pixel = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: size,
             std: None,
-        });
+        }));
         let found = per_pixel.metres_per_unit(&ScaleEvidence::default()).unwrap();
         assert_eq!(found.value, size);
-        let ruler = Calibration::new(Scale::Ruler {
+        let ruler = Calibration::new(Scale::Ruler(Ruler {
             from: PixelPoint::new(3.0, 4.0),
             to: PixelPoint::new(603.0, 804.0),
             length_m: size,
             length_std_m: None,
             point_std_px: Some(0.5),
-        });
+        }));
         let found = ruler.metres_per_unit(&ScaleEvidence::default()).unwrap();
         assert!((found.value / (1e-3 * size) - 1.0).abs() < 1e-15);
         // Two ends of half a pixel over a thousand.
@@ -150,10 +150,10 @@ fn any_up_reads_the_same_impact() {
 #[test]
 fn how_long_up_is_written_does_not_matter() {
     let place = |length: f64| {
-        let mut c = Calibration::new(Scale::MetresPerPixel {
+        let mut c = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: 1.0,
             std: None,
-        });
+        }));
         c.up_px = [0.6 * length, -0.8 * length];
         c.rectification()
             .unwrap()
@@ -327,10 +327,10 @@ fn along_a_ray_distortion_has_an_inverse_up_to_a_place_and_none_beyond() {
 #[test]
 fn an_origin_that_the_lens_cannot_show_is_refused() {
     let camera = Matrix3::new(900.0, 0.0, 640.0, 0.0, 900.0, 360.0, 0.0, 0.0, 1.0);
-    let mut c = Calibration::new(Scale::MetresPerPixel {
+    let mut c = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
         value: 1e-3,
         std: None,
-    });
+    }));
     c.lens = Some(Lens::new(camera, [-0.5, 0.0, 0.0, 0.0, 0.0]).unwrap());
     for (u, known) in [(900.0, true), (1100.0, true), (1200.0, false), (1e8, false)] {
         c.origin_px = Some(PixelPoint::new(u, 360.0));

@@ -18,7 +18,7 @@ use flown::{Film, Measured, quantities};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use series::{Noise, TRACK, Truth, angles, distances, spread, velocities};
-use track::calibration::Scale;
+use track::calibration::{MetresPerPixel, Scale};
 use track::flight::linking::Spot;
 use track::geometry::PlanePoint;
 use track::quantity::Quantity;
@@ -135,7 +135,7 @@ proptest! {
     #[test]
     fn millimetres_are_metres_times_a_thousand(film in any_film()) {
         let mut c = film.calibration();
-        c.scale = Scale::MetresPerPixel { value: 1e3 * film.metres_per_px, std: Some(1e-6 * film.metres_per_px) };
+        c.scale = Scale::MetresPerPixel(MetresPerPixel { value: 1e3 * film.metres_per_px, std: Some(1e-6 * film.metres_per_px) });
         c.gravity_m_s2 *= 1e3;
         let b = flown::measured(&film.spots(), &c, 1e3 * film.metres_per_px).unwrap();
         let lengths = ["x", "vx before", "vz before", "vx after", "vz after", "spin before", "spin after", "gravity", "distance x"];

@@ -9,7 +9,7 @@ mod hard;
 
 use hard::{Clip, HONEST_SIGMAS, scene};
 use std::sync::OnceLock;
-use track::calibration::Scale;
+use track::calibration::{MetresPerPixel, Scale};
 use track::frames::Luma;
 use track::geometry::PixelPoint;
 use track::pipeline::Measurement;
@@ -138,13 +138,13 @@ fn metres_and_millimetres_are_the_same() {
     metres.calibration.ball.mass_kg = None;
     let mut millimetres = metres.clone();
     let calibration = &mut millimetres.calibration;
-    let Scale::MetresPerPixel { value, std } = &calibration.scale else {
+    let Scale::MetresPerPixel(MetresPerPixel { value, std }) = &calibration.scale else {
         panic!("{:?}", calibration.scale)
     };
-    calibration.scale = Scale::MetresPerPixel {
+    calibration.scale = Scale::MetresPerPixel(MetresPerPixel {
         value: 1e3 * value,
         std: std.map(|s| 1e3 * s),
-    };
+    });
     calibration.gravity_m_s2 *= 1e3;
     calibration.ball.radius_m = calibration.ball.radius_m.map(|r| 1e3 * r);
     let (a, b) = (

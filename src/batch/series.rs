@@ -269,16 +269,16 @@ fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value)
 mod tests {
     use super::*;
     use crate::batch::CalibrationChanges;
-    use crate::calibration::Scale;
+    use crate::calibration::{MetresPerPixel, Scale};
     use crate::rebound::fit::{self, Column, ColumnSet, Weights};
     use serde_json::json;
     use std::path::PathBuf;
 
     fn calibration() -> Calibration {
-        Calibration::new(Scale::MetresPerPixel {
+        Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: 0.001,
             std: None,
-        })
+        }))
     }
 
     fn recording() -> BatchRecording {

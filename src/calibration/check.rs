@@ -3,43 +3,12 @@
 //! A *problem* makes results wrong or keeps the calibration from being used; a *remark* is worth knowing. What the reader
 //! of the file refuses is a problem as it stands; the rest is judged here, by itself and against a recording.
 
-use super::{Calibration, CalibrationError, Lens, Problem, Scale, ScaleEvidence, View, file};
+use super::finding::Finding;
+use super::{Calibration, CalibrationError, Lens, Problem, ScaleEvidence, View, file};
 use crate::frames::SourceInfo;
 use crate::geometry::PixelPoint;
 use std::f64::consts::PI;
-use std::fmt;
 use std::path::Path;
-
-/// How much a finding matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Severity {
-    /// It makes results wrong, or keeps the calibration from being used.
-    Problem,
-    /// It is worth knowing.
-    Remark,
-}
-
-/// Something that is wrong or odd.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Finding {
-    /// How much it matters.
-    pub severity: Severity,
-    /// Dotted path of the key; empty for the whole file.
-    pub key: String,
-    /// What was found, and what to do.
-    pub message: String,
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let severity = match self.severity {
-            Severity::Problem => "problem",
-            Severity::Remark => "remark ",
-        };
-        let key = if self.key.is_empty() { "(file)" } else { &self.key };
-        write!(f, "{severity}  {key}: {}", self.message)
-    }
-}
 
 /// Everything found in the file at `path`, problems first; against a recording where one is given.
 ///
@@ -87,37 +56,32 @@ impl Findings {
     }
 
     fn refused(&mut self, problem: &Problem) {
-        self.all.push(Finding {
-            severity: Severity::Problem,
-            key: problem.key.clone(),
-            message: format!(
+        self.all.push(Finding::problem(
+            &problem.key,
+            format!(
                 "found {}; accepted: {}; try: {}",
                 problem.found, problem.accepted, problem.hint
             ),
-        });
+        ));
     }
 
-    fn add(&mut self, severity: Severity, key: &str, message: impl Into<String>) {
-        if self
+    fn add(&mut self, finding: Finding) {
+        let key = finding.key.as_str();
+        if !self
             .refused
             .iter()
             .any(|r| r.starts_with(key) || key.starts_with(r.as_str()))
         {
-            return;
+            self.all.push(finding);
         }
-        self.all.push(Finding {
-            severity,
-            key: key.to_owned(),
-            message: message.into(),
-        });
     }
 
     fn problem(&mut self, key: &str, message: impl Into<String>) {
-        self.add(Severity::Problem, key, message);
+        self.add(Finding::problem(key, message));
     }
 
     fn remark(&mut self, key: &str, message: impl Into<String>) {
-        self.add(Severity::Remark, key, message);
+        self.add(Finding::remark(key, message));
     }
 }
 
@@ -192,92 +156,8 @@ fn scale(c: &Calibration, size: Option<(usize, usize)>, out: &mut Findings) {
             );
         }
     }
-    let evidence = ScaleEvidence::default();
-    match &c.scale {
-        Scale::MetresPerPixel { std: None, .. } => out.remark(
-            "scale.std_uncertainty",
-            "not given: lengths and speeds will have the tracking's uncertainty only",
-        ),
-        Scale::Ruler {
-            from,
-            to,
-            length_std_m,
-            point_std_px,
-            ..
-        } => {
-            if length_std_m.is_none() {
-                out.remark(
-                    "scale.length_std_m",
-                    "not given, so that the ruler's length counts as exact; a tape measure is good to about 0.5 mm",
-                );
-            }
-            if point_std_px.is_none() {
-                out.remark(
-                    "scale.point_std_px",
-                    "not given, so that its ends count as read to the pixel (0.29 px); by eye 1 px is usual",
-                );
-            }
-            let relative = c
-                .metres_per_unit(&evidence)
-                .ok()
-                .and_then(|q| Some(q.std_uncertainty? / q.value));
-            if let Some(relative) = relative.filter(|r| *r > 0.01) {
-                out.remark(
-                    "scale",
-                    format!(
-                        "the ruler is {:.0} px long, which makes every length and speed uncertain by {:.1} %: use marks farther apart",
-                        from.distance_px(*to),
-                        100.0 * relative
-                    ),
-                );
-            }
-        }
-        Scale::Gravity if c.frame_rate_hz.is_none() => out.remark(
-            "scale",
-            "lengths come from the fall, so they are right only where the file's time stamps are those of the capture; give frame_rate_hz for slow motion",
-        ),
-        Scale::Homography(h) => homography(c, h.relative_std, h.origin_known, size, out),
-        _ => {}
-    }
-}
-
-fn homography(
-    c: &Calibration,
-    relative_std: Option<f64>,
-    origin_known: bool,
-    size: Option<(usize, usize)>,
-    out: &mut Findings,
-) {
-    let key = "scale.world_from_pixel";
-    if relative_std.is_none() {
-        out.remark(
-            "scale.relative_std",
-            "not given, so that the board's (or the points') size counts as exact; 0.001 is 0.1 %",
-        );
-    }
-    if !origin_known {
-        out.remark(
-            "scale.origin_unknown",
-            "the origin is not that of the experiment: the floor is found from the impacts, and x0 needs the launch edge (calibrate with --floor and --edge)",
-        );
-    }
-    let (Some(size), Ok(map)) = (size, c.rectification()) else {
-        return;
-    };
-    let middle = PixelPoint::new(size.0 as f64 / 2.0, size.1 as f64 / 2.0);
-    if map.jacobian(middle).is_some_and(|j| j.determinant() > 0.0) {
-        out.problem(
-            key,
-            "it mirrors the picture: with x to the right, its second coordinate runs down; the world's z is up",
-        );
-    }
-    let (right, bottom) = (size.0 as f64 - 1.0, size.1 as f64 - 1.0);
-    let corners = [(0.0, 0.0), (right, 0.0), (0.0, bottom), (right, bottom)];
-    if corners
-        .iter()
-        .any(|&(u, v)| map.plane_from_pixel(PixelPoint::new(u, v)).is_none())
-    {
-        out.remark(key, "a corner of the picture is beyond the plane's horizon (or the lens's reach): a ball there is not measured");
+    for finding in c.scale_findings(size) {
+        out.add(finding);
     }
 }
 

@@ -6,7 +6,6 @@
 //! the sum of their outer products is the covariance. The variance that a result takes from the calibration is the
 //! sum of the squares of what each of them changes in it, with everything else (ruler, origin) worked out anew.
 
-use super::{Calibration, Lens, Scale};
 use nalgebra::Matrix3;
 
 /// A joint change of lens and homography by one standard deviation.
@@ -16,34 +15,4 @@ pub struct Deviation {
     pub lens: [f64; 9],
     /// Of the homography; `None` where the scale is another.
     pub world_from_pixel: Option<Matrix3<f64>>,
-}
-
-impl Calibration {
-    /// The calibration once off by each of its [`Deviation`]s. One that makes no calibration is left out (it would take
-    /// a lens whose uncertainty is as large as itself).
-    #[must_use]
-    pub fn deviated(&self) -> Vec<Self> {
-        self.deviations.iter().filter_map(|d| self.off_by(d)).collect()
-    }
-
-    fn off_by(&self, deviation: &Deviation) -> Option<Self> {
-        let mut off = self.clone();
-        off.deviations.clear();
-        if let Some(lens) = &self.lens {
-            let mut matrix = *lens.camera_matrix();
-            let mut distortion = lens.distortion();
-            for (i, at) in [(0, 0), (1, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-                matrix[at] += deviation.lens[i];
-            }
-            distortion
-                .iter_mut()
-                .zip(&deviation.lens[4..])
-                .for_each(|(k, d)| *k += d);
-            off.lens = Some(Lens::new(matrix, distortion).ok()?);
-        }
-        if let (Scale::Homography(homography), Some(change)) = (&mut off.scale, &deviation.world_from_pixel) {
-            homography.world_from_pixel += change;
-        }
-        off.rectification().is_ok().then_some(off)
-    }
 }

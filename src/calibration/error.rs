@@ -48,18 +48,24 @@ pub enum CalibrationError {
         hint: String,
     },
     /// The scale rests on something that was not measured on this recording.
-    #[error(
-        "scale: {missing}; give one of the other scales (metres_per_pixel, from_px/to_px/length_m, {others})"
-    )]
+    #[error("scale: {missing}; give one of the other scales ({others})")]
     NoEvidence {
         /// What the scale needs and does not have.
-        missing: String,
+        missing: &'static str,
         /// The scales that remain.
-        others: &'static str,
+        others: String,
     },
 }
 
 impl CalibrationError {
+    /// One problem of a calibration that was not read from a file.
+    pub(super) fn of(problem: Problem) -> Self {
+        Self::Invalid {
+            name: "calibration".into(),
+            problems: vec![problem],
+        }
+    }
+
     /// The problems of an invalid file, none for the other errors.
     #[must_use]
     pub fn problems(&self) -> &[Problem] {

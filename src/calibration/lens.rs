@@ -18,6 +18,7 @@
 //! is `None` as well.
 
 use super::error::Problem;
+use super::json::rows_text;
 use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Matrix3, Vector2};
 
@@ -211,7 +212,7 @@ fn camera_matrix_problem(m: &Matrix3<f64>) -> Option<Problem> {
     (!sound).then(|| {
         Problem::new(
             "lens.camera_matrix",
-            super::rows_text(m),
+            rows_text(m),
             "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx and fy above 0, in px",
             "copy the camera matrix of OpenCV's calibrateCamera row by row, for the picture size of the recording",
         )

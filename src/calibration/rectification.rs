@@ -12,10 +12,9 @@
 //! counts is the one with the picture's centre (from `image_size_px`; without it the lens's principal point;
 //! without either the pixel of the world's origin).
 
-use super::error::{CalibrationError, Problem};
+use super::error::Problem;
+use super::json::rows_text;
 use super::lens::Lens;
-use super::scale::Scale;
-use super::{Calibration, Homography, rows_text};
 use crate::geometry::{PixelPoint, PlanePoint};
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
@@ -28,7 +27,7 @@ const SMALLEST_SCALE_RATIO: f64 = 1e-4;
 /// What a plane unit is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlaneUnit {
-    /// A pixel of the undistorted picture; [`Calibration::metres_per_unit`] makes it metres.
+    /// A pixel of the undistorted picture; [`metres_per_unit`](super::Calibration::metres_per_unit) makes it metres.
     UndistortedPixel,
     /// A metre, from a homography.
     Metre,
@@ -56,19 +55,28 @@ enum PlaneTransform {
 }
 
 impl Rectification {
-    pub(super) fn new(calibration: &Calibration) -> Result<Self, CalibrationError> {
-        let lens = calibration.lens.clone();
-        let map = match &calibration.scale {
-            Scale::Homography(homography) => homography_map(homography, reference_pixel(calibration)),
-            _ => rotation_map(calibration),
-        };
-        match map {
-            Ok(map) => Ok(Self { lens, map }),
-            Err(problem) => Err(CalibrationError::Invalid {
-                name: "calibration".into(),
-                problems: vec![problem],
-            }),
-        }
+    /// Of a camera square to the plane: "up" along `up_px`, the origin at `origin_px` (as seen, before undistortion).
+    pub(super) fn square(
+        lens: Option<&Lens>,
+        origin_px: Option<PixelPoint>,
+        up_px: [f64; 2],
+    ) -> Result<Self, Problem> {
+        Ok(Self {
+            lens: lens.cloned(),
+            map: rotation(lens, origin_px, up_px)?,
+        })
+    }
+
+    /// Of a camera anywhere, by its homography to metres; which side of the horizon counts follows from the picture's size.
+    pub(super) fn projective(
+        lens: Option<&Lens>,
+        world_from_pixel: &Matrix3<f64>,
+        image_size_px: Option<(usize, usize)>,
+    ) -> Result<Self, Problem> {
+        Ok(Self {
+            lens: lens.cloned(),
+            map: homography(world_from_pixel, reference_pixel(lens, image_size_px))?,
+        })
     }
 
     /// What a plane unit is.
@@ -166,14 +174,9 @@ impl Rectification {
         }
     }
 
-    /// Whether the picture is undistorted first.
-    pub(super) const fn has_lens(&self) -> bool {
-        self.lens.is_some()
-    }
-
-    /// The lens's principal point.
-    pub(super) fn principal_point(&self) -> Option<PixelPoint> {
-        self.lens.as_ref().map(Lens::principal_point)
+    /// The lens by which the picture is undistorted first.
+    pub(super) const fn lens(&self) -> Option<&Lens> {
+        self.lens.as_ref()
     }
 
     /// The undistorted point and d(undistorted)/d(seen).
@@ -206,8 +209,11 @@ impl Rectification {
 pub(super) const HINT_UP: &str =
     "leave it out: the fall tells; or give the direction of a plumb line, upwards";
 
-fn rotation_map(calibration: &Calibration) -> Result<PlaneTransform, Problem> {
-    let [a, b] = calibration.up_px;
+fn rotation(
+    lens: Option<&Lens>,
+    origin_px: Option<PixelPoint>,
+    [a, b]: [f64; 2],
+) -> Result<PlaneTransform, Problem> {
     let norm = a.hypot(b);
     if !(norm.is_finite() && norm > 0.0) {
         return Err(Problem::new(
@@ -217,7 +223,7 @@ fn rotation_map(calibration: &Calibration) -> Result<PlaneTransform, Problem> {
             HINT_UP,
         ));
     }
-    let origin = match (calibration.origin_px, &calibration.lens) {
+    let origin = match (origin_px, lens) {
         (Some(seen), Some(lens)) => lens
             .undistort(seen)
             .ok_or_else(|| Rectification::beyond_lens("origin_px", seen))?,
@@ -231,9 +237,8 @@ fn rotation_map(calibration: &Calibration) -> Result<PlaneTransform, Problem> {
 }
 
 /// An undistorted pixel on the side of the horizon that counts; `None`: the world's origin decides.
-fn reference_pixel(calibration: &Calibration) -> Option<PixelPoint> {
-    let lens = calibration.lens.as_ref();
-    match calibration.image_size_px {
+fn reference_pixel(lens: Option<&Lens>, image_size_px: Option<(usize, usize)>) -> Option<PixelPoint> {
+    match image_size_px {
         Some((width, height)) => {
             let centre = PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0));
             // Only the side matters: where a wild lens cannot undistort the centre, the centre itself will do.
@@ -246,8 +251,7 @@ fn reference_pixel(calibration: &Calibration) -> Option<PixelPoint> {
     }
 }
 
-fn homography_map(homography: &Homography, reference: Option<PixelPoint>) -> Result<PlaneTransform, Problem> {
-    let given = &homography.world_from_pixel;
+fn homography(given: &Matrix3<f64>, reference: Option<PixelPoint>) -> Result<PlaneTransform, Problem> {
     let refuse = |what: &str| {
         Problem::new(
             "scale.world_from_pixel",

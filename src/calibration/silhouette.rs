@@ -16,6 +16,7 @@
 //! undistorted one; from its centre perspective leads to that of the ball. (A ball of 15 px in the corner of a barrel lens:
 //! 0.02 px; it grows with the radius squared.)
 
+use super::lens::Lens;
 use super::rectification::Rectification;
 use super::viewpoint::Optics;
 use crate::geometry::{PixelPoint, PlanePoint, nearest_ellipse};
@@ -53,7 +54,7 @@ impl<'a> Silhouettes<'a> {
     /// a lens its axis is taken to go through the picture's `middle`.
     #[must_use]
     pub fn new(map: &'a Rectification, optics: Option<Optics>, middle: PixelPoint) -> Self {
-        let usual = map.principal_point().unwrap_or(middle);
+        let usual = map.lens().map_or(middle, Lens::principal_point);
         Self { map, optics, usual }
     }
 
@@ -77,7 +78,7 @@ impl<'a> Silhouettes<'a> {
     /// The plane point of the ball whose outline, `radius_px` wide, is seen around `seen`; `None` where the map ends.
     #[must_use]
     pub fn centre_of_outline(&self, seen: PixelPoint, radius_px: f64) -> Option<PlanePoint> {
-        let (middle, radius_px) = if self.map.has_lens() {
+        let (middle, radius_px) = if self.map.lens().is_some() {
             self.undistorted(seen, radius_px)?
         } else {
             (seen, radius_px)
@@ -124,7 +125,7 @@ fn lens_scale(back: &Matrix2<f64>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{Calibration, Lens, Scale};
+    use crate::calibration::{Calibration, MetresPerPixel, Scale};
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
 
@@ -247,10 +248,10 @@ mod tests {
 
     #[test]
     fn without_lens_and_distance_a_ball_is_round_and_always_as_large() {
-        let c = Calibration::new(Scale::MetresPerPixel {
+        let c = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: 0.001,
             std: None,
-        });
+        }));
         let map = c.rectification().unwrap();
         let silhouettes = Silhouettes::new(&map, None, MIDDLE);
         let p = PixelPoint::new(10.25, 700.125);

@@ -24,9 +24,9 @@
 //! pixels. A homography K [r1 r2 t], with square pixels (or the lens's ratio) and the distance given, says how the camera
 //! is turned: (K⁻¹ h1, K⁻¹ h2, K⁻¹ h3) = λ (r1, r2, t), λ from the depth of the plane on the axis, f from |r1| = |r2| = 1.
 
-use super::error::{CalibrationError, Problem};
+use super::error::Problem;
+use super::lens::Lens;
 use super::rectification::Rectification;
-use super::{Calibration, Lens};
 use crate::geometry::{PixelPoint, PlanePoint};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -55,18 +55,17 @@ pub struct Optics {
 impl Viewpoint {
     /// A camera `distance` plane units from the plane along its optical axis.
     pub(super) fn new(
-        calibration: &Calibration,
+        map: &Rectification,
         distance: f64,
         image_size_px: (usize, usize),
-    ) -> Result<Self, CalibrationError> {
-        let map = calibration.rectification()?;
+    ) -> Result<Self, Problem> {
         let (width, height) = image_size_px;
         let middle = PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0));
-        let axis = calibration.lens.as_ref().map_or(middle, Lens::principal_point);
+        let axis = map.lens().map_or(middle, Lens::principal_point);
         let viewpoint = match map.ideal_from_plane_matrix() {
             Some(matrix) => {
-                let aspect = calibration.lens.as_ref().map_or(1.0, Lens::aspect);
-                Self::turned(&map, matrix, axis, aspect, distance)
+                let aspect = map.lens().map_or(1.0, Lens::aspect);
+                Self::turned(map, matrix, axis, aspect, distance)
             }
             None => map.plane_from_ideal(axis).map(|foot| Self {
                 foot,
@@ -81,14 +80,13 @@ impl Viewpoint {
         let sound = |x: f64| x > 0.0 && x.is_finite();
         viewpoint
             .filter(|v| sound(v.height) && sound(v.optics.focal_px))
-            .ok_or_else(|| CalibrationError::Invalid {
-                name: "calibration".into(),
-                problems: vec![Problem::new(
+            .ok_or_else(|| {
+                Problem::new(
                     "distance_m",
-                    format!("{}, which no camera with this homography can have", distance),
+                    format!("{distance}, which no camera with this homography can have"),
                     "the distance from the lens to the plane along the optical axis, in metres",
                     "measure it again, check the unit of world_from_pixel, or leave distance_m out",
-                )],
+                )
             })
     }
 
@@ -197,17 +195,17 @@ impl Optics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::Scale;
+    use crate::calibration::{Calibration, MetresPerPixel, Scale};
     use nalgebra::Rotation3;
     use proptest::prelude::*;
 
     const SIZE: (usize, usize) = (1280, 720);
 
     fn pixels(distance_m: f64) -> Calibration {
-        let mut c = Calibration::new(Scale::MetresPerPixel {
+        let mut c = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: 0.001,
             std: None,
-        });
+        }));
         c.distance_m = Some(distance_m);
         c
     }

@@ -6,7 +6,7 @@ use super::error_budget::{KNOWN_SPIN_LIFT_STD, SPHERE_LAW_STD, SQUARE_LAW_STD};
 use super::inputs::{MotionInputs, SystematicErrors};
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources};
 use super::spin_lift::SpinLift;
-use crate::calibration::{Calibration, Scale};
+use crate::calibration::Calibration;
 use crate::flight::Flight;
 use crate::flight::fit::ARCS;
 use crate::geometry::PlanePoint;
@@ -44,10 +44,11 @@ impl<'a> MeasuredMotion<'a> {
             steady,
         } = imaging;
         let fit = &flight.fit;
-        let relative = match calibration.scale {
+        let relative = if calibration.scale.rests_on_fall() {
             // The fall's own share comes with the arcs' parameters.
-            Scale::Gravity => Some(calibration.gravity_uncertainty_m_s2() / calibration.gravity_m_s2),
-            _ => metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value),
+            Some(calibration.gravity_uncertainty_m_s2() / calibration.gravity_m_s2)
+        } else {
+            metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value)
         };
         let drag_law = match fit.forces.drag_law().air() {
             Some(_) => SPHERE_LAW_STD,

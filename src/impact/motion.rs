@@ -3,7 +3,7 @@
 use super::contact::SoftBall;
 use super::inputs::{InputValues, MotionInputs};
 use super::spin_lift::SpinLift;
-use crate::calibration::{Calibration, Scale, View};
+use crate::calibration::{Calibration, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
 use crate::flight::fit::{DRAG, Forces, Motion, lean_rad};
@@ -71,9 +71,10 @@ impl MeasuredMotion<'_> {
 
     pub(super) fn scale(&self, p: &InputValues<'_>) -> f64 {
         let more = p.errors.ln_scale.exp();
-        match self.calibration.scale {
-            Scale::Gravity => self.calibration.gravity_m_s2 / p.fall() * more,
-            _ => self.metres_per_unit.value * more,
+        if self.calibration.scale.rests_on_fall() {
+            self.calibration.gravity_m_s2 / p.fall() * more
+        } else {
+            self.metres_per_unit.value * more
         }
     }
 
@@ -238,7 +239,7 @@ impl MeasuredMotion<'_> {
     /// taken out: the ball falls with g (1 − b)/(1 + b/2), b the air's mass over the ball's.
     #[must_use]
     pub fn gravity_m_s2(&self) -> Option<Quantity> {
-        let is_checkable = self.calibration.view == View::Side && self.calibration.scale != Scale::Gravity;
+        let is_checkable = self.calibration.view == View::Side && !self.calibration.scale.rests_on_fall();
         let ball = &self.calibration.ball;
         let air_share = match (ball.radius_m, ball.mass_kg) {
             (Some(r), Some(m)) => AIR_DENSITY_KG_M3 * 4.0 / 3.0 * std::f64::consts::PI * r.powi(3) / m,

@@ -5,7 +5,7 @@
 //! squares as their fit. The outer products of what the parameters change by add to their covariance, and so reach every
 //! result with the right correlations: a lens that makes all lengths longer does nothing to e.
 
-use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence};
+use crate::calibration::{Calibration, Rectification};
 use crate::flight::Flight;
 use crate::flight::fit::FitPoint;
 use crate::geometry::{PixelPoint, PlanePoint};
@@ -38,7 +38,7 @@ fn shifts(
         .map(|p| map.pixel_from_plane(PlanePoint::new(p.sample.r, p.sample.h)))
         .collect::<Option<_>>()?;
     let middle = *pixels.get(pixels.len() / 2)?;
-    let stretch = scale_ratio((calibration, map), (off, there), middle)?;
+    let stretch = calibration.metres_ratio(map, (off, there), middle)?;
     points
         .iter()
         .zip(&pixels)
@@ -52,29 +52,10 @@ fn shifts(
         .collect()
 }
 
-/// Metres a plane unit of the one calibration over those of the other, where the scale is worked out through the lens.
-fn scale_ratio(
-    (calibration, map): (&Calibration, &Rectification),
-    (off, there): (&Calibration, &Rectification),
-    ball_at: PixelPoint,
-) -> Option<f64> {
-    let units = |map: &Rectification| Some(map.jacobian(ball_at)?.determinant().abs().sqrt());
-    match calibration.scale {
-        // A ruler is seen through the same lens, and so is the ball.
-        Scale::Ruler { .. } => {
-            let metres = |c: &Calibration| Some(c.metres_per_unit(&ScaleEvidence::default()).ok()?.value);
-            Some(metres(off)? / metres(calibration)?)
-        }
-        Scale::Ball => Some(units(map)? / units(there)?),
-        // The fall is among the parameters; the others give metres as they stand.
-        Scale::Gravity | Scale::MetresPerPixel { .. } | Scale::Homography(_) => Some(1.0),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{Deviation, Lens};
+    use crate::calibration::{Deviation, Lens, Ruler, Scale};
     use crate::flight::fit::{ARCS, Forces, GRAVITY, VerticalPrior};
     use crate::flight::linking::Spot;
     use crate::flight::{self};
@@ -86,13 +67,13 @@ mod tests {
     }
 
     fn calibration(k1: f64, k1_std: f64) -> Calibration {
-        let mut c = Calibration::new(Scale::Ruler {
+        let mut c = Calibration::new(Scale::Ruler(Ruler {
             from: PixelPoint::new(100.0, 650.0),
             to: PixelPoint::new(1100.0, 650.0),
             length_m: 1.0,
             length_std_m: None,
             point_std_px: Some(0.5),
-        });
+        }));
         c.lens = Some(lens(k1));
         c.deviations = vec![Deviation {
             lens: [0.0, 0.0, 0.0, 0.0, k1_std, 0.0, 0.0, 0.0, 0.0],
@@ -141,7 +122,9 @@ mod tests {
         let other = calibration(-0.2 + step, step);
         let there = other.rectification().unwrap();
         let again = flight::find(&spots(&there), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
-        let ratio = scale_ratio((&c, &map), (&other, &there), PixelPoint::new(400.0, 400.0)).unwrap();
+        let ratio = c
+            .metres_ratio(&map, (&other, &there), PixelPoint::new(400.0, 400.0))
+            .unwrap();
         for i in [GRAVITY, ARCS + 1, ARCS + 3, ARCS + 5, ARCS + 7] {
             let added = (wide.fit.covariance[(i, i)] - flight.fit.covariance[(i, i)]).sqrt();
             let change = (ratio * again.fit.parameters[i] - flight.fit.parameters[i]).abs();

@@ -8,7 +8,7 @@ use super::measurement::{UpSource, UpTilt, Warning};
 use super::refine::Refined;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use super::world_frame::WorldFrame;
-use crate::calibration::{CalibrationError, Scale};
+use crate::calibration::CalibrationError;
 use crate::flight::fit::VerticalPrior;
 use crate::flight::{Flight, shake};
 use crate::impact::error_budget::{LASTING_PART, PLACES_STD_PX};
@@ -174,7 +174,7 @@ impl Scaled<'_> {
         let known_m = calibration
             .ball
             .radius_m
-            .filter(|_| calibration.scale != Scale::Ball);
+            .filter(|_| !calibration.scale.rests_on_ball());
         let (Some(known_m), Some(seen)) = (known_m, self.radius_px) else {
             return 0.0;
         };

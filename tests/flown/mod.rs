@@ -6,7 +6,7 @@
 mod noise;
 
 use noise::Noise;
-use track::calibration::{Calibration, Floor, Scale};
+use track::calibration::{Calibration, Floor, MetresPerPixel, Scale};
 use track::flight::extra_variance::ExtraVariance;
 use track::flight::fit::{ArcFit, FitPoint, Forces, VerticalPrior};
 use track::flight::linking::Spot;
@@ -83,10 +83,10 @@ impl Film {
     }
 
     pub fn calibration(&self) -> Calibration {
-        let mut c = Calibration::new(Scale::MetresPerPixel {
+        let mut c = Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
             value: self.metres_per_px,
             std: Some(1e-9 * self.metres_per_px),
-        })
+        }))
         .with_origin(PixelPoint::new(self.origin_px[0], self.origin_px[1]));
         c.up_px = [self.tilt_rad.sin(), -self.tilt_rad.cos()];
         // One impact tells no slope: what is asked here is not how level a bench is.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::calibration::Severity;
 use serde_json::json;
 use std::path::PathBuf;
 

@@ -1,11 +1,8 @@
 //! The keys of `calib.json`, one by one.
 
 mod lens;
-mod reader;
-mod scale;
+pub(super) mod reader;
 mod write;
-
-pub(super) use write::to_json;
 
 use super::error::{CalibrationError, Problem};
 use super::rectification::{HINT_UP, Rectification};
@@ -14,7 +11,6 @@ use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};
 pub(crate) use reader::{FINITE, POSITIVE};
 use reader::{Range, Reader, Section, array, json, text};
-use scale::{SCALE_KEYS, scale};
 use serde_json::Value;
 use std::io::{ErrorKind, Read as _};
 use std::path::Path;
@@ -48,13 +44,13 @@ const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_fa
 const LAUNCH_KEYS: [&str; 3] = ["edge_x_m", "spin_ratio", "track_width_m"];
 const FLOOR_KEYS: [&str; 4] = ["slope_deg", "std_deg", "line_px", "line_std_px"];
 
-const PAIR: &str = "two numbers [u, v]";
 const PLAIN: &str = "write a plain number in the unit of the key's ending";
 
 /// Where a key that stands in the wrong place belongs, or what it is called here.
 pub(super) fn home_of(name: &str) -> Option<String> {
+    let scale = Scale::keys();
     let sections: [(&str, &[&str]); 5] = [
-        ("scale", &SCALE_KEYS),
+        ("scale", &scale),
         ("lens", &LENS_KEYS),
         ("ball", &BALL_KEYS),
         ("launch", &LAUNCH_KEYS),
@@ -75,9 +71,29 @@ pub(super) fn home_of(name: &str) -> Option<String> {
     }
 }
 
-/// See [`Calibration::read`].
-pub(super) fn read(path: &Path) -> Result<Calibration, CalibrationError> {
-    accepted(inspect(path)?, &path.display().to_string())
+impl Calibration {
+    /// The calibration in the file at `path`.
+    ///
+    /// # Errors
+    /// A file that cannot be read (missing, a directory, above 1 MB, not UTF-8), that is not JSON, or any value that is
+    /// not accepted: all of them at once, with the file, the dotted key, what was found, what is accepted, what to try.
+    pub fn read(path: &Path) -> Result<Self, CalibrationError> {
+        accepted(inspect(path)?, &path.display().to_string())
+    }
+
+    /// The calibration in `text`; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// As [`Self::read`], but for the file system's.
+    pub fn parse(text: &str, name: &str) -> Result<Self, CalibrationError> {
+        accepted(inspect_text(text, name)?, name)
+    }
+
+    /// The calibration in the file's form: [`Self::parse`] reads the same back.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        write::to_json(self)
+    }
 }
 
 /// What can be made of the file, and every problem in it.
@@ -113,11 +129,6 @@ pub(super) fn inspect(path: &Path) -> Result<Inspected, CalibrationError> {
         },
     })?;
     inspect_text(text, &name)
-}
-
-/// See [`Calibration::parse`].
-pub(super) fn parse(source: &str, name: &str) -> Result<Calibration, CalibrationError> {
-    accepted(inspect_text(source, name)?, name)
 }
 
 /// A calibration with defaults in place of what is wrong (`None` without a scale), and what is wrong.
@@ -156,8 +167,8 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     schema(reader, top);
     let view = view(reader, top);
     let image_size_px = image_size(reader, top);
-    let scale = scale(reader, top);
-    let origin_px = pixel(reader, top, "origin_px");
+    let scale = Scale::read(reader, top);
+    let origin_px = reader.pixel(top, "origin_px");
     let origin_std_px = reader.number(
         top,
         "origin_std_px",
@@ -171,7 +182,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     let (distance_m, distance_std_m) = distance(reader, top);
     let lens = lens(reader, top);
     let lens_std = lens_std(reader, top);
-    let homography = matches!(scale, Some(Scale::Homography(_)));
+    let homography = scale.as_ref().is_some_and(Scale::has_axes);
     let deviations = deviations(reader, top, lens.is_some(), homography);
     let frame_rate_hz = reader.number(
         top,
@@ -182,7 +193,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     let gravity_m_s2 = reader
         .number(top, "gravity_m_s2", POSITIVE, "leave it out for 9.81")
         .unwrap_or(9.81);
-    let gravity_std_m_s2 = deviation(reader, top, "gravity_std_m_s2", Some(gravity_m_s2));
+    let gravity_std_m_s2 = reader.std_uncertainty(top, "gravity_std_m_s2", Some(gravity_m_s2));
     let ball = ball(reader, top, scale.as_ref());
     check_outside_ball(reader, distance_m, &ball);
     let has_origin = top.get("origin_px").is_some() || scale.as_ref().is_some_and(Scale::has_origin);
@@ -275,17 +286,6 @@ fn image_size(reader: &mut Reader, top: &Section<'_>) -> Option<(usize, usize)> 
     size.map(|[width, height]| (width, height))
 }
 
-fn pixel(reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<PixelPoint> {
-    let [u, v] = reader.numbers(
-        section,
-        name,
-        FINITE,
-        PAIR,
-        "read the pixel off a picture: u right, v down",
-    )?;
-    Some(PixelPoint::new(u, v))
-}
-
 /// A unit vector, the default where the key is missing or wrong.
 fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
     const DEFAULT: [f64; 2] = [0.0, -1.0];
@@ -310,7 +310,7 @@ fn distance(reader: &mut Reader, top: &Section<'_>) -> (Option<f64>, Option<f64>
     let hint = "the distance in metres from the lens to the calibrated plane, along the optical axis; leave it out \
                 where it is not known";
     let distance_m = reader.number(top, "distance_m", POSITIVE, hint);
-    let distance_std_m = deviation(reader, top, "distance_std_m", distance_m);
+    let distance_std_m = reader.std_uncertainty(top, "distance_std_m", distance_m);
     if distance_std_m.is_some() && top.get("distance_m").is_none() {
         reader.refuse(
             "distance_std_m".into(),
@@ -341,7 +341,7 @@ fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
     let mut ball = Ball::default();
     if let Some(section) = &section {
         ball.radius_m = reader.number(section, "radius_m", POSITIVE, "half the diameter, in metres");
-        ball.radius_std_m = deviation(reader, section, "radius_std_m", ball.radius_m);
+        ball.radius_std_m = reader.std_uncertainty(section, "radius_std_m", ball.radius_m);
         ball.mass_kg = reader.number(section, "mass_kg", POSITIVE, "give kilograms, or leave it out");
         let hint = "I / (m R^2): 0.4 for a solid ball, 0.6667 for a thin shell such as a table tennis ball";
         if let Some(factor) = reader.number(section, "inertia_factor", INERTIA, hint) {
@@ -349,7 +349,7 @@ fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
         }
     }
     let given = section.is_some_and(|s| s.get("radius_m").is_some());
-    if matches!(scale, Some(Scale::Ball)) && !given {
+    if scale.is_some_and(Scale::rests_on_ball) && !given {
         reader.refuse(
             "ball.radius_m".into(),
             "nothing, but the ball is the scale",
@@ -535,26 +535,10 @@ fn floor_line(reader: &mut Reader, section: &Section<'_>) -> Option<FloorLine> {
         );
         return None;
     }
-    if let Some(std_px) = deviation(reader, section, "line_std_px", Some(length_px)) {
+    if let Some(std_px) = reader.std_uncertainty(section, "line_std_px", Some(length_px)) {
         line.std_px = std_px;
     }
     Some(line)
-}
-
-/// A standard uncertainty: above 0 and below the value it belongs to.
-fn deviation(reader: &mut Reader, section: &Section<'_>, name: &str, of: Option<f64>) -> Option<f64> {
-    let hint = "leave it out, or write null, where it is not known; 0 would claim an exact number";
-    let std = reader.number(section, name, POSITIVE, hint)?;
-    if of.is_none_or(|value| std < value) {
-        return Some(std);
-    }
-    reader.refuse(
-        section.key(name),
-        format!("{std}, not below the value it belongs to"),
-        "a standard uncertainty (k = 1) in the unit of the value",
-        "check the unit: it is not a percentage",
-    );
-    None
 }
 
 /// A homography has its own origin and axes.
@@ -593,7 +577,7 @@ pub(crate) const INERTIA: Range = Range {
 fn geometry_problems(c: &Calibration) -> Vec<Problem> {
     let of = |error: Option<CalibrationError>| error.map_or(Vec::new(), |e| e.problems().to_vec());
     let mut problems = of(c.rectification().err());
-    if let (Scale::Homography(_), Some(size)) = (&c.scale, c.image_size_px)
+    if let (true, Some(size)) = (c.scale.has_axes(), c.image_size_px)
         && problems.is_empty()
     {
         problems.extend(of(c.viewpoint(1.0, size).err()));

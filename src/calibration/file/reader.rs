@@ -1,6 +1,7 @@
 //! Reading JSON by hand, so that every problem names its key, and all of them are found in one go.
 
 use crate::calibration::error::{CalibrationError, Problem};
+use crate::geometry::PixelPoint;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 use std::fmt;
@@ -23,14 +24,17 @@ pub(crate) const FINITE: Range = Range {
     holds: |x| x.abs() <= 1e9,
 };
 
+/// What a point of the picture looks like in the file.
+pub(in crate::calibration) const PAIR: &str = "two numbers [u, v]";
+
 /// The problems so far.
 #[derive(Default)]
-pub(super) struct Reader {
+pub(in crate::calibration) struct Reader {
     pub problems: Vec<Problem>,
 }
 
 /// An object of the file and its dotted path.
-pub(super) struct Section<'a> {
+pub(in crate::calibration) struct Section<'a> {
     path: String,
     keys: &'a Map<String, Value>,
 }
@@ -207,6 +211,29 @@ impl Reader {
             );
         }
         rows.map(|rows| nalgebra::Matrix3::from_fn(|i, j| rows[i][j]))
+    }
+
+    /// A point of the picture.
+    pub fn pixel(&mut self, section: &Section<'_>, name: &str) -> Option<PixelPoint> {
+        let hint = "read the pixel off a picture: u right, v down";
+        let [u, v] = self.numbers(section, name, FINITE, PAIR, hint)?;
+        Some(PixelPoint::new(u, v))
+    }
+
+    /// A standard uncertainty: above 0 and below the value it belongs to.
+    pub fn std_uncertainty(&mut self, section: &Section<'_>, name: &str, of: Option<f64>) -> Option<f64> {
+        let hint = "leave it out, or write null, where it is not known; 0 would claim an exact number";
+        let std = self.number(section, name, POSITIVE, hint)?;
+        if of.is_none_or(|value| std < value) {
+            return Some(std);
+        }
+        self.refuse(
+            section.key(name),
+            format!("{std}, not below the value it belongs to"),
+            "a standard uncertainty (k = 1) in the unit of the value",
+            "check the unit: it is not a percentage",
+        );
+        None
     }
 
     /// `true`; anything else is a problem.

@@ -1,13 +1,12 @@
 //! A calibration in the file's form.
 
 use super::ROLLING;
-use crate::calibration::{Calibration, Deviation, SCHEMA, Scale, View};
-use crate::geometry::PixelPoint;
-use nalgebra::Matrix3;
-use serde_json::{Map, Value, json};
+use crate::calibration::json::{object, point, rows};
+use crate::calibration::{Calibration, Deviation, SCHEMA, View};
+use serde_json::{Value, json};
 
 /// The keys in the order of the contract; what is not known is left out, but for the nulls that mean something.
-pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
+pub(super) fn to_json(c: &Calibration) -> Value {
     let view = match c.view {
         View::Side => "side",
         View::Top => "top",
@@ -59,7 +58,6 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
         ("line_std_px", floor.line.map(|line| line.std_px.into())),
     ]);
     let says_floor = c.floor.given || c.floor.line.is_some();
-    let homography = matches!(c.scale, Scale::Homography(_));
     object([
         ("schema", Some(SCHEMA.into())),
         ("view", Some(view.into())),
@@ -67,10 +65,13 @@ pub(in crate::calibration) fn to_json(c: &Calibration) -> Value {
             "image_size_px",
             c.image_size_px.map(|(width, height)| json!([width, height])),
         ),
-        ("scale", Some(scale(&c.scale))),
+        ("scale", Some(c.scale.to_json())),
         ("origin_px", c.origin_px.map(point)),
         ("origin_std_px", c.origin_std_px.map(Value::from)),
-        ("up_px", (c.up_given && !homography).then(|| json!(c.up_px))),
+        (
+            "up_px",
+            (c.up_given && !c.scale.has_axes()).then(|| json!(c.up_px)),
+        ),
         ("up_std_deg", c.up_std_rad.map(|s| s.to_degrees().into())),
         ("distance_m", c.distance_m.map(Value::from)),
         ("distance_std_m", c.distance_std_m.map(Value::from)),
@@ -98,52 +99,7 @@ fn deviations(c: &Calibration) -> Option<Value> {
     (!c.deviations.is_empty()).then(|| c.deviations.iter().map(entry).collect())
 }
 
-fn scale(scale: &Scale) -> Value {
-    match scale {
-        Scale::MetresPerPixel { value, std } => object([
-            ("metres_per_pixel", Some((*value).into())),
-            ("std_uncertainty", std.map(Value::from)),
-        ]),
-        Scale::Ruler {
-            from,
-            to,
-            length_m,
-            length_std_m,
-            point_std_px,
-        } => object([
-            ("from_px", Some(point(*from))),
-            ("to_px", Some(point(*to))),
-            ("length_m", Some((*length_m).into())),
-            ("length_std_m", length_std_m.map(Value::from)),
-            ("point_std_px", point_std_px.map(Value::from)),
-        ]),
-        Scale::Ball => json!({"ball": true}),
-        Scale::Gravity => json!({"gravity": true}),
-        Scale::Homography(homography) => object([
-            ("world_from_pixel", Some(rows(&homography.world_from_pixel))),
-            ("relative_std", homography.relative_std.map(Value::from)),
-            ("origin_unknown", (!homography.origin_known).then(|| true.into())),
-        ]),
-    }
-}
-
 /// Five significant digits: an uncertainty of an uncertainty.
 fn short(x: f64) -> f64 {
     format!("{x:.4e}").parse().unwrap_or(x)
-}
-
-fn point(p: PixelPoint) -> Value {
-    json!([p.u_px, p.v_px])
-}
-
-fn rows(m: &Matrix3<f64>) -> Value {
-    let row = |i: usize| [m[(i, 0)], m[(i, 1)], m[(i, 2)]];
-    json!([row(0), row(1), row(2)])
-}
-
-fn object<const N: usize>(entries: [(&str, Option<Value>); N]) -> Value {
-    let given = entries
-        .into_iter()
-        .filter_map(|(key, value)| Some((key.to_owned(), value?)));
-    Value::Object(given.collect::<Map<_, _>>())
 }

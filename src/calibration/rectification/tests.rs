@@ -1,12 +1,12 @@
 use super::*;
-use crate::calibration::Scale;
+use crate::calibration::{Calibration, MetresPerPixel, Scale};
 use proptest::prelude::*;
 
 fn pixels() -> Calibration {
-    Calibration::new(Scale::MetresPerPixel {
+    Calibration::new(Scale::MetresPerPixel(MetresPerPixel {
         value: 0.001,
         std: None,
-    })
+    }))
 }
 
 fn with_homography(h: Matrix3<f64>) -> Calibration {

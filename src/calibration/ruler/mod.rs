@@ -5,30 +5,10 @@ mod snap;
 
 pub use snap::{Snapped, snap};
 
-use super::{Ball, Calibration, CalibrationError, FloorLine, Launch, Rectification, Scale};
+use super::{Ball, Calibration, CalibrationError, FloorLine, Launch, Rectification, Ruler, Scale};
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, PlanePoint};
 use thiserror::Error;
-
-/// Where metres are to come from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Length {
-    /// Two marks in the plane of motion, and the length between them.
-    Ruler {
-        /// One end, as the picture shows it.
-        from: PixelPoint,
-        /// The other.
-        to: PixelPoint,
-        /// m.
-        length_m: f64,
-        /// Its standard uncertainty, m.
-        length_std_m: Option<f64>,
-    },
-    /// The ball's radius.
-    Ball,
-    /// The fall.
-    Gravity,
-}
 
 /// How the ruler stood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,8 +22,8 @@ pub enum RulerOrientation {
 /// What is marked in the frame, and what else is known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RulerRequest {
-    /// The scale.
-    pub length: Length,
+    /// Where metres come from; the ends of a ruler may be moved to edges.
+    pub scale: Scale,
     /// How the ruler stood, where that tells "up".
     pub held: Option<RulerOrientation>,
     /// Direction of "up" in the picture.
@@ -205,17 +185,15 @@ pub fn calibrate(request: &RulerRequest, picture: &Luma) -> Result<RulerCalibrat
     calibration.up_given = request.up_given;
     calibration.up_std_rad = request.up_std_rad;
     let mut marks = Vec::new();
-    calibration.scale = match request.length {
-        Length::Ruler { from, to, .. } => {
-            let ends = marker.ends(from, to)?;
-            marks.extend(ends);
-            marker.ruler(ends)
+    calibration.scale = request.scale.clone();
+    if let Scale::Ruler(ruler) = &request.scale {
+        let ends = marker.ends(ruler)?;
+        marks.extend(ends);
+        let placed = marker.placed(ruler, &ends);
+        calibration.scale = Scale::Ruler(placed);
+        if let Some(orientation) = request.held {
+            marker.up_from_ruler(&mut calibration, &placed, orientation)?;
         }
-        Length::Ball => Scale::Ball,
-        Length::Gravity => Scale::Gravity,
-    };
-    if let (Some(held), Scale::Ruler { .. }) = (request.held, &calibration.scale) {
-        marker.up_from_ruler(&mut calibration, held)?;
     }
     marker.origin(&mut calibration, &mut marks)?;
     marker.floor_line(&mut calibration, &mut marks)?;
@@ -233,7 +211,7 @@ struct MarkPlacer<'a> {
 }
 
 impl MarkPlacer<'_> {
-    fn ends(&self, from: PixelPoint, to: PixelPoint) -> Result<[PictureMark; 2], RulerError> {
+    fn ends(&self, &Ruler { from, to, .. }: &Ruler) -> Result<[PictureMark; 2], RulerError> {
         let apart = |a: PixelPoint, b: PixelPoint| a.distance_px(b) >= LEAST_LENGTH_PX;
         self.inside(MarkRole::From, from)?;
         self.inside(MarkRole::To, to)?;
@@ -251,21 +229,13 @@ impl MarkPlacer<'_> {
         Ok(ends)
     }
 
-    fn ruler(&self, [from, to]: [PictureMark; 2]) -> Scale {
-        let Length::Ruler {
-            length_m,
-            length_std_m,
-            ..
-        } = self.request.length
-        else {
-            return Scale::Gravity;
-        };
-        Scale::Ruler {
+    /// The ruler between its ends as they were used.
+    fn placed(&self, ruler: &Ruler, [from, to]: &[PictureMark; 2]) -> Ruler {
+        Ruler {
             from: from.at,
             to: to.at,
-            length_m,
-            length_std_m,
-            point_std_px: Some(self.std_of_both_px(&from, &to)),
+            point_std_px: Some(self.std_of_both_px(from, to)),
+            ..*ruler
         }
     }
 
@@ -317,16 +287,12 @@ impl MarkPlacer<'_> {
     }
 
     /// "Up" from the ruler's direction in the undistorted picture, the one nearer to the given "up".
-    fn up_from_ruler(&self, calibration: &mut Calibration, held: RulerOrientation) -> Result<(), RulerError> {
-        let Scale::Ruler {
-            from,
-            to,
-            point_std_px,
-            ..
-        } = calibration.scale
-        else {
-            return Ok(());
-        };
+    fn up_from_ruler(
+        &self,
+        calibration: &mut Calibration,
+        ruler: &Ruler,
+        held: RulerOrientation,
+    ) -> Result<(), RulerError> {
         let ideal = |role: MarkRole, at: PixelPoint| {
             let beyond = RulerError::BeyondLens { role, at };
             calibration
@@ -335,7 +301,7 @@ impl MarkPlacer<'_> {
                 .map_or(Some(at), |l| l.undistort(at))
                 .ok_or(beyond)
         };
-        let (a, b) = (ideal(MarkRole::From, from)?, ideal(MarkRole::To, to)?);
+        let (a, b) = (ideal(MarkRole::From, ruler.from)?, ideal(MarkRole::To, ruler.to)?);
         let (du, dv) = (b.u_px - a.u_px, b.v_px - a.v_px);
         let length = du.hypot(dv);
         let axis = match held {
@@ -347,7 +313,9 @@ impl MarkPlacer<'_> {
         // Adding 0 turns −0 into 0.
         calibration.up_px = axis.map(|x| x * sign + 0.0);
         calibration.up_given = true;
-        let read = point_std_px.map_or(0.0, |s| std::f64::consts::SQRT_2 * s / length);
+        let read = ruler
+            .point_std_px
+            .map_or(0.0, |s| std::f64::consts::SQRT_2 * s / length);
         calibration.up_std_rad =
             Some(read.hypot(self.request.up_std_rad.unwrap_or(0.0))).filter(|s| *s > 0.0);
         Ok(())

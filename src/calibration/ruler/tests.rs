@@ -15,12 +15,13 @@ fn frame() -> Luma {
 
 fn request(from: (f64, f64), to: (f64, f64)) -> RulerRequest {
     RulerRequest {
-        length: Length::Ruler {
+        scale: Scale::Ruler(Ruler {
             from: PixelPoint::new(from.0, from.1),
             to: PixelPoint::new(to.0, to.1),
             length_m: 0.4,
             length_std_m: Some(0.0005),
-        },
+            point_std_px: None,
+        }),
         held: None,
         up_px: [0.0, -1.0],
         up_given: false,
@@ -36,7 +37,7 @@ fn request(from: (f64, f64), to: (f64, f64)) -> RulerRequest {
 }
 
 #[test]
-fn a_ruler_gives_a_scale_with_the_doubt_of_its_ends() {
+fn a_ruler_gives_a_scale_with_the_uncertainty_of_its_ends() {
     let ruled = calibrate(&request((100.0, 320.0), (500.0, 320.0)), &frame()).unwrap();
     let q = ruled
         .calibration
@@ -59,12 +60,12 @@ fn snapped_ends_lie_on_the_bar() {
     r.floor = Some(PixelPoint::new(300.0, 344.0));
     r.edge = Some(PixelPoint::new(98.0, 330.0));
     let ruled = calibrate(&r, &frame()).unwrap();
-    let Scale::Ruler {
+    let Scale::Ruler(Ruler {
         from,
         to,
         point_std_px,
         ..
-    } = ruled.calibration.scale
+    }) = ruled.calibration.scale
     else {
         panic!("no ruler")
     };
@@ -83,10 +84,10 @@ fn snapped_ends_lie_on_the_bar() {
 }
 
 #[test]
-fn a_line_along_the_floor_is_kept_with_the_doubt_of_its_ends() {
+fn a_line_along_the_floor_is_kept_with_the_uncertainty_of_its_ends() {
     let line = |r: &RulerRequest| calibrate(r, &frame()).unwrap().calibration.floor.line.unwrap();
     let mut r = request((100.0, 320.0), (500.0, 320.0));
-    r.length = Length::Gravity;
+    r.scale = Scale::Gravity;
     let (left, right) = (PixelPoint::new(120.0, 344.0), PixelPoint::new(480.0, 336.0));
     r.floor_line = Some([left, right]);
     let read = line(&r);
@@ -114,7 +115,7 @@ fn a_line_along_the_floor_is_kept_with_the_doubt_of_its_ends() {
 fn lines_along_the_floor_that_tell_nothing() {
     let message = |from: (f64, f64), to: (f64, f64), snap_px: Option<f64>| {
         let mut r = request((100.0, 320.0), (500.0, 320.0));
-        r.length = Length::Gravity;
+        r.scale = Scale::Gravity;
         r.floor_line = Some([PixelPoint::new(from.0, from.1), PixelPoint::new(to.0, to.1)]);
         r.snap_px = snap_px;
         calibrate(&r, &frame()).unwrap_err().to_string()
@@ -214,7 +215,7 @@ fn marks_that_make_no_sense_are_told() {
     r.edge = Some(PixelPoint::new(98.0, 330.0));
     assert!(message(&r).contains("--floor"));
     let mut r = request((100.0, 320.0), (500.0, 320.0));
-    r.length = Length::Ball;
+    r.scale = Scale::Ball;
     r.known.ball.radius_m = None;
     assert!(message(&r).contains("ball.radius_m"));
 }

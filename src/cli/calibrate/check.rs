@@ -1,7 +1,8 @@
 //! `track calibrate check CALIB [VIDEO]`: exit status 0 fine, 1 problems, 2 it could not be read.
 
 use super::{Status, answer};
-use crate::calibration::check::{Finding, Severity, check};
+use crate::calibration::check::check;
+use crate::calibration::{Finding, Severity};
 use clap::Args;
 use std::fmt::Write as _;
 use std::path::PathBuf;

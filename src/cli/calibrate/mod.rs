@@ -6,8 +6,8 @@ mod ruler;
 mod show;
 
 use super::{Status, answer, say};
-use crate::calibration::check::{Severity, findings as check_findings};
-use crate::calibration::{Calibration, Scale, View};
+use crate::calibration::check::findings as check_findings;
+use crate::calibration::{Calibration, Scale, Severity, View};
 use crate::frames::{self, Luma, SourceInfo};
 use crate::geometry::PixelPoint;
 use crate::report::write;

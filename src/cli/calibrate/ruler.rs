@@ -2,9 +2,9 @@
 
 use super::{KnownArgs, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
 use crate::calibration::ruler::{
-    Length, MarkRole, PictureMark, RulerCalibration, RulerOrientation, RulerRequest, calibrate,
+    MarkRole, PictureMark, RulerCalibration, RulerOrientation, RulerRequest, calibrate,
 };
-use crate::calibration::{Calibration, Rectification, Scale, ScaleEvidence, View};
+use crate::calibration::{Calibration, Rectification, Ruler, Scale, ScaleEvidence, View};
 use crate::frames::{self, Luma};
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::report::marked_frame::{MarkColour, MarkShape, marks_png};
@@ -114,15 +114,16 @@ pub(super) fn run(args: &RulerArgs) -> anyhow::Result<Status> {
 }
 
 fn request(args: &RulerArgs) -> anyhow::Result<RulerRequest> {
-    let length = match (args.from, args.to, args.length_m) {
-        (Some(from), Some(to), Some(length_m)) => Length::Ruler {
+    let scale = match (args.from, args.to, args.length_m) {
+        (Some(from), Some(to), Some(length_m)) => Scale::Ruler(Ruler {
             from,
             to,
             length_m,
             length_std_m: args.length_std_m,
-        },
-        _ if args.gravity => Length::Gravity,
-        _ if args.known.ball_radius_m.is_some() => Length::Ball,
+            point_std_px: None,
+        }),
+        _ if args.gravity => Scale::Gravity,
+        _ if args.known.ball_radius_m.is_some() => Scale::Ball,
         _ => bail!(
             "no scale: give --from U,V --to U,V --length-m L (two marks in the plane of motion and the length between \
              them), or --ball-radius-m R (the ball is the scale), or --gravity (the fall is the scale)"
@@ -148,7 +149,7 @@ fn request(args: &RulerArgs) -> anyhow::Result<RulerRequest> {
         lens_fits(args, path, with_lens.image_size_px)?;
     }
     Ok(RulerRequest {
-        length,
+        scale,
         held: args.held.map(|h| match h {
             HeldArg::Upright => RulerOrientation::Upright,
             HeldArg::Level => RulerOrientation::Level,
@@ -197,27 +198,21 @@ fn table(ruled: &RulerCalibration) -> String {
         // Writing into a String cannot fail.
         let _ = writeln!(text, "{name:<11}{content}");
     };
-    match &c.scale {
-        Scale::Ball => row("scale", "the ball's radius against the one seen".into()),
-        Scale::Gravity => row(
-            "scale",
-            "the fall, with the times of the file (or --frame-rate-hz)".into(),
-        ),
-        _ => {
+    let scale = c.scale.in_words().map_or_else(
+        || {
             let q = c.metres_per_unit(&ScaleEvidence::default()).ok();
             let relative = q.and_then(|q| Some(100.0 * q.std_uncertainty? / q.value));
-            row(
-                "scale",
-                format!(
-                    "{} a pixel{}",
-                    format_quantity(q.map(|q| q.scaled(1e3)), "mm"),
-                    relative.map_or(String::new(), |r| format!(
-                        "; every length and speed is uncertain by {r:.2} % from this"
-                    ))
-                ),
-            );
-        }
-    }
+            format!(
+                "{} a pixel{}",
+                format_quantity(q.map(|q| q.scaled(1e3)), "mm"),
+                relative.map_or(String::new(), |r| format!(
+                    "; every length and speed is uncertain by {r:.2} % from this"
+                ))
+            )
+        },
+        str::to_owned,
+    );
+    row("scale", scale);
     let of_line = |mark: &&PictureMark| matches!(mark.role, MarkRole::LineFrom | MarkRole::LineTo);
     for mark in ruled.marks.iter().filter(|m| !of_line(m)) {
         row(&mark.role.option()[2..], place(mark));
@@ -310,7 +305,7 @@ fn shapes(ruled: &RulerCalibration, width: usize, height: usize) -> anyhow::Resu
             ink: MarkColour::Orange,
             fine: true,
         });
-        if let Scale::Ruler { length_m, .. } = ruled.calibration.scale {
+        if let Some(length_m) = ruled.calibration.scale.known_length_m() {
             let middle = PixelPoint::new(0.5 * (from.u_px + to.u_px), 0.5 * (from.v_px + to.v_px));
             let text = format!("{length_m} m");
             shapes.push(MarkShape::Label {

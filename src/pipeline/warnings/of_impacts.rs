@@ -1,7 +1,7 @@
 //! What does not fit together of what was measured and what the calibration gives, or is doubtful.
 
 use super::{rounded, warning};
-use crate::calibration::{Calibration, Scale, View};
+use crate::calibration::{Calibration, View};
 use crate::flight::Flight;
 use crate::flight::overhead::search;
 use crate::flight::shake::Shake;
@@ -83,10 +83,7 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     }
     out.extend(j.motion.may_be_soft().map(soft));
     if j.motion.metres_per_unit.std_uncertainty.is_none() {
-        let key = match j.calibration.scale {
-            Scale::Homography(_) => "scale.relative_std",
-            _ => "scale.std_uncertainty",
-        };
+        let key = j.calibration.scale.uncertainty_key();
         out.push(warning(
             "scale_uncertainty_unknown",
             format!("the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"{key}\"."),
@@ -176,7 +173,7 @@ const UPRIGHT_RAD: f64 = 0.0175;
 /// That the fall has another "up" than the calibration.
 fn up_tilted(j: &WarningContext<'_>) -> Option<Warning> {
     let up = j.up?;
-    let given = j.calibration.up_given || matches!(j.calibration.scale, Scale::Homography(_));
+    let given = j.calibration.has_up();
     let degrees = |rad: f64| rad.to_degrees();
     let (tilt, std) = (up.tilt_rad.value, j.flight.fit.lean_std_rad());
     let (prior, word) = (
@@ -382,7 +379,7 @@ fn time_factor(ratio: f64) -> Option<f64> {
 
 /// A ball of known size is a second ruler.
 fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
-    if matches!(j.calibration.scale, Scale::Ball) {
+    if j.calibration.scale.rests_on_ball() {
         return None;
     }
     let (known, seen) = (
@@ -393,7 +390,7 @@ fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
     if (ratio - 1.0).abs() < 0.1 {
         return None;
     }
-    let time = if matches!(j.calibration.scale, Scale::Gravity) {
+    let time = if j.calibration.scale.rests_on_fall() {
         let n = time_factor(1.0 / ratio).map_or(String::new(), |n| {
             let rate = rounded(n / j.interval_s);
             format!(" It fits a capture rate of {rate} Hz: set \"frame_rate_hz\": {rate}.")
