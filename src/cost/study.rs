@@ -5,11 +5,9 @@ use super::stats::{ErrorStatistics, Quartiles};
 use crate::calibration::CalibrationError;
 use crate::frames::FrameError;
 use crate::simulate::{SceneError, SimulationWriteError};
-use schemars::JsonSchema;
-use serde::Serialize;
 
 /// A number that is drawn or listed: an error or a kind of work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Metric {
     /// Its name in files.
     pub name: &'static str,
@@ -83,7 +81,7 @@ impl Run {
 }
 
 /// A line below which no setting can get: a bound, or the error of what it is compared with.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ErrorFloor {
     /// What it is.
     pub name: String,
@@ -92,7 +90,7 @@ pub struct ErrorFloor {
 }
 
 /// Settings of one kind, in their order.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SettingCurve {
     /// What they have in common.
     pub name: String,

@@ -1,8 +1,9 @@
 //! The ends of arcs, where a point may be of the other side of an impact (or of a launch) without its distance showing it.
 
-use super::Flight;
 use super::arc_selection::LEAST_END_POINTS;
-use super::outliers::{OUTLIER_SIGMAS, variance};
+use super::free_flight::Flight;
+use super::outliers::OUTLIER_SIGMAS;
+use std::ops::Range;
 
 /// So many standard deviations from its arc a point of it may be without being an outlier.
 const UNDETECTED_SIGMAS: f64 = OUTLIER_SIGMAS * std::f64::consts::SQRT_2;
@@ -19,13 +20,13 @@ const LEVEL_PART: f64 = 0.1;
 impl Flight {
     /// Takes from `ranges` the ends of arcs that may be of the other side of an impact, or in contact, and whose distance
     /// would not show it: such a point draws a short arc along. Whether there were any.
-    pub(super) fn trim_unsure_ends(&self, ranges: &mut [std::ops::Range<usize>]) -> bool {
-        if !self.fit.forces.falls() {
+    pub(super) fn trim_unsure_ends(&self, ranges: &mut [Range<usize>]) -> bool {
+        if !self.fit.falls_in_plane() {
             return false;
         }
         let before = ranges.to_vec();
         let near = |i: usize, jump: f64| {
-            let std = variance(&self.points[i].spot, &self.extra).sqrt();
+            let std = self.std(&self.points[i].spot);
             (UNDETECTED_SIGMAS * std / jump).min(NEAR_PART * self.interval_s)
         };
         let time = |i: usize| self.points[i].spot.time_s;
@@ -48,8 +49,7 @@ impl Flight {
             // Where the ball is clearly below, there is no floor as high as the last.
             let undetected = |i: usize| {
                 let spot = &self.points[i].spot;
-                let lowest =
-                    UNDETECTED_SIGMAS * variance(spot, &self.extra).sqrt() + LEVEL_PART * spot.radius;
+                let lowest = UNDETECTED_SIGMAS * self.std(spot) + LEVEL_PART * spot.radius;
                 time(i) > t - near(i, speed) && spot.place.up > floor - lowest
             };
             // More of them than this would show by their distance: then it is another floor, or none.
@@ -63,7 +63,7 @@ impl Flight {
 
     /// The first point of the first arc `range` by the launch, where that is another than the arc has: in front of the edge the
     /// ball is on its bench. `None` where there was none, or the arc would be lost by it.
-    pub(super) fn first_after_edge(&self, range: &std::ops::Range<usize>) -> Option<usize> {
+    pub(super) fn first_after_edge(&self, range: &Range<usize>) -> Option<usize> {
         let edge_s = self.launch?.time_s;
         let start = self.points[..range.end].partition_point(|p| p.spot.time_s < edge_s);
         (start != range.start && start + LEAST_END_POINTS <= range.end).then_some(start)

@@ -1,7 +1,9 @@
 //! Which of a track's arcs are one flight: those that are free, follow each other closely and show the fall.
 
+use super::parabola::{Fall, Gravity, own_fall};
 use super::samples::shows_fall;
-use super::segment::{Fall, Gravity, TrackSample, own_fall};
+use super::segment::TrackSample;
+use std::ops::Range;
 
 /// An arc whose own curvature contradicts the common fall is carried, not thrown.
 pub(super) fn is_free_flight(samples: &[TrackSample], gravity: f64, falls: bool) -> bool {
@@ -11,47 +13,39 @@ pub(super) fn is_free_flight(samples: &[TrackSample], gravity: f64, falls: bool)
     own_fall(samples).is_none_or(|(g, std)| Fall::Known(Gravity::upright(gravity)).agrees(g, std))
 }
 
-/// Arcs are fitted together, which takes memory and time as the square of their number; a ball that bounces more often
-/// is measured on this many successive arcs.
-const MOST_ARCS: usize = 40;
-
 /// How many points the arcs of `run` hold.
-pub(super) fn points_in(run: &[std::ops::Range<usize>]) -> usize {
+pub(super) fn points_in(run: &[Range<usize>]) -> usize {
     run.iter().map(ExactSizeIterator::len).sum()
 }
 
-/// The successive arcs, at most [`MOST_ARCS`], that hold the most points.
-pub(super) fn richest_run(ranges: Vec<std::ops::Range<usize>>) -> Vec<std::ops::Range<usize>> {
-    match ranges.windows(MOST_ARCS).max_by_key(|run| points_in(run)) {
+/// The successive arcs, at most `most`, that hold the most points: arcs are fitted together, which takes memory and time as a
+/// power of their number.
+pub(super) fn richest_run(ranges: Vec<Range<usize>>, most: usize) -> Vec<Range<usize>> {
+    match ranges.windows(most).max_by_key(|run| points_in(run)) {
         Some(run) => run.to_vec(),
         None => ranges,
     }
 }
 
+/// The run of arcs with the most points in which each `follows` the last.
+pub(super) fn longest_run(
+    ranges: Vec<Range<usize>>,
+    follows: impl Fn(&Range<usize>, &Range<usize>) -> bool,
+) -> Vec<Range<usize>> {
+    let runs = ranges.chunk_by(follows);
+    runs.max_by_key(|run| points_in(run)).unwrap_or_default().to_vec()
+}
+
 /// The run of arcs with the most points in which each follows the last within a second or ten frames.
 pub(super) fn longest_chain(
     samples: &[TrackSample],
-    ranges: Vec<std::ops::Range<usize>>,
+    ranges: Vec<Range<usize>>,
     interval_s: f64,
-) -> Vec<std::ops::Range<usize>> {
+) -> Vec<Range<usize>> {
     let patience_s = (10.0 * interval_s).max(1.0);
-    let mut chains: Vec<Vec<std::ops::Range<usize>>> = Vec::new();
-    for r in ranges {
-        match chains.last_mut() {
-            Some(chain)
-                if chain
-                    .last()
-                    .is_some_and(|l| samples[r.start].t - samples[l.end - 1].t < patience_s) =>
-            {
-                chain.push(r);
-            }
-            _ => chains.push(vec![r]),
-        }
-    }
-    chains
-        .into_iter()
-        .max_by_key(|c| points_in(c))
-        .unwrap_or_default()
+    longest_run(ranges, |last, next| {
+        samples[next.start].t - samples[last.end - 1].t < patience_s
+    })
 }
 
 /// Points of the first and of the last arc, at least.
@@ -61,12 +55,12 @@ pub(super) const LEAST_END_POINTS: usize = 4;
 /// impact is a rebound, a row of them is a ball that rolls or shivers.
 pub(super) fn without_straight_ends(
     samples: &[TrackSample],
-    ranges: Vec<std::ops::Range<usize>>,
+    ranges: Vec<Range<usize>>,
     gravity: f64,
     sigma: f64,
     falls: bool,
-) -> Vec<std::ops::Range<usize>> {
-    let shows = |r: &std::ops::Range<usize>| shows_fall(samples, r, gravity, sigma);
+) -> Vec<Range<usize>> {
+    let shows = |r: &Range<usize>| shows_fall(samples, r, gravity, sigma);
     if !falls {
         return ranges;
     }
@@ -89,11 +83,11 @@ pub(super) fn without_straight_ends(
 /// both sides of an impact that happen to lie on a parabola); else the flight ends there, and the larger part stays.
 pub(super) fn without_weak_arc(
     samples: &[TrackSample],
-    mut ranges: Vec<std::ops::Range<usize>>,
+    mut ranges: Vec<Range<usize>>,
     cut: usize,
     gravity: f64,
     sigma: f64,
-) -> Vec<std::ops::Range<usize>> {
+) -> Vec<Range<usize>> {
     let weaker = if ranges[cut].len() < ranges[cut + 1].len() {
         cut
     } else {
@@ -111,10 +105,7 @@ pub(super) fn without_weak_arc(
 pub(super) const WEAK_POINTS: usize = 5;
 
 /// The part before or from `cut`, whichever holds more points.
-pub(super) fn larger_part(
-    mut ranges: Vec<std::ops::Range<usize>>,
-    cut: usize,
-) -> Vec<std::ops::Range<usize>> {
+pub(super) fn larger_part(mut ranges: Vec<Range<usize>>, cut: usize) -> Vec<Range<usize>> {
     let tail = ranges.split_off(cut);
     if points_in(&tail) > points_in(&ranges) {
         tail

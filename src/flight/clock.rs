@@ -4,7 +4,7 @@
 //! standard deviation, r = Σ c_i y_i / (σ √Σ c_i²) is normal of variance 1 under the right clock; an impact makes some of
 //! them large under any clock, so that the likelihood is Cauchy's.
 
-use super::linking::{Spot, link};
+use super::linking::{LinkedSpots, Spot};
 
 /// Shorter tracks are not looked at.
 const LEAST_TRACK: usize = 12;
@@ -18,7 +18,7 @@ const CLEAR: f64 = 30.0;
 /// Whether the ball's places suit the times in `these` spots clearly better than those in `others`, the same spots by
 /// another clock.
 #[must_use]
-pub fn suits_better(these: &[Spot], others: &[Spot]) -> bool {
+pub fn suits_better(these: &LinkedSpots, others: &LinkedSpots) -> bool {
     let ((a, n), (b, m)) = (log_likelihood(these), log_likelihood(others));
     let windows = n.min(m) as f64;
     // The longer the clip, the more has to speak for it.
@@ -30,11 +30,11 @@ pub fn suits_better(these: &[Spot], others: &[Spot]) -> bool {
 const LEAST_A_WINDOW: f64 = 0.75;
 
 /// Logarithm of the likelihood of all windows of four successive spots, and their number.
-fn log_likelihood(spots: &[Spot]) -> (f64, usize) {
+fn log_likelihood(linked: &LinkedSpots) -> (f64, usize) {
     let (mut sum, mut count) = (0.0, 0);
-    for track in link(spots).iter().filter(|t| t.len() >= LEAST_TRACK) {
+    for track in linked.tracks.iter().filter(|t| t.len() >= LEAST_TRACK) {
         for w in track.windows(4) {
-            let s = [0, 1, 2, 3].map(|k| &spots[w[k]]);
+            let s = [0, 1, 2, 3].map(|k| &linked.spots[w[k]]);
             if let Some(square) = misfit(s) {
                 // Of two coordinates.
                 sum -= 1.5 * (1.0 + square).ln();
@@ -69,23 +69,22 @@ mod tests {
     use crate::geometry::PlanePoint;
 
     /// A bouncing ball at the times of its frames, which are given the times `stamped`.
-    fn clip(taken: impl Fn(usize) -> f64, stamped: impl Fn(usize) -> f64) -> Vec<Spot> {
-        (0..60)
-            .map(|frame| {
-                let t = taken(frame);
-                let phase = (t + 0.25) % 0.5;
-                Spot {
-                    coded: crate::frames::Coded::Whole,
-                    id: frame,
-                    frame,
-                    time_s: stamped(frame),
-                    place: PlanePoint::new(300.0 * t, 4000.0 * 0.5 * phase * (0.5 - phase)),
-                    std: 0.05,
-                    radius: 8.0,
-                    contrast_grey: 100.0,
-                }
-            })
-            .collect()
+    fn clip(taken: impl Fn(usize) -> f64, stamped: impl Fn(usize) -> f64) -> LinkedSpots {
+        let spots = (0..60).map(|frame| {
+            let t = taken(frame);
+            let phase = (t + 0.25) % 0.5;
+            Spot {
+                coded: crate::frames::Coded::Whole,
+                id: frame,
+                frame,
+                time_s: stamped(frame),
+                place: PlanePoint::new(300.0 * t, 4000.0 * 0.5 * phase * (0.5 - phase)),
+                std: 0.05,
+                radius: 8.0,
+                contrast_grey: 100.0,
+            }
+        });
+        LinkedSpots::new(spots.collect())
     }
 
     #[test]

@@ -9,9 +9,9 @@
 //! before it, by τ (v × v')/|v' − v| where they are nearest: they meet only when it is moved back by that time. A τ of
 //! whole frames is of frames that are missing; where the ball falls straight down, v × v' is 0 and nothing shows.
 
-use super::linking::{Spot, link};
+use super::free_flight::{Flight, SpotUse};
+use super::linking::{LinkedSpots, Spot};
 use super::planar::PlanarArcs;
-use super::{Flight, SpotUse};
 
 /// A place where frames are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,14 +40,15 @@ const MOST_MISSING: f64 = 30.0;
 /// Shorter tracks do not tell what their steps scatter by.
 const LEAST_TRACK: usize = 12;
 
-/// Finds gaps from the `spots` of all frames (in time order, duplicates left out), whose frames stand `interval_s` apart.
+/// Finds gaps from the `linked` spots of all frames (in time order, duplicates left out), whose frames stand `interval_s` apart.
 #[must_use]
-pub fn find(spots: &[Spot], interval_s: f64) -> Vec<DroppedFrames> {
+pub fn find(linked: &LinkedSpots, interval_s: f64) -> Vec<DroppedFrames> {
+    let spots = &linked.spots;
     let frames = spots.iter().map(|s| s.frame + 1).max().unwrap_or(0);
     // For each frame, how many frames are missing before it by each thing's track; 0 counts against a gap.
     let mut votes: Vec<Vec<usize>> = vec![Vec::new(); frames];
     let foreign = foreign_frames(spots, interval_s);
-    for track in link(spots).iter().filter(|t| t.len() >= LEAST_TRACK) {
+    for track in linked.tracks.iter().filter(|t| t.len() >= LEAST_TRACK) {
         let windows: Vec<StepWindow> = track
             .windows(6)
             .filter_map(|w| StepWindow::new([0, 1, 2, 3, 4, 5].map(|k| &spots[w[k]]), interval_s))
@@ -80,7 +81,7 @@ const LEAST_LATE_SIGMAS: f64 = 12.0;
 /// Finds gaps at the impacts on the floor of a `flight`.
 #[must_use]
 pub fn at_impacts(flight: &Flight) -> Vec<DroppedFrames> {
-    if !flight.fit.forces.falls() {
+    if !flight.fit.falls_in_plane() {
         return Vec::new();
     }
     let skip = |k: usize| {
@@ -317,7 +318,7 @@ mod tests {
         for (dropped, missing) in [(60..61, 1), (60..63, 3), (20..25, 5)] {
             let gap = dropped.start;
             let dropped: Vec<usize> = dropped.collect();
-            let found = find(&clip(&dropped, 0.1), 1.0 / RATE_HZ);
+            let found = find(&LinkedSpots::new(clip(&dropped, 0.1)), 1.0 / RATE_HZ);
             assert_eq!(found, [DroppedFrames { frame: gap, missing }]);
         }
     }
@@ -325,7 +326,7 @@ mod tests {
     #[test]
     fn a_gap_in_every_seventh_place_is_one() {
         let dropped: Vec<usize> = (0..140).filter(|i| i % 7 == 3).collect();
-        let found = find(&clip(&dropped, 0.05), 1.0 / RATE_HZ);
+        let found = find(&LinkedSpots::new(clip(&dropped, 0.05)), 1.0 / RATE_HZ);
         assert!(
             found.len() > 12 && found.iter().all(|s| s.missing == 1),
             "{found:?}"
@@ -335,7 +336,7 @@ mod tests {
     #[test]
     fn a_whole_clip_with_its_impacts_misses_nothing() {
         for noise in [0.0, 0.1, 0.5, 2.0] {
-            assert_eq!(find(&clip(&[], noise), 1.0 / RATE_HZ), []);
+            assert_eq!(find(&LinkedSpots::new(clip(&[], noise)), 1.0 / RATE_HZ), []);
         }
     }
 
@@ -349,7 +350,7 @@ mod tests {
             for (s, w) in spots.iter_mut().zip(&whole) {
                 (s.frame, s.time_s) = (w.frame, w.time_s);
             }
-            assert_eq!(find(&spots, 1.0 / RATE_HZ), []);
+            assert_eq!(find(&LinkedSpots::new(spots), 1.0 / RATE_HZ), []);
         }
     }
 
@@ -361,6 +362,6 @@ mod tests {
                 s.time_s += 2.0 / RATE_HZ;
             }
         }
-        assert_eq!(find(&spots, 1.0 / RATE_HZ), []);
+        assert_eq!(find(&LinkedSpots::new(spots), 1.0 / RATE_HZ), []);
     }
 }

@@ -4,7 +4,7 @@
 //! hardly moves is no evidence, so such frames are judged by the change of the picture as a whole, and only where the moving
 //! things have shown that this change is a reliable sign.
 
-use super::linking::{Spot, link};
+use super::linking::{LinkedSpots, Spot};
 
 /// The duplicates among a recording's frames.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,17 +24,17 @@ const SAME_PICTURE_PART: f64 = 0.3;
 /// Least step, in standard uncertainties and in plane units' worth of a pixel, that a stand-still stands out against.
 const LEAST_STEP_SIGMAS: f64 = 6.0;
 
-/// Finds duplicates from the `spots` of all frames (times not needed, in frame order) and each frame's mean change
+/// Finds duplicates from the `linked` spots of all frames (times not needed, in frame order) and each frame's mean change
 /// against the one before, grey levels. `pixel` is the length of a pixel in the spots' unit.
 #[must_use]
-pub fn find(spots: &[Spot], changes: &[Option<f32>], pixel: f64) -> DuplicateFrames {
+pub fn find(linked: &LinkedSpots, changes: &[Option<f32>], pixel: f64) -> DuplicateFrames {
     let total = changes.len();
     let same_picture: Vec<bool> = (0..total).map(|i| hardly_changes(changes, i)).collect();
     // Per frame: how many things stood still in a step where they should have moved, and how many moved.
     let (mut still, mut moved) = (vec![0_usize; total], vec![0_usize; total]);
-    for track in link(spots) {
+    for track in &linked.tracks {
         for w in track.windows(4) {
-            let s = [0, 1, 2, 3].map(|k| &spots[w[k]]);
+            let s = [0, 1, 2, 3].map(|k| &linked.spots[w[k]]);
             if s[3].frame - s[0].frame != 3 || s[3].frame >= total {
                 continue;
             }
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn a_doubled_clip_is_recognised_frame_by_frame() {
         let (spots, changes) = clip(2, 120);
-        let duplicates = find(&spots, &changes, 1.0);
+        let duplicates = find(&LinkedSpots::new(spots), &changes, 1.0);
         for (i, r) in duplicates.frames.iter().enumerate() {
             assert_eq!(*r, i % 2 == 1, "frame {i}");
         }
@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn an_honest_clip_has_none() {
         let (spots, changes) = clip(1, 120);
-        assert_eq!(find(&spots, &changes, 1.0).count, 0);
+        assert_eq!(find(&LinkedSpots::new(spots), &changes, 1.0).count, 0);
     }
 
     #[test]
@@ -137,6 +137,6 @@ mod tests {
         for (i, c) in changes.iter_mut().enumerate() {
             *c = Some(if i % 2 == 1 { 0.01 } else { 0.5 });
         }
-        assert_eq!(find(&spots, &changes, 1.0).count, 0);
+        assert_eq!(find(&LinkedSpots::new(spots), &changes, 1.0).count, 0);
     }
 }

@@ -9,7 +9,11 @@
 //! Centres may also be better than they say (what is not known of the light beforehand enters each one's uncertainty,
 //! and may turn out to be the same in all). Then the distances to the arcs say by how much.
 
+use super::linking::Spot;
+use super::motion_model::FitPoint;
+use super::segment::TrackSample;
 use crate::frames::Coded;
+use crate::numeric::robust::median;
 
 /// A point's distance to its arc.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +68,19 @@ impl ExtraVariance {
         seen.own_part * own + seen.more
     }
 
+    /// The variance of a spot's coordinate, plane units².
+    #[must_use]
+    pub fn variance_of(&self, spot: &Spot) -> f64 {
+        self.variance(spot.std * spot.std, spot.coded)
+    }
+
+    /// A spot of an arc with its weight.
+    #[must_use]
+    pub fn fit_point(&self, spot: &Spot, arc: usize) -> FitPoint {
+        let sample = TrackSample::of_spot(spot, 1.0 / self.variance_of(spot));
+        FitPoint { arc, sample }
+    }
+
     /// The variance beyond the own one, of frames of a kind, plane units².
     #[must_use]
     pub fn more(&self, coded: Coded) -> f64 {
@@ -86,7 +103,7 @@ impl ExtraVariance {
                 .iter()
                 .map(|d| d.square / ((1.0 - d.leverage) * (d.own + extra)))
                 .collect();
-            crate::quantity::median(&mut squares).unwrap_or(0.0) / MEDIAN_SQUARE
+            median(&mut squares).unwrap_or(0.0) / MEDIAN_SQUARE
         })
     }
 

@@ -1,7 +1,7 @@
 //! Whether two fitted arcs meet in an impact, for a camera that sees the plane of the flight from the side or from
 //! afar; `overhead::meeting` is the same for one that is near above.
 
-use super::fit::ArcFit;
+use super::motion_model::ArcFit;
 
 /// A bounce may turn spin into speed, but not make much: kinetic energy after over before, at most.
 pub(super) const MOST_ENERGY_GAIN: f64 = 1.15;

@@ -1,40 +1,37 @@
 //! The flight from its fit: how long each arc lasts, the impacts where arcs meet, and the spots in contact then.
 
 use super::extra_variance::ExtraVariance;
-use super::fit::{ArcFit, Forces};
-use super::linking::{Spot, Track};
-use super::{Flight, FlightPoint, SpotUse, impact_test, overhead};
+use super::free_flight::{Flight, FlightPoint, SpotUse};
+use super::linking::Spot;
+use super::motion_model::ArcFit;
 
+/// The flight of a track's `spots` with their `uses`.
 pub(super) fn flight_from_fit(
     spots: &[Spot],
-    track: &Track,
     mut uses: Vec<SpotUse>,
     (fit, extra): (ArcFit, ExtraVariance),
     interval_s: f64,
 ) -> Flight {
     let mut spans = vec![(f64::INFINITY, f64::NEG_INFINITY); fit.arcs()];
-    for (&i, u) in track.iter().zip(&uses) {
+    for (spot, u) in spots.iter().zip(&uses) {
         if let SpotUse::Used(k) = u {
-            spans[*k].0 = spans[*k].0.min(spots[i].time_s);
-            spans[*k].1 = spans[*k].1.max(spots[i].time_s);
+            spans[*k] = (spans[*k].0.min(spot.time_s), spans[*k].1.max(spot.time_s));
         }
     }
-    let impacts: Vec<Option<f64>> = (1..fit.arcs())
-        .map(|k| impact_after(&fit, &spans, k - 1, interval_s).filter(|_| !goes_elsewhere(&uses, k - 1)))
-        .collect();
-    for (&i, u) in track.iter().zip(&mut uses) {
-        let near = |t: &f64| (spots[i].time_s - t).abs() < 1.5 * interval_s;
+    let impact_after = |k: usize| {
+        let met = fit.model.impact_between(&fit, &spans, k, interval_s);
+        met.filter(|_| !goes_elsewhere(&uses, k))
+    };
+    let impacts: Vec<Option<f64>> = (1..fit.arcs()).map(|k| impact_after(k - 1)).collect();
+    for (spot, u) in spots.iter().zip(&mut uses) {
+        let near = |t: &f64| (spot.time_s - t).abs() < 1.5 * interval_s;
         if matches!(u, SpotUse::Outlier(_) | SpotUse::NotFree) && impacts.iter().flatten().any(near) {
             *u = SpotUse::Contact;
         }
     }
-    let points = track
-        .iter()
-        .zip(uses)
-        .map(|(&i, use_)| FlightPoint { spot: spots[i], use_ })
-        .collect();
+    let points = spots.iter().zip(uses);
     Flight {
-        points,
+        points: points.map(|(&spot, use_)| FlightPoint { spot, use_ }).collect(),
         fit,
         extra,
         spans,
@@ -60,12 +57,4 @@ fn goes_elsewhere(uses: &[SpotUse], k: usize) -> bool {
     };
     let between = first.saturating_sub(last + 1);
     between > MOST_BETWEEN.max((on(k) + on(k + 1)) / ARC_POINTS_FOR_ONE)
-}
-
-/// The impact in which arcs `k` and `k + 1` meet, as its forces have it.
-fn impact_after(fit: &ArcFit, spans: &[(f64, f64)], k: usize, interval_s: f64) -> Option<f64> {
-    match &fit.forces {
-        Forces::Overhead(known) => overhead::impact_test::impact_between(fit, known, spans, k, interval_s),
-        _ => impact_test::impact_between(fit, spans, k, k + 1, interval_s),
-    }
 }

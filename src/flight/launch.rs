@@ -15,27 +15,10 @@
 //! bench may change. What does not look like that before the first arc (a rise, a hand's curve) is no bench, and there
 //! is no launch.
 
-use super::fit::{ACROSS, GRAVITY, lean_rad};
-use super::outliers::variance;
-use super::{Flight, FlightPoint, SpotUse};
+use super::free_flight::{Flight, FlightPoint, PlaneLaunch, SpotUse};
+use super::motion_model::lean_rad;
+use super::planar::{ACROSS, GRAVITY};
 use crate::quantity::Quantity;
-
-/// Where and when line and arc part.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlaneLaunch {
-    /// t_e, s.
-    pub time_s: f64,
-    /// First time at which the ball was seen on the line, s.
-    pub from_s: f64,
-    /// s: the rate of y on the line, plane units a second, with its standard uncertainty.
-    pub rate: (f64, f64),
-    /// Height of the line where they part (against y), plane units, with its standard uncertainty.
-    pub height: (f64, f64),
-    /// The arc's y there less the line's, plane units, with the line's part of its standard uncertainty.
-    pub gap: (f64, f64),
-    /// How far the ball moved along the line while it was seen on it, in its radii.
-    pub moved_radii: f64,
-}
 
 /// Fewer points than this are no line.
 const LEAST_POINTS: usize = 3;
@@ -56,24 +39,13 @@ const LEAST_EVIDENCE: f64 = 25.0;
 /// A bench is level to this angle, rad.
 const LEVEL_RAD: f64 = 0.15;
 
-/// A ball that moves less than this along the line, in its radii, is held.
-const LEAST_MOVED_RADII: f64 = 0.15;
-
-impl PlaneLaunch {
-    /// Whether the ball moved along the line; else it was held, and let go.
-    #[must_use]
-    pub fn is_rolled(&self) -> bool {
-        self.moved_radii > LEAST_MOVED_RADII
-    }
-}
-
 /// The launch before the first arc of `flight`; `None` where no straight line leads into it.
 #[must_use]
 pub fn find(flight: &Flight) -> Option<PlaneLaunch> {
     let fit = &flight.fit;
     let p = fit.parameters.as_slice();
     let size = p[GRAVITY].hypot(p[ACROSS]);
-    if !(fit.forces.falls() && size > 0.0) {
+    if !(fit.falls_in_plane() && size > 0.0) {
         return None;
     }
     let (sin, cos) = lean_rad(p).sin_cos();
@@ -184,7 +156,7 @@ fn straight(flight: &Flight, fall: &FallAxes, run: &[&FlightPoint]) -> Option<Be
         return None;
     }
     let y = |p: &FlightPoint| fall.down(p.spot.place.right, p.spot.place.up);
-    let weight = |p: &FlightPoint| 1.0 / variance(&p.spot, &flight.extra);
+    let weight = |p: &FlightPoint| 1.0 / flight.extra.variance_of(&p.spot);
     let sum = |of: &dyn Fn(&FlightPoint) -> f64| run.iter().map(|p| of(p)).sum::<f64>();
     let all = sum(&weight);
     let middle_s = first.spot.time_s + sum(&|p| weight(p) * (p.spot.time_s - first.spot.time_s)) / all;

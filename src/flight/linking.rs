@@ -5,6 +5,7 @@
 
 use crate::frames::Coded;
 use crate::geometry::PlanePoint;
+use crate::numeric::robust::median;
 
 /// A round thing in one frame, in the plane of motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,9 +38,44 @@ const PATIENCE_S: f64 = 0.2;
 /// A track survives at least this many missing frames at low frame rates.
 const PATIENCE_FRAMES: usize = 4;
 
-/// Joins `spots` (in time order; any number a frame) into tracks, the longest first.
-#[must_use]
-pub fn link(spots: &[Spot]) -> Vec<Track> {
+/// Spots of a recording with their tracks: linked once, for all who ask what moves.
+#[derive(Debug, Clone)]
+pub struct LinkedSpots {
+    /// In time order; any number a frame.
+    pub spots: Vec<Spot>,
+    /// The longest first.
+    pub tracks: Vec<Track>,
+}
+
+impl LinkedSpots {
+    /// Joins `spots` (in time order; any number a frame) into tracks.
+    #[must_use]
+    pub fn new(spots: Vec<Spot>) -> Self {
+        let tracks = link(&spots);
+        Self { spots, tracks }
+    }
+
+    /// The spots of a track.
+    #[must_use]
+    pub fn of(&self, track: &Track) -> Vec<Spot> {
+        track.iter().map(|&i| self.spots[i]).collect()
+    }
+}
+
+/// Median time between successive spots, s; infinite where there is none.
+pub(super) fn interval_s(spots: &[Spot]) -> f64 {
+    let steps = spots.windows(2).map(|w| w[1].time_s - w[0].time_s);
+    let mut steps: Vec<f64> = steps.filter(|d| *d > 0.0).collect();
+    median(&mut steps).unwrap_or(f64::INFINITY)
+}
+
+/// Median radius of a track, plane units.
+pub(super) fn median_radius(spots: &[Spot]) -> f64 {
+    let mut radii: Vec<f64> = spots.iter().map(|s| s.radius).collect();
+    median(&mut radii).unwrap_or(0.0)
+}
+
+fn link(spots: &[Spot]) -> Vec<Track> {
     let mut open: Vec<Track> = Vec::new();
     let mut done: Vec<Track> = Vec::new();
     let mut start = 0;

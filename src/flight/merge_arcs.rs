@@ -1,24 +1,27 @@
 //! Neighbouring stretches of samples, before anything is fitted: whether they are one arc that was cut in two, or an impact
 //! stands between them.
 
-use super::segment::{self, Fall, TrackSample};
+use super::parabola::{self, Fall};
+use super::segment::TrackSample;
+use std::ops::Range;
 
-/// Joins neighbouring arcs that are one flight: their points lie on one arc, or no impact stands between them (an
-/// outlier, a gap, air drag or an error that lasts for some frames had cut them).
-pub(super) fn merge(
+/// Squared residuals, in variances, that a cut must save: its parameters and a margin.
+const CUT_GAIN: f64 = 36.0;
+
+/// Joins neighbouring arcs that are one flight: by their `misfit` (squared residuals in variances) their points lie on one arc,
+/// or no impact stands between them (an outlier, a gap, air drag or an error that lasts for some frames had cut them).
+pub(super) fn merge_by(
     samples: &[TrackSample],
-    ranges: Vec<std::ops::Range<usize>>,
-    fall: Fall,
-) -> Vec<std::ops::Range<usize>> {
-    let mut joined: Vec<std::ops::Range<usize>> = Vec::new();
+    ranges: Vec<Range<usize>>,
+    misfit: impl Fn(&[TrackSample]) -> f64,
+    is_impact: impl Fn(&[TrackSample], &[TrackSample]) -> bool,
+) -> Vec<Range<usize>> {
+    let mut joined: Vec<Range<usize>> = Vec::new();
     for r in ranges {
         if let Some(last) = joined.last_mut() {
             let (a, b) = (&samples[last.clone()], &samples[r.clone()]);
             let both: Vec<TrackSample> = a.iter().chain(b).copied().collect();
-            let apart = segment::misfit(a, fall) + segment::misfit(b, fall);
-            let whole = segment::misfit(&both, fall);
-            // 36: what segmentation charges for a cut, and a margin.
-            if whole - apart < 36.0 || !impact_stands_between(a, b, fall) {
+            if misfit(&both) - (misfit(a) + misfit(b)) < CUT_GAIN || !is_impact(a, b) {
                 *last = last.start..r.end;
                 continue;
             }
@@ -26,6 +29,16 @@ pub(super) fn merge(
         joined.push(r);
     }
     joined
+}
+
+/// The same of parabolas.
+pub(super) fn merge(samples: &[TrackSample], ranges: Vec<Range<usize>>, fall: Fall) -> Vec<Range<usize>> {
+    merge_by(
+        samples,
+        ranges,
+        |part| parabola::misfit(part, fall),
+        |a, b| impact_stands_between(a, b, fall),
+    )
 }
 
 /// An impact changes the velocity by more than this part of it, or turns a fall into a rise.
@@ -54,12 +67,12 @@ fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bo
         return false;
     };
     let t = 0.5 * (end.t + start.t);
-    let (Some(before), Some(after)) = (segment::velocity(a, fall, t), segment::velocity(b, fall, t)) else {
+    let (Some(before), Some(after)) = (parabola::velocity(a, fall, t), parabola::velocity(b, fall, t)) else {
         return true;
     };
     let jump = (after.0 - before.0).hypot(after.1 - before.1);
     // One flight is in one place where its parts meet; else they are two things.
-    if let (Some(p), Some(q)) = (segment::place(a, fall, t), segment::place(b, fall, t)) {
+    if let (Some(p), Some(q)) = (parabola::place(a, fall, t), parabola::place(b, fall, t)) {
         let sigma = 1.0 / end.weight.sqrt();
         if (p.0 - q.0).hypot(p.1 - q.1) > MOST_APART_SIGMAS * sigma + 0.02 * shorter_way(a, b) {
             return true;
@@ -67,7 +80,7 @@ fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bo
     }
     // Against the fastest that either is: at an apex every jump is large against the speed there.
     let fast =
-        |part: &[TrackSample], t: f64| segment::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
+        |part: &[TrackSample], t: f64| parabola::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
     let speed = [
         fast(a, a[0].t),
         fast(a, end.t),
@@ -84,7 +97,7 @@ fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bo
         }
         // Where nothing falls, nothing bends a path but an impact.
         Fall::Known(g) => g.down == 0.0,
-        Fall::Free { .. } | Fall::Overhead(_) => true,
+        Fall::Free { .. } => true,
     };
     jump > LEAST_JUMP * speed || turn
 }

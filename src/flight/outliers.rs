@@ -3,29 +3,27 @@
 //! Outliers are points further from their arc than [`OUTLIER_SIGMAS`] of a scale that medians give; a point that lies on its
 //! arc again comes back. The weights are then those of the mean squares of the points in use.
 
-use super::SpotUse;
 use super::extra_variance::{ArcDistance, ExtraVariance};
-use super::fit::{ArcFit, FitPoint, Forces};
-use super::linking::{Spot, Track};
-use super::segment::TrackSample;
+use super::free_flight::SpotUse;
+use super::linking::Spot;
+use super::motion_model::{ArcFit, FitPoint, MotionModel};
+use std::ops::Range;
 
-/// Points further off than this many (robust) standard deviations are set aside.
+/// Points further off than this many (robust) standard deviations are outliers.
 pub(super) const OUTLIER_SIGMAS: f64 = 4.5;
 
-/// Fits, sets aside what does not fit, and fits again until nothing changes; with what centres scatter by beyond their
-/// own uncertainty.
+/// Fits, leaves out what does not fit, and fits again until nothing changes; with the centres' extra variance.
 pub(super) fn fit_without_outliers(
     spots: &[Spot],
-    track: &Track,
     uses: &mut [SpotUse],
     arcs: usize,
-    forces: Forces,
+    model: &dyn MotionModel,
 ) -> Option<(ArcFit, ExtraVariance)> {
     let mut extra = ExtraVariance::default();
-    for _ in 0..12 {
-        let now = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
-        extra = ExtraVariance::robust(&distances(spots, track, uses, &now, &extra));
-        let residuals: Vec<Option<ArcResidual>> = arc_residuals(spots, track, uses, &now, &extra);
+    for _ in 0..OUTLIER_ROUNDS {
+        let now = model.fit(&fit_points(spots, uses, &extra), arcs)?;
+        extra = ExtraVariance::robust(&distances(spots, uses, &now, &extra));
+        let residuals = arc_residuals(spots, uses, &now, &extra);
         // Of few points one that is off draws its arc along, and the others seem to be: the worst goes first.
         let mut counts = vec![0_usize; arcs];
         let mut worst = vec![0.0_f64; arcs];
@@ -51,27 +49,29 @@ pub(super) fn fit_without_outliers(
         }
     }
     // The last verdicts enter.
-    refitted(spots, track, uses, arcs, forces, extra)
+    refitted(spots, uses, arcs, model, extra)
 }
 
 /// The fit to the points in use, which tell their own scatter.
 pub(super) fn refitted(
     spots: &[Spot],
-    track: &Track,
     uses: &[SpotUse],
     arcs: usize,
-    forces: Forces,
+    model: &dyn MotionModel,
     mut extra: ExtraVariance,
 ) -> Option<(ArcFit, ExtraVariance)> {
-    let mut fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+    let mut fit = model.fit(&fit_points(spots, uses, &extra), arcs)?;
     for _ in 0..4 {
-        extra = ExtraVariance::efficient(&distances(spots, track, uses, &fit, &extra));
-        fit = ArcFit::new(&fit_points(spots, track, uses, &extra), arcs, forces)?;
+        extra = ExtraVariance::efficient(&distances(spots, uses, &fit, &extra));
+        fit = model.fit(&fit_points(spots, uses, &extra), arcs)?;
     }
     Some((fit, extra))
 }
 
-/// On an arc of fewer points than this, those that are off are set aside one by one.
+/// Times that outliers are looked for.
+const OUTLIER_ROUNDS: usize = 12;
+
+/// On an arc of fewer points than this, those that are off are left out one by one.
 const FEW_POINTS: usize = 12;
 
 /// A spot against its arc.
@@ -88,29 +88,25 @@ struct ArcResidual {
 /// Every spot that is or may be used, against its arc.
 fn arc_residuals(
     spots: &[Spot],
-    track: &Track,
     uses: &[SpotUse],
     fit: &ArcFit,
     extra: &ExtraVariance,
 ) -> Vec<Option<ArcResidual>> {
     // Σw, Σw t, Σw t² of each arc, times from its mean one.
     let mut sums = vec![[0.0_f64; 3]; fit.arcs()];
-    for (&i, u) in track.iter().zip(uses) {
-        if let SpotUse::Used(k) = *u {
-            let (w, t) = (1.0 / variance(&spots[i], extra), spots[i].time_s - fit.times[k]);
-            for (sum, power) in sums[k].iter_mut().zip([1.0, t, t * t]) {
-                *sum += w * power;
-            }
+    for (spot, k) in used(spots, uses) {
+        let (w, t) = (1.0 / extra.variance_of(spot), spot.time_s - fit.times[k]);
+        for (sum, power) in sums[k].iter_mut().zip([1.0, t, t * t]) {
+            *sum += w * power;
         }
     }
-    let residual = |i: usize| -> Option<ArcResidual> {
+    let residual = |(i, spot): (usize, &Spot)| -> Option<ArcResidual> {
         let (arc, used) = match uses[i] {
             SpotUse::Used(k) => (k, true),
             SpotUse::Outlier(_) => (nearest_arc(uses, i)?, false),
             _ => return None,
         };
-        let spot = &spots[track[i]];
-        let (m, own) = (fit.motion(arc, spot.time_s), variance(spot, extra));
+        let (m, own) = (fit.motion(arc, spot.time_s), extra.variance_of(spot));
         let distance = (spot.place.right - m.r).hypot(spot.place.up - m.h);
         let [s0, s1, s2] = sums[arc];
         let t = spot.time_s - fit.times[arc];
@@ -129,7 +125,13 @@ fn arc_residuals(
             sigmas: distance / (2.0 * own * share).sqrt(),
         })
     };
-    (0..track.len()).map(residual).collect()
+    spots.iter().enumerate().map(residual).collect()
+}
+
+/// The spots in use, each with its arc.
+fn used<'a>(spots: &'a [Spot], uses: &'a [SpotUse]) -> impl Iterator<Item = (&'a Spot, usize)> {
+    let pairs = spots.iter().zip(uses);
+    pairs.filter_map(|(spot, use_)| Some((spot, use_.arc()?)))
 }
 
 /// Part of a point's error that its arc follows, at most: of three points, 5/6 at the ends.
@@ -148,81 +150,51 @@ pub(super) const LEAST_FIT_POINTS: usize = 3;
 
 /// The first arc most of whose points do not lie on it, once it is fitted to the last digit: a few points on the floor, behind
 /// an impact that left the ball there, pass for a short rebound as long as only their cut is asked for.
-pub(super) fn arc_of_outliers(uses: &[SpotUse], ranges: &[std::ops::Range<usize>]) -> Option<usize> {
-    let off = |range: &std::ops::Range<usize>| {
-        let used = uses[range.clone()]
-            .iter()
-            .filter(|u| matches!(u, SpotUse::Used(_)));
+pub(super) fn arc_of_outliers(uses: &[SpotUse], ranges: &[Range<usize>]) -> Option<usize> {
+    let off = |range: &Range<usize>| {
+        let used = uses[range.clone()].iter().filter_map(|u| u.arc());
         2 * used.count() < range.len()
     };
     ranges.iter().position(off)
 }
 
-/// Variance of a coordinate of a spot, plane units².
-pub(super) fn variance(spot: &Spot, extra: &ExtraVariance) -> f64 {
-    extra.variance(spot.std * spot.std, spot.coded)
-}
-
 /// The used points' distances to their arcs. An arc of n points with weights w follows each by about 2 w/Σw (two
 /// unknowns a coordinate).
-fn distances(
-    spots: &[Spot],
-    track: &Track,
-    uses: &[SpotUse],
-    fit: &ArcFit,
-    extra: &ExtraVariance,
-) -> Vec<ArcDistance> {
-    let used = || {
-        track.iter().zip(uses).filter_map(|(&i, u)| match u {
-            SpotUse::Used(k) => Some((&spots[i], *k)),
-            _ => None,
-        })
-    };
+fn distances(spots: &[Spot], uses: &[SpotUse], fit: &ArcFit, extra: &ExtraVariance) -> Vec<ArcDistance> {
     let mut weights = vec![0.0; fit.arcs()];
-    for (s, k) in used() {
-        weights[k] += 1.0 / variance(s, extra);
+    for (s, k) in used(spots, uses) {
+        weights[k] += 1.0 / extra.variance_of(s);
     }
-    used()
-        .map(|(s, k)| {
-            let m = fit.motion(k, s.time_s);
-            ArcDistance {
-                square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
-                own: s.std * s.std,
-                coded: s.coded,
-                leverage: (2.0 / (variance(s, extra) * weights[k])).min(0.9),
-            }
-        })
-        .collect()
-}
-
-/// The arc of the nearest used point before or after.
-fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
-    let arc = |u: &SpotUse| match u {
-        SpotUse::Used(k) => Some(*k),
-        _ => None,
+    let distance = |(s, k): (&Spot, usize)| {
+        let m = fit.motion(k, s.time_s);
+        ArcDistance {
+            square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
+            own: s.std * s.std,
+            coded: s.coded,
+            leverage: (2.0 / (extra.variance_of(s) * weights[k])).min(0.9),
+        }
     };
-    let before = uses[..i].iter().rev().find_map(arc);
-    let after = uses[i + 1..].iter().find_map(arc);
-    match (before, after) {
-        (Some(a), Some(b)) if a == b => Some(a),
-        _ => None,
-    }
+    used(spots, uses).map(distance).collect()
 }
 
-fn fit_points(spots: &[Spot], track: &Track, uses: &[SpotUse], extra: &ExtraVariance) -> Vec<FitPoint> {
-    track
-        .iter()
-        .zip(uses)
-        .filter_map(|(&i, u)| match u {
-            SpotUse::Used(arc) => Some(fit_point(&spots[i], *arc, extra)),
-            _ => None,
-        })
+/// The arc of the nearest used points before and after, where it is the same.
+fn nearest_arc(uses: &[SpotUse], i: usize) -> Option<usize> {
+    let before = uses[..i].iter().rev().find_map(|u| u.arc());
+    let after = uses[i + 1..].iter().find_map(|u| u.arc());
+    before.filter(|_| before == after)
+}
+
+fn fit_points(spots: &[Spot], uses: &[SpotUse], extra: &ExtraVariance) -> Vec<FitPoint> {
+    used(spots, uses)
+        .map(|(spot, k)| extra.fit_point(spot, k))
         .collect()
 }
 
-pub(super) fn fit_point(spot: &Spot, arc: usize, extra: &ExtraVariance) -> FitPoint {
-    FitPoint {
-        arc,
-        sample: TrackSample::of_spot(spot, 1.0 / variance(spot, extra)),
+/// The uses of `count` spots of which those in `ranges` are on an arc each.
+pub(super) fn uses_of(ranges: &[Range<usize>], count: usize) -> Vec<SpotUse> {
+    let mut uses = vec![SpotUse::NotFree; count];
+    for (k, r) in ranges.iter().enumerate() {
+        uses[r.clone()].fill(SpotUse::Used(k));
     }
+    uses
 }

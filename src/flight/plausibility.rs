@@ -1,12 +1,13 @@
 //! Whether fitted arcs are a ball's free flight, and which of them is none: carried, rolling, or chance.
 
 use super::arc_selection::WEAK_POINTS;
+use super::free_flight::{Flight, SpotUse};
 use super::impact_test::impact_between;
-use super::linking::Spot;
-use super::outliers::variance;
+use super::parabola::own_fall;
 use super::samples::{FINE_PART, shows_fall};
-use super::segment::{TrackSample, own_fall};
-use super::{Flight, FlightPoint, SpotUse, median};
+use super::segment::TrackSample;
+use crate::numeric::robust::median;
+use std::ops::Range;
 
 /// Least part of a flight's points on arcs whose own curve shows the common fall.
 const LEAST_CURVED_PART: f64 = 0.6;
@@ -42,12 +43,7 @@ const LEVEL_REDUCED_CHI2: f64 = 4.0;
 const LEAST_LONE_POINTS: usize = 20;
 
 impl Flight {
-    pub(super) fn is_convincing(
-        &self,
-        samples: &[TrackSample],
-        ranges: &[std::ops::Range<usize>],
-        sigma: f64,
-    ) -> bool {
+    pub(super) fn is_convincing(&self, samples: &[TrackSample], ranges: &[Range<usize>], sigma: f64) -> bool {
         let (from, to) = self.time_span();
         let within = self
             .points
@@ -67,7 +63,7 @@ impl Flight {
         }
         // A hand's swing is a parabola only roughly.
         let close = 2 * near > offs.len();
-        let off = median(&mut offs);
+        let off = median(&mut offs).unwrap_or(0.0);
         // The closer the points lie to the arcs, the lower a curve shows.
         let scatter = (2.0 * off).clamp(FINE_PART * sigma, sigma);
         let curved: usize = ranges
@@ -76,7 +72,7 @@ impl Flight {
             .map(ExactSizeIterator::len)
             .sum();
         let all: usize = ranges.iter().map(ExactSizeIterator::len).sum();
-        let curved = !self.fit.forces.falls() || curved as f64 >= LEAST_CURVED_PART * all as f64;
+        let curved = !self.fit.falls_in_plane() || curved as f64 >= LEAST_CURVED_PART * all as f64;
         let upright = self.fit.lean_rad().abs() < MOST_LEAN_RAD;
         free && close && curved && upright && (met || self.used() >= LEAST_LONE_POINTS)
     }
@@ -98,7 +94,7 @@ impl Flight {
             })
         };
         let direct = || impact_between(&self.fit, &self.spans, k - 1, k + 1, self.interval_s);
-        let falls = self.fit.forces.falls() && points <= WEAK_POINTS;
+        let falls = self.fit.falls_in_plane() && points <= WEAK_POINTS;
         falls && !(on_floor(k - 1) && on_floor(k)) && direct().is_some()
     }
 
@@ -109,13 +105,11 @@ impl Flight {
         // Where the whole flight is no parabola to the precision of the centres, no arc of it is.
         let precise =
             self.scatter_ratio() < MOST_SCATTER_RATIO || self.fit.autocorrelation_inflation < MOST_INFLATION;
-        if !self.fit.forces.falls() || !precise {
+        if !self.fit.falls_in_plane() || !precise {
             return false;
         }
-        let weight = |spot: &Spot| 1.0 / variance(spot, &self.extra);
-        let sample = |p: &FlightPoint| TrackSample::of_spot(&p.spot, weight(&p.spot));
-        let used = |p: &&FlightPoint| p.use_ == SpotUse::Used(k);
-        let arc: Vec<TrackSample> = self.points.iter().filter(used).map(sample).collect();
+        let used = self.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
+        let arc: Vec<TrackSample> = used.map(|p| self.extra.fit_point(&p.spot, k).sample).collect();
         let (lasting, g) = (
             self.fit.autocorrelation_inflation.max(1.0).sqrt(),
             self.fit.gravity(),
@@ -132,7 +126,7 @@ impl Flight {
         let behind = self.points.iter().filter(|p| p.spot.time_s > end);
         let heights: Vec<(f64, f64)> = behind
             .take(LEVEL_POINTS)
-            .map(|p| (p.spot.place.up, 1.0 / variance(&p.spot, &self.extra)))
+            .map(|p| (p.spot.place.up, 1.0 / self.extra.variance_of(&p.spot)))
             .chain(arc.iter().map(|s| (s.h, s.weight)))
             .collect();
         if heights.len() < arc.len() + LEVEL_POINTS {

@@ -8,7 +8,8 @@
 //!
 //! This is for what no edge of the scene shows ([`crate::detect::swing`]).
 
-use super::{Flight, SpotUse, median};
+use super::free_flight::{Flight, FlightPoint, SpotUse};
+use crate::numeric::robust::std_from_magnitudes;
 
 /// The swing after impacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +42,7 @@ const LEAST_PART: f64 = 0.007;
 /// The swing that the arcs of `flight` show after their impacts; `None` where they show none.
 #[must_use]
 pub fn find(flight: &Flight) -> Option<Shake> {
-    if !flight.fit.forces.falls() {
+    if !flight.fit.falls_in_plane() {
         return None;
     }
     let least = LEAST_PART * flight.radius();
@@ -73,12 +74,12 @@ fn offsets(flight: &Flight, k: usize, since: impl Fn(f64) -> f64) -> Vec<(f64, [
     let impact = k.checked_sub(1).and_then(|i| flight.impacts[i]);
     // Frames of the contact itself are on no arc.
     let start = impact.map_or(from, |t| t + 0.5 * flight.interval_s);
-    let of_arc = |p: &&super::FlightPoint| match p.use_ {
+    let of_arc = |p: &&FlightPoint| match p.use_ {
         SpotUse::Used(arc) => arc == k,
         SpotUse::Outlier(_) | SpotUse::Contact => p.spot.time_s > start && p.spot.time_s <= to,
         SpotUse::NotFree => false,
     };
-    let off = |p: &super::FlightPoint| {
+    let off = |p: &FlightPoint| {
         let m = flight.fit.motion(k, p.spot.time_s);
         (
             since(p.spot.time_s),
@@ -124,7 +125,7 @@ fn beginning(points: &[(f64, [f64; 2])]) -> Option<StartOffsets> {
             o[axis] = (p.1[axis] - line(p.0)) / unsure;
         }
     }
-    let noise = 1.4826 * median(&mut residuals);
+    let noise = std_from_magnitudes(&mut residuals).unwrap_or(0.0);
     let sizes: Vec<f64> = off.iter().map(|o| o[0].hypot(o[1])).collect();
     let square = sizes.iter().map(|s| s * s).sum::<f64>() / sizes.len() as f64;
     Some(StartOffsets {
@@ -147,15 +148,16 @@ impl Flight {
                 p.spot.std = p.spot.std.hypot(more);
             }
         }
-        self.refitted(points, self.fit.forces)
+        self.refitted(points, &*self.fit.model)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::fit::{Forces, VerticalPrior};
-    use crate::flight::linking::Spot;
+    use crate::flight::linking::{LinkedSpots, Spot};
+    use crate::flight::motion_model::VerticalPrior;
+    use crate::flight::side_view::SideView;
     use crate::flight::tests::LcgNoise;
     use crate::frames::Coded;
     use crate::geometry::PlanePoint;
@@ -194,7 +196,11 @@ mod tests {
     }
 
     fn flight(size: f64, seed: u64) -> Flight {
-        crate::flight::find(&spots(size, seed), Forces::Fall(VerticalPrior::LEVEL_CAMERA)).unwrap()
+        crate::flight::find(
+            &LinkedSpots::new(spots(size, seed)),
+            &SideView::new(VerticalPrior::LEVEL_CAMERA),
+        )
+        .unwrap()
     }
 
     #[test]

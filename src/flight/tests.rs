@@ -1,5 +1,5 @@
-use super::fit::VerticalPrior;
-use super::linking::Spot;
+use super::motion_model::VerticalPrior;
+use super::side_view::SideView;
 use super::*;
 use crate::geometry::PlanePoint;
 
@@ -84,7 +84,11 @@ fn spots_x(vx: f64, hit: f64, _v: f64, g: f64, start: f64) -> f64 {
 #[test]
 fn bounces_are_found_between_frames() {
     for vx in [1250.0, -1250.0, 0.0] {
-        let flight = find(&scene(160, vx, 0.04, false), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+        let flight = find(
+            &LinkedSpots::new(scene(160, vx, 0.04, false)),
+            &SideView::new(VerticalPrior::UNKNOWN),
+        )
+        .unwrap();
         let truth = (2.0 * 125.0_f64 / 12_262.5).sqrt();
         let first = flight.impacts[0].unwrap();
         assert!((first - truth).abs() < 2e-5, "{first} {truth}");
@@ -100,8 +104,8 @@ fn bounces_are_found_between_frames() {
 #[test]
 fn a_moving_hand_is_not_the_ball() {
     let flight = find(
-        &scene(160, 1250.0, 0.04, true),
-        Forces::Fall(VerticalPrior::UNKNOWN),
+        &LinkedSpots::new(scene(160, 1250.0, 0.04, true)),
+        &SideView::new(VerticalPrior::UNKNOWN),
     )
     .unwrap();
     assert!(flight.points.iter().all(|p| p.spot.id % 2 == 0));
@@ -113,7 +117,10 @@ fn only_a_hand_is_no_flight() {
         .into_iter()
         .filter(|s| s.id % 2 == 1)
         .collect();
-    let found = find(&spots, Forces::Fall(VerticalPrior::LEVEL_CAMERA));
+    let found = find(
+        &LinkedSpots::new(spots),
+        &SideView::new(VerticalPrior::LEVEL_CAMERA),
+    );
     assert!(
         matches!(found, Err(NoFlight::NothingFalls { .. })),
         "{:?}",
@@ -125,7 +132,7 @@ fn only_a_hand_is_no_flight() {
 fn an_outlier_is_set_aside_with_its_distance() {
     let mut spots = scene(100, 1250.0, 0.04, false);
     spots[15].place.up += 3.0;
-    let flight = find(&spots, Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+    let flight = find(&LinkedSpots::new(spots), &SideView::new(VerticalPrior::UNKNOWN)).unwrap();
     let off = flight.points[15].use_;
     assert!(
         matches!(off, SpotUse::Outlier(d) if (d - 3.0).abs() < 0.3),
@@ -137,15 +144,15 @@ fn an_outlier_is_set_aside_with_its_distance() {
 #[test]
 fn late_times_lose_nothing() {
     let early = find(
-        &scene(100, 1250.0, 0.04, false),
-        Forces::Fall(VerticalPrior::UNKNOWN),
+        &LinkedSpots::new(scene(100, 1250.0, 0.04, false)),
+        &SideView::new(VerticalPrior::UNKNOWN),
     )
     .unwrap();
     let mut spots = scene(100, 1250.0, 0.04, false);
     for s in &mut spots {
         s.time_s += 3600.0;
     }
-    let late = find(&spots, Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+    let late = find(&LinkedSpots::new(spots), &SideView::new(VerticalPrior::UNKNOWN)).unwrap();
     assert!((late.impacts[0].unwrap() - 3600.0 - early.impacts[0].unwrap()).abs() < 1e-9);
     assert!((late.fit.gravity() / early.fit.gravity() - 1.0).abs() < 1e-8);
 }
@@ -161,7 +168,7 @@ fn a_small_ball_that_comes_nearer_still_flies() {
             let from_axis = (s.place.right - 300.0, s.place.up - 60.0);
             s.place = PlanePoint::new(300.0 + size * from_axis.0, 60.0 + size * from_axis.1);
         }
-        let flight = find(&spots, Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+        let flight = find(&LinkedSpots::new(spots), &SideView::new(VerticalPrior::UNKNOWN)).unwrap();
         assert_eq!(flight.impacts.len(), 2, "{nearing_per_s}: {:?}", flight.spans);
         let first = flight.impacts[0].unwrap();
         assert!((first - 0.14279).abs() < 2e-4, "{nearing_per_s}: {first}");

@@ -4,8 +4,9 @@ use super::BenchLaunch;
 use super::inputs::InputValues;
 use super::motion::MeasuredMotion;
 use crate::flight::Flight;
-use crate::flight::fit::{Motion, lean_rad};
-use crate::flight::launch::PlaneLaunch;
+use crate::flight::free_flight::PlaneLaunch;
+use crate::flight::motion_model::lean_rad;
+use crate::flight::planar::Motion;
 use crate::geometry::PlanePoint;
 
 /// Line and arc that miss each other by more than this many standard uncertainties, and this part of the ball's radius, do not

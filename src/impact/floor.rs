@@ -17,7 +17,7 @@ use super::inputs::InputValues;
 use super::motion::{ImpactKind, MeasuredMotion};
 use super::{FloorSlope, FloorSource};
 use crate::calibration::View;
-use crate::flight::fit::Motion;
+use crate::flight::planar::Motion;
 
 /// Two floors, or a step, where touches are off one line by more than this part of the ball's radius.
 const STEP_PART: f64 = 0.3;
@@ -95,7 +95,7 @@ impl MeasuredMotion<'_> {
 
     /// The same with what is known of the floor.
     pub(super) fn on_floor(mut self) -> Self {
-        if self.calibration.view == View::Top || !self.flight.fit.forces.falls() {
+        if self.calibration.view == View::Top || !self.flight.fit.falls_in_plane() {
             return self;
         }
         let known = self.calibration.floor;
@@ -209,7 +209,7 @@ impl MeasuredMotion<'_> {
     /// The floor's slope with its source; `None` in a top view.
     #[must_use]
     pub fn floor(&self) -> Option<FloorSlope> {
-        if self.calibration.view == View::Top || !self.flight.fit.forces.falls() {
+        if self.calibration.view == View::Top || !self.flight.fit.falls_in_plane() {
             return None;
         }
         let s = &self.slope_sources;

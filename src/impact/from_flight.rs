@@ -8,7 +8,7 @@ use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources};
 use super::spin_lift::SpinLift;
 use crate::calibration::Calibration;
 use crate::flight::Flight;
-use crate::flight::fit::ARCS;
+use crate::flight::planar::ARCS;
 use crate::geometry::PlanePoint;
 use crate::quantity::Quantity;
 
@@ -50,7 +50,7 @@ impl<'a> MeasuredMotion<'a> {
         } else {
             metres_per_unit.std_uncertainty.map(|s| s / metres_per_unit.value)
         };
-        let drag_law = match fit.forces.drag_law().air() {
+        let drag_law = match fit.model.drag_law().air() {
             Some(_) => SPHERE_LAW_STD,
             None => SQUARE_LAW_STD,
         };
@@ -59,7 +59,7 @@ impl<'a> MeasuredMotion<'a> {
         let stds = SystematicErrors {
             ln_scale: relative.unwrap_or(0.0),
             // Where the ball falls in the plane its arcs have what is known of "up".
-            up_rad: if fit.forces.falls() {
+            up_rad: if fit.falls_in_plane() {
                 0.0
             } else {
                 calibration.up_std_rad.unwrap_or(0.0)

@@ -1,7 +1,7 @@
 //! What every reported number of a motion depends on: the arcs' parameters, and errors that no arc shows.
 
 use super::propagation::{InputQuantities, OutputQuantities};
-use crate::flight::fit::{ACROSS, GRAVITY};
+use crate::flight::planar::{ACROSS, GRAVITY};
 use nalgebra::{DMatrix, DVector};
 
 /// A struct of `f64` fields that stand in a vector one after the other.

@@ -6,8 +6,8 @@ use super::spin_lift::SpinLift;
 use crate::calibration::{Calibration, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
-use crate::flight::fit::{DRAG, Forces, Motion, lean_rad};
-use crate::flight::planar::closest_approach;
+use crate::flight::motion_model::lean_rad;
+use crate::flight::planar::{DRAG, Motion, closest_approach};
 use crate::geometry::PlanePoint;
 use crate::quantity::Quantity;
 use nalgebra::DVector;
@@ -115,7 +115,7 @@ impl MeasuredMotion<'_> {
     /// the plane.
     #[must_use]
     pub fn tilt_rad(&self) -> Option<Quantity> {
-        let falls = self.calibration.view == View::Side && self.flight.fit.forces.falls();
+        let falls = self.calibration.view == View::Side && self.flight.fit.falls_in_plane();
         let out = falls.then(|| self.inputs.outputs(|p| vec![-self.lean(p)]))?;
         out.quantity(0)
     }
@@ -201,7 +201,7 @@ impl MeasuredMotion<'_> {
         (lift, drag): (f64, f64),
         m: Motion,
     ) -> Motion {
-        if matches!(self.flight.fit.forces, Forces::Overhead(_)) {
+        if self.flight.fit.model.resolves_height() {
             return m;
         }
         let drag_per_m = p.arcs[DRAG] / self.scale(p);

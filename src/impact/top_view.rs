@@ -8,8 +8,8 @@ use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
 use super::{Bounce, CentreVelocity, EERegime};
 use crate::calibration::View;
 use crate::flight::SpotUse;
-use crate::flight::fit::Forces;
-use crate::flight::segment::{TrackSample, own_fall};
+use crate::flight::parabola::own_fall;
+use crate::flight::segment::TrackSample;
 use crate::quantity::Quantity;
 
 /// A bend shows when it stands out by this many standard uncertainties,
@@ -71,7 +71,7 @@ impl MeasuredMotion<'_> {
     /// shows to be bent; `None` where none does.
     #[must_use]
     pub fn bend(&self) -> Option<f64> {
-        if self.calibration.view != View::Top || self.flight.fit.forces != Forces::None {
+        if self.calibration.view != View::Top || !self.flight.fit.model.is_straight() {
             return None;
         }
         let bends = (0..self.arcs()).filter_map(|k| self.bend_of(k));

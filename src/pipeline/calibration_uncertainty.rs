@@ -7,7 +7,7 @@
 
 use crate::calibration::{Calibration, Rectification};
 use crate::flight::Flight;
-use crate::flight::fit::FitPoint;
+use crate::flight::motion_model::FitPoint;
 use crate::geometry::{PixelPoint, PlanePoint};
 
 /// `flight` with the uncertainty of `calibration`'s lens and plane in its covariance; `map` is the calibration's own.
@@ -56,10 +56,16 @@ fn shifts(
 mod tests {
     use super::*;
     use crate::calibration::{Deviation, Lens, Ruler, Scale};
-    use crate::flight::fit::{ARCS, Forces, GRAVITY, VerticalPrior};
-    use crate::flight::linking::Spot;
-    use crate::flight::{self};
+    use crate::flight::linking::{LinkedSpots, Spot};
+    use crate::flight::motion_model::VerticalPrior;
+    use crate::flight::planar::{ARCS, GRAVITY};
+    use crate::flight::side_view::SideView;
+    use crate::flight::{self, Flight};
     use nalgebra::Matrix3;
+
+    fn find(spots: Vec<Spot>) -> Flight {
+        flight::find(&LinkedSpots::new(spots), &SideView::new(VerticalPrior::UNKNOWN)).unwrap()
+    }
 
     fn lens(k1: f64) -> Lens {
         let camera = Matrix3::new(1000.0, 0.0, 640.0, 0.0, 1000.0, 360.0, 0.0, 0.0, 1.0);
@@ -116,12 +122,12 @@ mod tests {
         let step = 0.001;
         let c = calibration(-0.2, step);
         let map = c.rectification().unwrap();
-        let flight = flight::find(&spots(&map), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+        let flight = find(spots(&map));
         let wide = widened(&flight, &c, &map);
         // The same flight measured with the other lens, in its own units, brought to the first one's metres.
         let other = calibration(-0.2 + step, step);
         let there = other.rectification().unwrap();
-        let again = flight::find(&spots(&there), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+        let again = find(spots(&there));
         let ratio = c
             .metres_ratio(&map, (&other, &there), PixelPoint::new(400.0, 400.0))
             .unwrap();
@@ -141,7 +147,7 @@ mod tests {
         let mut c = calibration(-0.2, 0.01);
         c.deviations.clear();
         let map = c.rectification().unwrap();
-        let flight = flight::find(&spots(&map), Forces::Fall(VerticalPrior::UNKNOWN)).unwrap();
+        let flight = find(spots(&map));
         assert_eq!(widened(&flight, &c, &map).fit.covariance, flight.fit.covariance);
     }
 }

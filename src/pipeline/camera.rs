@@ -8,9 +8,13 @@ use crate::calibration::{
     Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
 };
 use crate::flight::Flight;
+use crate::flight::distant_top_view::DistantTopView;
 use crate::flight::drag::Drag;
-use crate::flight::fit::{Forces, GRAVITY, VerticalPrior};
-use crate::flight::overhead::Overhead;
+use crate::flight::flight_search::FlightSearch;
+use crate::flight::motion_model::VerticalPrior;
+use crate::flight::near_top_view::NearTopView;
+use crate::flight::planar::GRAVITY;
+use crate::flight::side_view::SideView;
 use crate::geometry::PixelPoint;
 use crate::impact::error_budget::{AXIS_PART, DISTANCE_RELATIVE_STD, SPHERE_DRAG_RELATIVE_STD};
 use crate::quantity::Quantity;
@@ -104,27 +108,24 @@ impl<'a> CalibratedCamera<'a> {
         })
     }
 
-    /// What moves the ball before anything is known of its flight.
-    pub fn first_forces(&self) -> Forces {
-        if self.falls() {
-            Forces::Fall(VerticalPrior::LEVEL_CAMERA)
-        } else {
-            self.overhead(None, None).map_or(Forces::None, Forces::Overhead)
-        }
-    }
-
-    /// What moves the ball, by the `flight` found so far: gravity, and drag where the ball's size and mass tell it.
-    pub fn forces(&self, flight: &Flight, metres_per_unit: Option<Quantity>) -> Forces {
+    /// How the ball moves, by the calibration and the `flight` found so far, if any: the one place where a motion model is
+    /// chosen. Drag is in it where the ball's size and mass tell it.
+    pub fn motion_model(
+        &self,
+        flight: Option<&Flight>,
+        metres_per_unit: Option<Quantity>,
+    ) -> Box<dyn FlightSearch> {
         let scale = metres_per_unit.map(|s| s.value);
-        if !self.falls() {
-            return self
-                .overhead(scale, Some(flight))
-                .map_or(Forces::None, Forces::Overhead);
+        if self.falls() {
+            return Box::new(SideView {
+                vertical: VerticalPrior::LEVEL_CAMERA,
+                drag: flight.and_then(|f| self.drag(scale, f.mean_speed())),
+            });
         }
-        self.drag(scale, flight.mean_speed())
-            .map_or(Forces::Fall(VerticalPrior::LEVEL_CAMERA), |drag| {
-                Forces::FallWithDrag(VerticalPrior::LEVEL_CAMERA, drag)
-            })
+        match self.near_top_view(scale, flight) {
+            Some(near) => Box::new(near),
+            None => Box::new(DistantTopView),
+        }
     }
 
     /// Where the camera stands over the plane, as far as `metres_per_unit` is known.
@@ -148,7 +149,7 @@ impl<'a> CalibratedCamera<'a> {
 
     /// The camera above the floor, where its distance is known; without `metres_per_unit` as far as other scales tell.
     /// `flight` is what was found of it so far.
-    fn overhead(&self, metres_per_unit: Option<f64>, flight: Option<&Flight>) -> Option<Overhead> {
+    fn near_top_view(&self, metres_per_unit: Option<f64>, flight: Option<&Flight>) -> Option<NearTopView> {
         let c = self.calibration;
         let scale = metres_per_unit.or_else(|| Some(self.metres_per_unit_before_flight()?.value));
         // Foot and height in metres are the same whatever a pixel measures.
@@ -158,7 +159,7 @@ impl<'a> CalibratedCamera<'a> {
         let distance = c.distance_std_m.map_or(DISTANCE_RELATIVE_STD, |s| s / height_m);
         let speed = flight.map_or(USUAL_SPEED_M_S / unit, Flight::mean_speed);
         let gravity = c.gravity_std_m_s2.map_or(0.0, |s| s / c.gravity_m_s2);
-        Some(Overhead {
+        Some(NearTopView {
             nadir: camera.foot,
             nadir_std: AXIS_PART * self.size_px.0 as f64 * self.units_per_px(),
             fall_per_s2: c.gravity_m_s2 / height_m,

@@ -7,6 +7,7 @@ use super::measurement::Warning;
 use super::spots::{BallCentre, FrameTimes, first_spots};
 use super::warnings::of_clock;
 use crate::calibration::Optics;
+use crate::flight::linking::LinkedSpots;
 use crate::flight::{self, Flight, dropped_frames};
 use crate::frames::timebase::TimeBase;
 
@@ -29,24 +30,31 @@ pub fn clocked(
     optics: Option<Optics>,
 ) -> Clocked {
     let (stamps_s, rate_hz) = (&decoded.stamps_s, camera.calibration.frame_rate_hz);
-    let spots = |base: &TimeBase, duplicates: &[bool]| {
+    // Each list of spots is linked once: all who ask it share its tracks.
+    let linked = |base: &TimeBase, duplicates: &[bool]| {
         let times_s = &base.times_s;
-        first_spots(camera, centres, FrameTimes { times_s, duplicates }, optics)
+        let frames = FrameTimes { times_s, duplicates };
+        LinkedSpots::new(first_spots(camera, centres, frames, optics))
     };
-    let all = (TimeBase::new(stamps_s, &[], rate_hz), vec![false; stamps_s.len()]);
+    let all = TimeBase::new(stamps_s, &[], rate_hz);
+    let by_stamps = linked(&all, &vec![false; stamps_s.len()]);
     let duplicates =
-        flight::duplicate_frames::find(&spots(&all.0, &all.1), &decoded.changes, camera.units_per_px())
-            .frames;
+        flight::duplicate_frames::find(&by_stamps, &decoded.changes, camera.units_per_px()).frames;
     let base = TimeBase::new(stamps_s, &duplicates, rate_hz);
+    let distinct = if duplicates.contains(&true) {
+        linked(&base, &duplicates)
+    } else {
+        by_stamps
+    };
     // Where duplicates come regularly, the clock of distinct frames may be even, and the stamps be those of another: the one
     // that the ball's places suit counts.
-    let even = base.evenly(stamps_s, &duplicates).filter(|even| {
-        rate_hz.is_none() && flight::clock::suits_better(&spots(&even.0, &even.1), &spots(&base, &duplicates))
-    });
-    let (base, duplicates) = even.unwrap_or((base, duplicates));
-    let missing = base.interval_s.map_or_else(Vec::new, |interval_s| {
-        dropped_frames::find(&spots(&base, &duplicates), interval_s)
-    });
+    let even = base.evenly(stamps_s, &duplicates).filter(|_| rate_hz.is_none());
+    let even = even.map(|(base, duplicates)| (linked(&base, &duplicates), base, duplicates));
+    let even = even.filter(|even| flight::clock::suits_better(&even.0, &distinct));
+    let (linked, base, duplicates) = even.unwrap_or((distinct, base, duplicates));
+    let missing = base
+        .interval_s
+        .map_or_else(Vec::new, |interval_s| dropped_frames::find(&linked, interval_s));
     Clocked::new(base.with_skips(&pairs(&missing)), duplicates, camera, decoded)
 }
 

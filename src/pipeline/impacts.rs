@@ -9,7 +9,7 @@ use super::refine::Refined;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use super::world_frame::WorldFrame;
 use crate::calibration::CalibrationError;
-use crate::flight::fit::VerticalPrior;
+use crate::flight::motion_model::VerticalPrior;
 use crate::flight::{Flight, shake};
 use crate::impact::error_budget::{LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
@@ -127,13 +127,8 @@ pub fn impacts(
 /// no ball's.)
 fn with_all_unknowns(flight: &Flight, upright_std_rad: f64) -> Flight {
     let upright = VerticalPrior::known_to(upright_std_rad);
-    let forces = flight
-        .fit
-        .forces
-        .with_vertical(upright)
-        .with_unknown_drag(flight.radius());
-    let same = forces == flight.fit.forces;
-    let fitted = (!same).then(|| flight.under(forces)).flatten();
+    let open = flight.fit.model.with_unknowns(upright, flight.radius());
+    let fitted = open.and_then(|open| flight.under(&*open));
     fitted.unwrap_or_else(|| flight.clone())
 }
 

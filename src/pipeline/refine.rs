@@ -16,7 +16,8 @@ use super::track::{Tracked, spots_of};
 use super::warnings::of_track;
 use crate::detect::centre::Accuracy;
 use crate::detect::centre::appearance::RadiusSource;
-use crate::flight::fit::Forces;
+use crate::flight::flight_search::FlightSearch;
+use crate::flight::linking::LinkedSpots;
 use crate::flight::{self, Flight, NoFlight};
 
 /// Part of the first look's points that must be found again for the second look to count.
@@ -104,7 +105,7 @@ impl Refinement<'_> {
     ) -> Result<Option<(Tracked, BallModel)>, NoFlight> {
         let Self { camera, clocked, .. } = *self;
         // Seen from above, a better flight is a better size of the ball in every frame.
-        let above = matches!(first.flight.fit.forces, Forces::Overhead(_));
+        let above = first.flight.fit.model.resolves_height();
         let learns_again = accuracy == Accuracy::Fine || above;
         let mut best: Option<(Tracked, BallModel)> = None;
         for _ in 0..MOST_ROUNDS {
@@ -122,8 +123,9 @@ impl Refinement<'_> {
             let centres = self.search(&pictures, &ball, accuracy).along(&now.flight, known);
             let scale = camera.metres_per_unit(&now.flight, Some(ball.radius_px)).ok();
             let optics = camera.optics(scale);
-            let forces = camera.forces(&now.flight, scale);
-            let flight = flight::again(&spots_of(camera, clocked, &centres, optics), &now.flight, forces);
+            let model = camera.motion_model(Some(&now.flight), scale);
+            let spots = spots_of(camera, clocked, &centres, optics);
+            let flight = flight::find_again(&spots, &now.flight, &*model);
             let kept = kept_part(&centres, &first.flight);
             match flight {
                 Some(flight) if kept >= KEPT_PART && is_as_full(&flight, &first.flight) => {
@@ -135,7 +137,7 @@ impl Refinement<'_> {
                     let found = if above {
                         found
                     } else {
-                        self.extended(found, &ball, forces, accuracy)
+                        self.extended(found, &ball, &*model, accuracy)
                     };
                     best = Some((found, ball));
                 }
@@ -166,7 +168,13 @@ impl Refinement<'_> {
     }
 
     /// The flight with arcs before and after it, that the first look had too few points for, now that the ball's size is known.
-    fn extended(&self, found: Tracked, ball: &BallModel, forces: Forces, accuracy: Accuracy) -> Tracked {
+    fn extended(
+        &self,
+        found: Tracked,
+        ball: &BallModel,
+        model: &dyn FlightSearch,
+        accuracy: Accuracy,
+    ) -> Tracked {
         let Tracked {
             flight,
             centres,
@@ -180,7 +188,8 @@ impl Refinement<'_> {
         let around = self.search(&pictures, ball, accuracy).around(&flight, within);
         let mut all = [&inside[..], &around[..]].concat();
         all.sort_by_key(|c| c.id);
-        match flight::find(&spots_of(self.camera, self.clocked, &all, optics), forces) {
+        let spots = spots_of(self.camera, self.clocked, &all, optics);
+        match flight::find(&LinkedSpots::new(spots), model) {
             Ok(longer) if longer.used() >= flight.used() => Tracked {
                 flight: longer,
                 centres: all,

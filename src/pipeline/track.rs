@@ -4,7 +4,7 @@ use super::camera::CalibratedCamera;
 use super::clock::Clocked;
 use super::spots::{BallCentre, first_spots, with_id};
 use crate::calibration::Optics;
-use crate::flight::linking::Spot;
+use crate::flight::linking::{LinkedSpots, Spot};
 use crate::flight::{self, Flight, NoFlight};
 
 /// A flight and the centres that it is made of.
@@ -29,7 +29,8 @@ pub fn tracked(
     optics: Option<Optics>,
 ) -> Result<Tracked, NoFlight> {
     let spots = first_spots(camera, centres, clocked.frames(), optics);
-    let flight = flight::find(&spots, camera.first_forces())?;
+    let model = camera.motion_model(None, None);
+    let flight = flight::find(&LinkedSpots::new(spots), &*model)?;
     let of_ball = flight.points.iter().filter_map(|p| with_id(centres, p.spot.id));
     Ok(Tracked {
         centres: of_ball.copied().collect(),

@@ -8,9 +8,10 @@ mod noise;
 use noise::Noise;
 use track::calibration::{Calibration, Floor, MetresPerPixel, Scale};
 use track::flight::extra_variance::ExtraVariance;
-use track::flight::fit::{ArcFit, FitPoint, Forces, VerticalPrior};
-use track::flight::linking::Spot;
+use track::flight::linking::{LinkedSpots, Spot};
+use track::flight::motion_model::{FitPoint, MotionModel, VerticalPrior};
 use track::flight::segment::TrackSample;
+use track::flight::side_view::SideView;
 use track::flight::{self, Flight, FlightPoint, NoFlight, SpotUse};
 use track::frames::Coded;
 use track::geometry::PixelPoint;
@@ -199,7 +200,7 @@ impl Film {
                 sample: TrackSample::of_spot(&s, 1.0 / (s.std * s.std)),
             })
             .collect();
-        let fit = ArcFit::new(&points, 2, Forces::Fall(VerticalPrior::LEVEL_CAMERA))?;
+        let fit = SideView::new(VerticalPrior::LEVEL_CAMERA).fit(&points, 2)?;
         let span = |arc| {
             let times = || used.iter().filter(|u| u.0 == arc).map(|u| u.1.time_s);
             (
@@ -249,7 +250,10 @@ pub fn measured(
     calibration: &Calibration,
     metres_per_unit: f64,
 ) -> Result<Measured, NoFlight> {
-    let flight = flight::find(spots, Forces::Fall(VerticalPrior::LEVEL_CAMERA))?;
+    let flight = flight::find(
+        &LinkedSpots::new(spots.to_vec()),
+        &SideView::new(VerticalPrior::LEVEL_CAMERA),
+    )?;
     Ok(of_flight(flight, calibration, metres_per_unit))
 }
 

@@ -3,7 +3,6 @@
 use super::{rounded, warning};
 use crate::calibration::{Calibration, View};
 use crate::flight::Flight;
-use crate::flight::overhead::search;
 use crate::flight::shake::Shake;
 use crate::impact::contact::SoftBall;
 use crate::impact::error_budget::READ_STD_PX;
@@ -184,8 +183,8 @@ fn up_tilted(j: &WarningContext<'_>) -> Option<Warning> {
     let alone = j
         .flight
         .fit
-        .forces
-        .vertical()
+        .model
+        .vertical_prior()
         .is_some_and(|u| u.std_rad.is_infinite());
     if given && alone {
         return Some(warning(
@@ -326,7 +325,7 @@ fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.
 fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
     let distance_m = j.calibration.distance_m?;
-    let seen = search::fall_seen(j.flight)?;
+    let seen = j.flight.fall_ratio()?;
     let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
     let std = seen.std_uncertainty? / seen.value;
     let off = seen.value.ln().abs();

@@ -11,14 +11,22 @@
 //! scale of c0 and c1; the radius, rough as it is, does. It also tells a rise from a fall where the path is straight: near
 //! the camera's nadir.
 
-use super::super::segment::{ArcSums, TrackSample};
-use super::{Overhead, SpatialMotion};
-use crate::flight::fit::Motion;
+use super::camera::{NearTopView, SpatialMotion};
+use crate::flight::planar::Motion;
+use crate::flight::segment::{ArcSums, Stretch, TrackSample, divide};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
+/// An arc has at least so many points.
+const LEAST_ARC_POINTS: usize = 4;
+
+/// The cheapest division of a track into arcs, and what it costs.
+pub(super) fn divided(samples: &[TrackSample], view: NearTopView) -> (Vec<Stretch>, f64) {
+    divide(samples, LEAST_ARC_POINTS, |first| SpatialSums::new(view, first.t))
+}
+
 /// Sums over a stretch of samples.
-pub struct OverheadSums {
-    known: Overhead,
+pub struct SpatialSums {
+    view: NearTopView,
     start: f64,
     /// Σ w t^k.
     t: [f64; 3],
@@ -34,12 +42,12 @@ pub struct OverheadSums {
     zz: f64,
 }
 
-impl OverheadSums {
+impl SpatialSums {
     /// None yet, of a stretch that begins at time `start`.
     #[must_use]
-    pub fn new(known: Overhead, start: f64) -> Self {
+    pub fn new(view: NearTopView, start: f64) -> Self {
         Self {
-            known,
+            view,
             start,
             t: [0.0; 3],
             p: [[0.0; 4]; 2],
@@ -52,8 +60,8 @@ impl OverheadSums {
 
     /// Those of `samples`.
     #[must_use]
-    pub fn of(known: Overhead, samples: &[TrackSample]) -> Self {
-        let mut sums = Self::new(known, samples.first().map_or(0.0, |s| s.t));
+    pub fn of(view: NearTopView, samples: &[TrackSample]) -> Self {
+        let mut sums = Self::new(view, samples.first().map_or(0.0, |s| s.t));
         samples.iter().for_each(|s| sums.add(s));
         sums
     }
@@ -81,7 +89,7 @@ impl OverheadSums {
     /// Normal matrix and right side for ζ0 and ω, and the squares to explain.
     fn normal(&self) -> Option<(Matrix2<f64>, Vector2<f64>, f64)> {
         let k = self.products()?;
-        let (n, z, a) = (&self.n, &self.z, 0.5 * self.known.fall_per_s2);
+        let (n, z, a) = (&self.n, &self.z, 0.5 * self.view.fall_per_s2);
         let matrix = Matrix2::new(
             k[(0, 0)] + n[0],
             k[(0, 1)] + n[1],
@@ -105,10 +113,10 @@ impl OverheadSums {
 
     /// The arc at time `t`; `None` below two times.
     #[must_use]
-    pub fn flying(&self, t: f64) -> Option<SpatialMotion> {
+    pub fn motion_at(&self, t: f64) -> Option<SpatialMotion> {
         let rise = self.rise()?;
         let inverse = self.lines()?;
-        let fall = self.known.fall_per_s2;
+        let fall = self.view.fall_per_s2;
         let line = |c: usize| {
             let left = self.pair(c, 0) * (1.0 - rise[0]) - self.pair(c, 1) * rise[1]
                 + self.pair(c, 2) * (0.5 * fall);
@@ -118,8 +126,8 @@ impl OverheadSums {
         let dt = t - self.start;
         Some(SpatialMotion {
             ground: Motion {
-                r: self.known.nadir.right + r[0] + r[1] * dt,
-                h: self.known.nadir.up + h[0] + h[1] * dt,
+                r: self.view.nadir.right + r[0] + r[1] * dt,
+                h: self.view.nadir.up + h[0] + h[1] * dt,
                 vr: r[1],
                 vh: h[1],
             },
@@ -143,10 +151,10 @@ impl OverheadSums {
     }
 }
 
-impl ArcSums for OverheadSums {
+impl ArcSums for SpatialSums {
     fn add(&mut self, s: &TrackSample) {
         let t = s.t - self.start;
-        let place = [s.r - self.known.nadir.right, s.h - self.known.nadir.up];
+        let place = [s.r - self.view.nadir.right, s.h - self.view.nadir.up];
         let square = place[0] * place[0] + place[1] * place[1];
         let mut power = 1.0;
         for k in 0..5 {
@@ -179,10 +187,10 @@ impl ArcSums for OverheadSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::segment::{Fall, arcs};
+    use crate::flight::segment::falling;
     use crate::geometry::PlanePoint;
 
-    const KNOWN: Overhead = Overhead {
+    const KNOWN: NearTopView = NearTopView {
         nadir: PlanePoint::new(540.0, 60.0),
         nadir_std: 1.0,
         fall_per_s2: 4.9,
@@ -222,10 +230,10 @@ mod tests {
         // The second goes straight through the camera's nadir, where the path is a straight line.
         for (v, from) in [([1500.0, 100.0], [0.0, 0.0]), ([1500.0, 0.0], [100.0, 60.0])] {
             let samples = bounce(v, from);
-            let found = arcs(&samples, Fall::Overhead(KNOWN));
+            let found = falling(divided(&samples, KNOWN).0);
             assert_eq!(found.len(), 2, "{found:?}");
             assert!((57..=60).contains(&found[0].end), "{found:?}");
-            let a = OverheadSums::of(KNOWN, &samples[..58]).flying(3600.1).unwrap();
+            let a = SpatialSums::of(KNOWN, &samples[..58]).motion_at(3600.1).unwrap();
             assert!(
                 (a.ground.vr - v[0]).abs() < 0.1 && (a.ground.vh - v[1]).abs() < 0.1,
                 "{a:?}"
@@ -235,7 +243,7 @@ mod tests {
                 (a.rate + 0.49).abs() < 1e-3 && (a.zeta - 0.1255).abs() < 1e-3,
                 "{a:?}"
             );
-            let (fall, std) = OverheadSums::of(KNOWN, &samples[..58]).own_fall().unwrap();
+            let (fall, std) = SpatialSums::of(KNOWN, &samples[..58]).own_fall().unwrap();
             assert!((fall - 4.9).abs() < 0.01 && std > 0.0, "{fall} {std}");
         }
     }

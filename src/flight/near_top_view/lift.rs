@@ -16,7 +16,8 @@
 //!
 //! So the spin about the vertical stays unknown, and the others are as sure as f. Where drag is not known, neither is lift.
 
-use super::{Overhead, OverheadLayout, flying};
+use super::camera::NearTopView;
+use super::kinematics::{SpatialLayout, spatial_motion};
 
 /// What is known of an arc's lift beforehand: right, up, towards the camera, 1/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,17 +44,17 @@ const UNKNOWN_SPIN: f64 = 0.4;
 /// changed.
 const KNOWN_SPIN: f64 = 0.2;
 
-/// The lift of each arc under `drag` β, its motion being about that of `parameters` (by [`OverheadLayout`]).
-pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag: f64) -> Vec<LiftPrior> {
+/// The lift of each arc under `drag` β, its motion being about that of `parameters` (by [`SpatialLayout`]).
+pub(super) fn expected(view: &NearTopView, parameters: &[f64], times: &[f64], drag: f64) -> Vec<LiftPrior> {
     let arcs = times.len();
-    let height = known.camera_height();
-    let spins = (0..arcs - 1).map(|k| spins(known, parameters, times, k));
+    let height = view.camera_height();
+    let spins = (0..arcs - 1).map(|k| spins(view, parameters, times, k));
     let spins: Vec<[[f64; 2]; 2]> = spins.collect();
     (0..arcs)
         .map(|k| {
-            let m = flying(known, parameters, times, k, times[k]);
+            let m = spatial_motion(view, parameters, times, k, times[k]);
             // A ball that hardly moves has some, too, so that it is determined.
-            let speed = m.speed(height).max(0.01 * known.fastest_per_s() * height);
+            let speed = m.speed(height).max(0.01 * view.fastest_per_s() * height);
             // The spin after the impact before, and before the impact after: in flight it stays.
             let known_spins: Vec<[f64; 2]> = k
                 .checked_sub(1)
@@ -62,7 +63,7 @@ pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag
                 .chain(spins.get(k).map(|s| s[0]))
                 .collect();
             let plain = UNKNOWN_SPIN * drag * speed;
-            if known_spins.is_empty() || known.drag.is_none() {
+            if known_spins.is_empty() || view.drag.is_none() {
                 return LiftPrior {
                     mean: [0.0; 3],
                     std: [plain; 3],
@@ -84,12 +85,12 @@ pub(super) fn expected(known: &Overhead, parameters: &[f64], times: &[f64], drag
 }
 
 /// Rω (right, up) before and after impact `k`, plane units a second.
-fn spins(known: &Overhead, parameters: &[f64], times: &[f64], k: usize) -> [[f64; 2]; 2] {
-    let t = parameters[OverheadLayout::new(times.len()).impact(k)];
-    let at = |k: usize| flying(known, parameters, times, k, t).ground;
+fn spins(view: &NearTopView, parameters: &[f64], times: &[f64], k: usize) -> [[f64; 2]; 2] {
+    let t = parameters[SpatialLayout::new(times.len()).impact(k)];
+    let at = |k: usize| spatial_motion(view, parameters, times, k, t).ground;
     let (before, after) = (at(k), at(k + 1));
     let push = [after.vr - before.vr, after.vh - before.vh];
-    let inertia = known.inertia_factor;
+    let inertia = view.inertia_factor;
     let slip = push.map(|p| -SLIP * p * (1.0 + inertia) / inertia);
     let incoming = [slip[1] - before.vh, before.vr - slip[0]];
     let leaving = [incoming[0] + push[1] / inertia, incoming[1] - push[0] / inertia];
@@ -104,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_push_to_the_side_tells_the_spin_that_made_it() {
-        let known = Overhead {
+        let view = NearTopView {
             nadir: PlanePoint::new(0.0, 0.0),
             nadir_std: 1.0,
             fall_per_s2: 4.9,
@@ -119,13 +120,13 @@ mod tests {
             inertia_factor: 0.4,
         };
         let times = [0.1, 0.3];
-        let layout = OverheadLayout::new(2);
+        let layout = SpatialLayout::new(2);
         let mut p = vec![0.0; layout.count()];
         // Along r at 1000, then at 800 and 300 to the left; at the impact neither bends.
         (p[layout.ground(0) + 1], p[layout.ground(1) + 1]) = (1000.0, 800.0);
         p[layout.ground(1) + 3] = 300.0;
         p[layout.impact(0)] = 0.2;
-        let [before, after] = spins(&known, &p, &times, 0);
+        let [before, after] = spins(&view, &p, &times, 0);
         // The lowest point slid forwards and to the right.
         assert!((before[0] + SLIP * 300.0 * 3.5).abs() < 1e-9, "{before:?}");
         assert!(
@@ -133,10 +134,10 @@ mod tests {
             "{before:?}"
         );
         assert!((after[0] - before[0] - 750.0).abs() < 1e-9 && (after[1] - before[1] - 500.0).abs() < 1e-9);
-        let lifts = expected(&known, &p, &times, 1e-5);
+        let lifts = expected(&view, &p, &times, 1e-5);
         assert!(lifts[0].mean[0] < 0.0 && lifts[0].mean[0].abs() < 0.5 * 1e-5 / SPHERE_DRAG * 1100.0);
         // Nothing known of drag: nothing of lift.
-        let open = Overhead { drag: None, ..known };
+        let open = NearTopView { drag: None, ..view };
         assert_eq!(expected(&open, &p, &times, 1e-5)[0].mean, [0.0; 3]);
     }
 }

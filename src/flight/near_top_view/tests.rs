@@ -1,14 +1,13 @@
-use super::search::fall_seen;
 use super::*;
-use crate::flight::fit::Forces;
-use crate::flight::linking::Spot;
+use crate::flight::drag::{Drag, DragLaw};
+use crate::flight::find;
+use crate::flight::planar::DRAG;
 use crate::flight::tests::LcgNoise;
-use crate::flight::{Flight, find};
 use proptest::prelude::*;
 
 /// 1 mm a unit, a ball of 12 mm, a camera `height` mm up.
-fn known(height: f64) -> Overhead {
-    Overhead {
+fn known(height: f64) -> NearTopView {
+    NearTopView {
         nadir: PlanePoint::new(400.0, 250.0),
         nadir_std: 5.0,
         fall_per_s2: 9810.0 / height,
@@ -25,7 +24,7 @@ fn known(height: f64) -> Overhead {
 }
 
 /// Two bounces: dropped from 250 mm with `v`, turned by `turn` at the first impact, e = 0.8, 240 Hz; without air.
-fn spots(camera: &Overhead, v: [f64; 2], turn: f64, sigma: f64, noise: &mut LcgNoise) -> Vec<Spot> {
+fn spots(camera: &NearTopView, v: [f64; 2], turn: f64, sigma: f64, noise: &mut LcgNoise) -> Vec<Spot> {
     let (g, drop, height) = (9810.0_f64, 250.0_f64, camera.camera_height());
     let hit = (2.0 * drop / g).sqrt();
     let up = 0.8 * g * hit;
@@ -74,7 +73,7 @@ fn turn_of(flight: &Flight) -> (f64, f64) {
         (a.vr * b.vh - a.vh * b.vr).atan2(a.vr * b.vr + a.vh * b.vh)
     };
     let p = flight.fit.parameters.as_slice().to_vec();
-    let slopes = nalgebra::DVector::from_fn(p.len(), |i, _| {
+    let slopes = DVector::from_fn(p.len(), |i, _| {
         let step = 1e-3 * flight.fit.covariance[(i, i)].sqrt().max(1e-12);
         let mut q = p.clone();
         q[i] += step;
@@ -96,8 +95,8 @@ fn the_turn_is_found_within_its_uncertainty() {
             let truth = 1.2 * (noise.uniform() - 0.5);
             let v = [900.0 * angle.cos(), 900.0 * angle.sin()];
             let flight = find(
-                &spots(&camera, v, truth, 0.02, &mut noise),
-                Forces::Overhead(camera),
+                &LinkedSpots::new(spots(&camera, v, truth, 0.02, &mut noise)),
+                &camera,
             )
             .unwrap();
             let (turn, std) = turn_of(&flight);
@@ -121,7 +120,7 @@ fn the_turn_is_found_within_its_uncertainty() {
 fn a_far_camera_is_as_good_as_one_without_perspective() {
     let (camera, mut noise) = (known(100_000.0), LcgNoise(3));
     let spots = spots(&camera, [900.0, 50.0], -0.4, 0.02, &mut noise);
-    let flight = find(&spots, Forces::Overhead(camera)).unwrap();
+    let flight = find(&LinkedSpots::new(spots), &camera).unwrap();
     let (turn, std) = turn_of(&flight);
     assert!((turn + 0.4).abs() < 0.002 && std < 0.002, "{turn} ± {std}");
 }
@@ -129,22 +128,19 @@ fn a_far_camera_is_as_good_as_one_without_perspective() {
 #[test]
 fn what_the_camera_is_said_to_be_much_nearer_than_is_no_flight() {
     let (camera, mut noise) = (known(2000.0), LcgNoise(5));
-    let spots = spots(&camera, [900.0, 50.0], 0.4, 0.05, &mut noise);
+    let linked = LinkedSpots::new(spots(&camera, [900.0, 50.0], 0.4, 0.05, &mut noise));
     for height in [50.0, 150.0, 400.0] {
-        assert!(
-            find(&spots, Forces::Overhead(known(height))).is_err(),
-            "{height} mm"
-        );
+        assert!(find(&linked, &known(height)).is_err(), "{height} mm");
     }
 }
 
 #[test]
 fn the_fall_that_the_flight_shows_tells_a_wrong_height() {
     let (camera, mut noise) = (known(2000.0), LcgNoise(9));
-    let spots = spots(&camera, [900.0, 50.0], 0.4, 0.02, &mut noise);
+    let linked = LinkedSpots::new(spots(&camera, [900.0, 50.0], 0.4, 0.02, &mut noise));
     for said in [1800.0, 2000.0, 2300.0] {
-        let flight = find(&spots, Forces::Overhead(known(said))).unwrap();
-        let seen = fall_seen(&flight).unwrap();
+        let flight = find(&linked, &known(said)).unwrap();
+        let seen = flight.fall_ratio().unwrap();
         let std = seen.std_uncertainty.unwrap();
         let expected = said / 2000.0;
         assert!(
@@ -156,19 +152,19 @@ fn the_fall_that_the_flight_shows_tells_a_wrong_height() {
 
 #[test]
 fn flying_without_air_is_flying_in_very_thin_air() {
-    let (times, layout) = (vec![10.0], OverheadLayout::new(1));
+    let (times, layout) = (vec![10.0], SpatialLayout::new(1));
     let mut p = vec![0.0; layout.count()];
     p[layout.ground(0)..layout.ground(0) + 4].copy_from_slice(&[100.0, 900.0, 200.0, -300.0]);
     p[layout.rise(0)..layout.rise(0) + 2].copy_from_slice(&[0.1, -0.4]);
     let camera = known(2000.0);
-    let exact = flying(&camera, &p, &times, 0, 10.2);
+    let exact = spatial_motion(&camera, &p, &times, 0, 10.2);
     p[DRAG] = 1e-15;
-    let thin = flying(&camera, &p, &times, 0, 10.2);
+    let thin = spatial_motion(&camera, &p, &times, 0, 10.2);
     assert!((exact.ground.r - thin.ground.r).abs() < 1e-7 && (exact.zeta - thin.zeta).abs() < 1e-10);
     // Lift does no work: with s along the up axis the path turns, the speed stays but for the fall.
     p[DRAG] = 0.0;
     p[layout.lift(0) + 2] = 0.5;
-    let turned = flying(&camera, &p, &times, 0, 10.2);
+    let turned = spatial_motion(&camera, &p, &times, 0, 10.2);
     let speed = turned.ground.vr.hypot(turned.ground.vh);
     assert!((speed - 900.0_f64.hypot(300.0)).abs() < 1e-6, "{speed}");
     let angle = turned.ground.vh.atan2(turned.ground.vr) - (-300.0_f64).atan2(900.0);
@@ -177,12 +173,12 @@ fn flying_without_air_is_flying_in_very_thin_air() {
 
 #[test]
 fn the_seen_velocity_is_the_rate_of_the_seen_place() {
-    let (times, layout) = (vec![0.0], OverheadLayout::new(1));
+    let (times, layout) = (vec![0.0], SpatialLayout::new(1));
     let mut p = vec![0.0; layout.count()];
     p[layout.ground(0)..layout.ground(0) + 4].copy_from_slice(&[100.0, 900.0, 200.0, -300.0]);
     p[layout.rise(0)..layout.rise(0) + 2].copy_from_slice(&[0.1, -0.4]);
     let camera = known(2000.0);
-    let at = |t: f64| flying(&camera, &p, &times, 0, t).seen(camera.nadir);
+    let at = |t: f64| spatial_motion(&camera, &p, &times, 0, t).seen(camera.nadir);
     let (m, dt) = (at(0.1), 1e-6);
     assert!(((at(0.1 + dt).r - at(0.1 - dt).r) / (2.0 * dt) - m.vr).abs() < 1e-3);
     assert!(((at(0.1 + dt).h - at(0.1 - dt).h) / (2.0 * dt) - m.vh).abs() < 1e-3);
@@ -200,8 +196,8 @@ proptest! {
             .iter()
             .map(|s| Spot { place: PlanePoint::new(-s.place.right, s.place.up), ..*s })
             .collect();
-        let (a, _) = turn_of(&find(&there, Forces::Overhead(camera)).unwrap());
-        let (b, std) = turn_of(&find(&back, Forces::Overhead(camera_back)).unwrap());
+        let (a, _) = turn_of(&find(&LinkedSpots::new(there), &camera).unwrap());
+        let (b, std) = turn_of(&find(&LinkedSpots::new(back), &camera_back).unwrap());
         prop_assert!((a + b).abs() < 0.01 * std, "{a} {b} ± {std}");
     }
 }

@@ -1,14 +1,15 @@
 //! Whether two fitted arcs seen from above meet in an impact.
 
-use super::{Overhead, OverheadLayout, flying};
-use crate::flight::fit::ArcFit;
+use super::camera::NearTopView;
+use super::kinematics::{SpatialLayout, spatial_motion};
 use crate::flight::impact_test::MOST_ENERGY_GAIN;
+use crate::flight::motion_model::ArcFit;
 
 /// Arcs `a` and `a + 1` meet in an impact when the fit has it between their points, from a fall to a rise, and the
 /// ball has not gained by it. What the fit is not sure of is no objection: a far camera hardly shows a fall.
-pub(in crate::flight) fn impact_between(
+pub(super) fn impact_between(
     fit: &ArcFit,
-    known: &Overhead,
+    view: &NearTopView,
     spans: &[(f64, f64)],
     a: usize,
     interval_s: f64,
@@ -18,15 +19,15 @@ pub(in crate::flight) fn impact_between(
     let slack = 1.5 * interval_s;
     let in_between = t > spans[a].1 - slack && t < spans[a + 1].0 + slack;
     let (before, after) = (
-        flying(known, p, &fit.times, a, t),
-        flying(known, p, &fit.times, a + 1, t),
+        spatial_motion(view, p, &fit.times, a, t),
+        spatial_motion(view, p, &fit.times, a + 1, t),
     );
     let uncertain = |k: usize| {
-        let i = OverheadLayout::new(fit.arcs()).rise(k) + 1;
+        let i = SpatialLayout::new(fit.arcs()).rise(k) + 1;
         SURE_SIGMAS * fit.covariance[(i, i)].max(0.0).sqrt()
     };
     let turns = before.rate < uncertain(a) && after.rate > -uncertain(a + 1);
-    let height = known.camera_height();
+    let height = view.camera_height();
     let most = before.speed(height) + (uncertain(a) + uncertain(a + 1)) * height;
     let loses = after.speed(height).powi(2) <= MOST_ENERGY_GAIN * most * most;
     (in_between && turns && loses).then_some(t)

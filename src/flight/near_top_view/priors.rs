@@ -1,8 +1,9 @@
-//! What is known of a flight besides its points, as rows for the fit; see [`super`].
+//! What is known of a flight besides its points, as rows for the fit; see [`super::fit`].
 
-use super::super::flying;
-use super::OverheadProblem;
-use crate::flight::fit::{ACROSS, DRAG, GRAVITY};
+use super::kinematics::spatial_motion;
+use super::lift;
+use super::problem::SpatialProblem;
+use crate::flight::planar::{ACROSS, DRAG, GRAVITY};
 use nalgebra::DVector;
 
 /// Half of the contact time is 0 ± this, s: tennis balls take 5 ms, steel balls 0.1 ms.
@@ -32,38 +33,44 @@ impl PriorRow {
     }
 }
 
-impl OverheadProblem<'_> {
+impl SpatialProblem<'_> {
+    /// How large lifts may be and how well arcs meet, by the speeds that `p` has.
+    pub(super) fn update_prior_widths(&mut self, p: &DVector<f64>, lift_drag: f64) {
+        self.lifts = lift::expected(&self.view, p.as_slice(), &self.times, lift_drag);
+        self.impact_stds = (1..self.arcs()).map(|k| self.impact_std(p, k - 1)).collect();
+    }
+
     /// Everything that is known besides the points.
     pub(super) fn priors(&self, p: &DVector<f64>) -> Vec<PriorRow> {
-        let (known, layout) = (&self.known, self.layout);
+        let (view, layout) = (&self.view, self.layout);
         // There is no gravity in the plane.
         let mut rows: Vec<PriorRow> = [GRAVITY, ACROSS]
             .map(|i| PriorRow::prior(i, p[i], 0.0, 1.0))
             .into();
-        for (i, expected) in [known.nadir.right, known.nadir.up].into_iter().enumerate() {
+        for (i, expected) in [view.nadir.right, view.nadir.up].into_iter().enumerate() {
             rows.push(PriorRow::prior(
                 layout.nadir() + i,
                 p[layout.nadir() + i],
                 expected,
-                known.nadir_std,
+                view.nadir_std,
             ));
         }
         rows.push(PriorRow::prior(
             layout.fall(),
             p[layout.fall()],
             0.0,
-            known.fall_relative_std,
+            view.fall_relative_std,
         ));
         rows.push(PriorRow::prior(DRAG, p[DRAG], self.drag.0, self.drag.1));
         for i in layout.shadow_pull()..layout.shadow_pull() + 2 {
-            rows.push(PriorRow::prior(i, p[i], 0.0, SHADOW_PULL_PART * known.radius()));
+            rows.push(PriorRow::prior(i, p[i], 0.0, SHADOW_PULL_PART * view.radius()));
         }
         let half = layout.half_contact();
         rows.push(PriorRow::prior(half, p[half], 0.0, HALF_CONTACT_STD_S));
         for k in 0..self.arcs() {
             let rise = layout.rise(k);
-            rows.push(PriorRow::prior(rise, p[rise], known.touching(), 1.0));
-            rows.push(PriorRow::prior(rise + 1, p[rise + 1], 0.0, known.fastest_per_s()));
+            rows.push(PriorRow::prior(rise, p[rise], view.touching(), 1.0));
+            rows.push(PriorRow::prior(rise + 1, p[rise + 1], 0.0, view.fastest_per_s()));
         }
         for (k, lift) in self.lifts.iter().enumerate() {
             let first = layout.lift(k);
@@ -77,14 +84,14 @@ impl OverheadProblem<'_> {
 
     /// Standard deviations of how well two arcs meet, along the floor and in height: the way of the ball in the time by which
     /// the contact's middle is uncertain, at least that of the slowest fall.
-    pub(super) fn impact_std(&self, p: &DVector<f64>, k: usize) -> (f64, f64) {
+    fn impact_std(&self, p: &DVector<f64>, k: usize) -> (f64, f64) {
         let t = p[self.layout.impact(k)];
-        let a = flying(&self.known, p.as_slice(), &self.times, k, t);
-        let b = flying(&self.known, p.as_slice(), &self.times, k + 1, t);
+        let a = spatial_motion(&self.view, p.as_slice(), &self.times, k, t);
+        let b = spatial_motion(&self.view, p.as_slice(), &self.times, k + 1, t);
         let turn = (b.ground.vr - a.ground.vr).hypot(b.ground.vh - a.ground.vh);
-        let slow = 0.1 * self.known.fastest_per_s();
+        let slow = 0.1 * self.view.fastest_per_s();
         (
-            MIDDLE_STD_S * turn.max(slow * self.known.camera_height()),
+            MIDDLE_STD_S * turn.max(slow * self.view.camera_height()),
             MIDDLE_STD_S * a.rate.abs().max(b.rate.abs()).max(slow),
         )
     }
@@ -95,13 +102,13 @@ impl OverheadProblem<'_> {
         let (along, up) = self.impact_stds[k];
         let residual = |p: &DVector<f64>| -> [f64; 4] {
             let (t, half) = (p[layout.impact(k)], p[layout.half_contact()]);
-            let at = |k: usize, t: f64| flying(&self.known, p.as_slice(), &self.times, k, t);
+            let at = |k: usize, t: f64| spatial_motion(&self.view, p.as_slice(), &self.times, k, t);
             let (a, b) = (at(k, t).ground, at(k + 1, t).ground);
             [
                 (a.r - b.r) / along,
                 (a.h - b.h) / along,
-                (self.known.touching() - at(k, t - half).zeta) / up,
-                (self.known.touching() - at(k + 1, t + half).zeta) / up,
+                (self.view.touching() - at(k, t - half).zeta) / up,
+                (self.view.touching() - at(k + 1, t + half).zeta) / up,
             ]
         };
         let here = residual(p);
@@ -113,7 +120,7 @@ impl OverheadProblem<'_> {
         let others = [DRAG, layout.fall(), layout.half_contact(), layout.impact(k)];
         let mut moved = p.clone();
         for i in (g..g + 8).chain(v..v + 4).chain(l..l + 6).chain(others) {
-            let step = self.step(i);
+            let step = self.difference_step(i);
             moved[i] += step;
             for ((row, there), here) in new.iter_mut().zip(residual(&moved)).zip(here) {
                 row.by.push((i, (here - there) / step));

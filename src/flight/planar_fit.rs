@@ -1,0 +1,198 @@
+//! The arcs of a ball in the calibrated plane fitted together: each with its own place and velocity, all with the same
+//! gravity and drag.
+//!
+//! ```text
+//! r'' = a - β |v| r'          h'' = -g - β |v| h'          |v| = √(r'² + h'²)
+//! ```
+//!
+//! with place and velocity of arc k at its mean time t_k ([`PlanarArcs`]). a, the acceleration along r, is what gravity has
+//! there where "up" of the picture is not quite the plane's: the fall leans by atan(a/g). Without drag (β = 0) an arc is the
+//! exact parabola and the fit is linear. With drag (β = ρ C_D π R² / 2m), a small part, Gauss-Newton settles in three steps.
+//!
+//! Weighted least squares by QR of the whitened rows; times are centred, so nothing is lost at late times. The
+//! covariance is that of the QR, times the reduced chi squared (never below 1) and the autocorrelation inflation.
+
+use super::drag::{Drag, DragLaw};
+use super::motion_model::{
+    ArcFit, FitPoint, MotionModel, VerticalPrior, autocorrelation_inflation, mean_times,
+};
+use super::planar::{ACROSS, ARCS, DRAG, GRAVITY, PlanarArcs};
+use crate::numeric::linear::solve;
+use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+
+/// A step of Gauss-Newton that changes no residual by more than this part of its uncertainty is the last.
+const SETTLED: f64 = 1e-6;
+
+/// What is known beforehand of the forces in the plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlanarPriors {
+    /// Of "up"; `None` where nothing falls in the plane.
+    pub(super) vertical: Option<VerticalPrior>,
+    /// Of drag; `None` where nothing is.
+    pub(super) drag: Option<Drag>,
+}
+
+impl PlanarPriors {
+    fn law(&self) -> DragLaw {
+        self.drag.map_or_else(DragLaw::default, |d| d.law)
+    }
+
+    /// The common parameters that keep their value.
+    fn held(&self, drag_is_fitted: bool) -> [bool; ARCS] {
+        let mut held = [false; ARCS];
+        held[GRAVITY] = self.vertical.is_none();
+        held[DRAG] = !drag_is_fitted;
+        held[ACROSS] = self.vertical.is_none_or(|v| v.std_rad == 0.0);
+        held
+    }
+
+    /// Which parameter is known, its value, its standard uncertainty.
+    fn rows(&self, parameters: &DVector<f64>, held: [bool; ARCS]) -> Vec<(usize, f64, f64)> {
+        let mut rows = Vec::new();
+        if let Some(drag) = self.drag.filter(|_| !held[DRAG]) {
+            rows.push((DRAG, drag.beta, drag.std));
+        }
+        let lean = self.vertical.map(|v| v.std_rad * parameters[GRAVITY].abs());
+        // Before gravity is known there is no scale for it; the round that follows has it.
+        if let Some(std) = lean.filter(|&std| std > 0.0 && std.is_finite() && !held[ACROSS]) {
+            rows.push((ACROSS, 0.0, std));
+        }
+        rows
+    }
+}
+
+/// The fit without drag, or with drag from the fit `without_drag`.
+pub(super) fn fit(
+    points: &[FitPoint],
+    arcs: usize,
+    priors: &PlanarPriors,
+    without_drag: Option<&ArcFit>,
+    model: Arc<dyn MotionModel>,
+) -> Option<ArcFit> {
+    let times = mean_times(points, arcs)?;
+    let held = priors.held(without_drag.is_some());
+    let zeros = || DVector::zeros(ARCS + 4 * arcs);
+    let mut parameters = without_drag.map_or_else(zeros, |f| f.parameters.clone());
+    let mut covariance = None;
+    // Linear without drag: one step is the solution. A prior of the lean goes with gravity, which the first step finds.
+    let rounds = match (without_drag, priors.vertical) {
+        (Some(_), _) => 8,
+        (None, Some(vertical)) if vertical.std_rad.is_finite() => 2,
+        (None, _) => 1,
+    };
+    for _ in 0..rounds {
+        let (matrix, right) = system(points, &times, &parameters, priors, held);
+        let (mut step, inverse) = solve(&matrix, &right)?;
+        keep(&mut step, held);
+        parameters += &step;
+        covariance = Some(inverse);
+        if (&matrix * &step).amax() < SETTLED {
+            break;
+        }
+    }
+    let (_, residuals) = system(points, &times, &parameters, priors, held);
+    let fitted = parameters.len() - held.iter().filter(|&&h| h).count();
+    let freedom = (2 * points.len()).saturating_sub(fitted);
+    let reduced_chi = if freedom > 0 {
+        (residuals.norm_squared() / freedom as f64).sqrt()
+    } else {
+        1.0
+    };
+    let autocorrelation_inflation = autocorrelation_inflation(points, &residuals);
+    let mut covariance = covariance? * (reduced_chi.max(1.0).powi(2) * autocorrelation_inflation);
+    for (i, _) in held.iter().enumerate().filter(|(_, h)| **h) {
+        covariance[(i, i)] = 0.0;
+    }
+    let finite = residuals.iter().all(|x| x.is_finite()) && reduced_chi.is_finite();
+    finite.then_some(ArcFit {
+        times,
+        parameters,
+        covariance,
+        reduced_chi,
+        autocorrelation_inflation,
+        model,
+    })
+}
+
+/// See [`MotionModel::response`].
+pub(super) fn response(
+    fit: &ArcFit,
+    points: &[FitPoint],
+    shifts: &[(f64, f64)],
+    priors: &PlanarPriors,
+) -> Option<DVector<f64>> {
+    // What was held has no variance.
+    let held = [GRAVITY, DRAG, ACROSS].map(|i| fit.covariance[(i, i)] == 0.0);
+    let (matrix, mut right) = system(points, &fit.times, &fit.parameters, priors, held);
+    right.fill(0.0);
+    for (i, (p, (dr, dh))) in points.iter().zip(shifts).enumerate() {
+        let w = p.sample.weight.sqrt();
+        right[2 * i] = w * dr;
+        right[2 * i + 1] = w * dh;
+    }
+    let (mut change, _) = solve(&matrix, &right)?;
+    keep(&mut change, held);
+    Some(change)
+}
+
+/// Whitened Jacobian and residuals at `parameters`; a parameter that is held gets a row of its own.
+fn system(
+    points: &[FitPoint],
+    times: &[f64],
+    parameters: &DVector<f64>,
+    priors: &PlanarPriors,
+    held: [bool; ARCS],
+) -> (DMatrix<f64>, DVector<f64>) {
+    let known = priors.rows(parameters, held);
+    let planar = PlanarArcs {
+        parameters: parameters.as_slice(),
+        times,
+        law: priors.law(),
+    };
+    let rows = 2 * points.len() + held.iter().filter(|&&h| h).count() + known.len();
+    let mut matrix = DMatrix::zeros(rows, parameters.len());
+    let mut right = DVector::zeros(rows);
+    for (i, p) in points.iter().enumerate() {
+        let t = p.sample.t - times[p.arc];
+        let w = p.sample.weight.sqrt();
+        let c = ARCS + 4 * p.arc;
+        let m = planar.motion(p.arc, p.sample.t);
+        right[2 * i] = w * (p.sample.r - m.r);
+        right[2 * i + 1] = w * (p.sample.h - m.h);
+        matrix[(2 * i, c)] = w;
+        matrix[(2 * i, c + 1)] = w * t;
+        matrix[(2 * i + 1, c + 2)] = w;
+        matrix[(2 * i + 1, c + 3)] = w * t;
+        if !held[GRAVITY] {
+            matrix[(2 * i + 1, GRAVITY)] = -0.5 * w * t * t;
+        }
+        if !held[ACROSS] {
+            matrix[(2 * i, ACROSS)] = 0.5 * w * t * t;
+        }
+        if !held[DRAG] {
+            let (dr, dh) = planar.drag_shift(p.arc, p.sample.t);
+            matrix[(2 * i, DRAG)] = w * dr;
+            matrix[(2 * i + 1, DRAG)] = w * dh;
+        }
+    }
+    let mut row = 2 * points.len();
+    for (i, _) in held.iter().enumerate().filter(|(_, h)| **h) {
+        matrix[(row, i)] = 1.0;
+        row += 1;
+    }
+    for (i, value, std) in known {
+        matrix[(row, i)] = 1.0 / std;
+        right[row] = (value - parameters[i]) / std;
+        row += 1;
+    }
+    (matrix, right)
+}
+
+/// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of
+/// 1e-11 in place of none, times the square of a ball's speed in pixels, is a force.
+fn keep(step: &mut DVector<f64>, held: [bool; ARCS]) {
+    for (i, _) in held.iter().enumerate().filter(|(_, held)| **held) {
+        step[i] = 0.0;
+    }
+}

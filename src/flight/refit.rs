@@ -1,0 +1,49 @@
+//! The same flight once more: with its points moved, or under another motion model.
+
+use super::free_flight::{Flight, FlightPoint, SpotUse};
+use super::launch;
+use super::linking::Spot;
+use super::motion_model::MotionModel;
+use super::outliers::refitted;
+
+impl Flight {
+    /// The same points, each in use moved by the `shift` of it and its arc (along right and up, plane units), with the
+    /// arcs and the centres' scatter found anew. `None` where the points do not determine them.
+    #[must_use]
+    pub fn moved(&self, shift: impl Fn(&Spot, usize) -> (f64, f64)) -> Option<Self> {
+        let mut points = self.points.clone();
+        for p in &mut points {
+            if let SpotUse::Used(arc) = p.use_ {
+                let (right, up) = shift(&p.spot, arc);
+                p.spot.place.right += right;
+                p.spot.place.up += up;
+            }
+        }
+        self.refitted(points, &*self.fit.model)
+    }
+
+    /// The same points under another `model`; `None` where they do not determine the arcs.
+    #[must_use]
+    pub fn under(&self, model: &dyn MotionModel) -> Option<Self> {
+        let mut flight = self.refitted(self.points.clone(), model)?;
+        for (k, impact) in flight.impacts.iter_mut().enumerate() {
+            let p = flight.fit.parameters.as_slice();
+            *impact = impact.and_then(|_| flight.fit.impact_time(p, k));
+        }
+        flight.launch = launch::find(&flight);
+        Some(flight)
+    }
+
+    /// The arcs of these `points`, which keep their uses.
+    pub(super) fn refitted(&self, points: Vec<FlightPoint>, model: &dyn MotionModel) -> Option<Self> {
+        let spots: Vec<Spot> = points.iter().map(|p| p.spot).collect();
+        let uses: Vec<SpotUse> = points.iter().map(|p| p.use_).collect();
+        let (fit, extra) = refitted(&spots, &uses, self.fit.arcs(), model, self.extra)?;
+        Some(Self {
+            points,
+            fit,
+            extra,
+            ..self.clone()
+        })
+    }
+}
