@@ -7,9 +7,9 @@ mod flown;
 
 use flown::{Film, Measured, quantities, sound, truths};
 use nalgebra::Vector3;
-use track::impact::{Bounce, EERegime, MuERegime};
+use track::impact::Bounce;
 use track::quantity::Quantity;
-use track::rebound::{Motion, Regime, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
+use track::rebound::{ModelName, Motion, Regime, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
 
 fn moving(vx: f64, vz: f64, spin: f64) -> Motion {
     Motion {
@@ -433,22 +433,23 @@ struct Case {
     law: Law,
     inertia_factor: f64,
     /// What the models' readings may say.
-    mu_e: &'static [MuERegime],
-    e_e: &'static [EERegime],
+    mu_e: &'static [Option<Regime>],
+    e_e: &'static [Option<Regime>],
     /// Quantities that must be null.
     null: &'static [&'static str],
 }
 
 const STEEL: Law = Law::MuE(0.78, 0.07);
-const UNDETERMINED: (&[MuERegime], &[EERegime]) = (&[MuERegime::Undetermined], &[EERegime::Undetermined]);
-const SLIDING: (&[MuERegime], &[EERegime]) = (&[MuERegime::Sliding], &[EERegime::Ordinary]);
-const ROLLING: (&[MuERegime], &[EERegime]) = (&[MuERegime::Nonsliding], &[EERegime::Nonsliding]);
-const GRIPS: (&[MuERegime], &[EERegime]) = (&[MuERegime::Undetermined], &[EERegime::Grip]);
+const UNDETERMINED: (&[Option<Regime>], &[Option<Regime>]) = (&[None], &[None]);
+const SLIDING: (&[Option<Regime>], &[Option<Regime>]) = (&[Some(Regime::Sliding)], &[Some(Regime::Ordinary)]);
+const ROLLING: (&[Option<Regime>], &[Option<Regime>]) =
+    (&[Some(Regime::Nonsliding)], &[Some(Regime::Nonsliding)]);
+const GRIPS: (&[Option<Regime>], &[Option<Regime>]) = (&[None], &[Some(Regime::Grip)]);
 
 fn case(
     name: &'static str,
     (before, law): (Motion, Law),
-    (mu_e, e_e): (&'static [MuERegime], &'static [EERegime]),
+    (mu_e, e_e): (&'static [Option<Regime>], &'static [Option<Regime>]),
     null: &'static [&'static str],
 ) -> Case {
     Case {
@@ -615,11 +616,15 @@ fn hard_impacts_on_film_are_measured_or_null() {
                 }
             }
             let readings = m.readings.unwrap();
-            assert!(c.mu_e.contains(&readings.mu_e_regime), "{}: {readings:?}", c.name);
-            assert!(c.e_e.contains(&readings.e_e_regime), "{}: {readings:?}", c.name);
+            let (mu_e, e_e) = (
+                readings.of(ModelName::MuE).unwrap(),
+                readings.of(ModelName::EE).unwrap(),
+            );
+            assert!(c.mu_e.contains(&mu_e.regime), "{}: {readings:?}", c.name);
+            assert!(c.e_e.contains(&e_e.regime), "{}: {readings:?}", c.name);
             assert_eq!(
-                readings.friction.is_some(),
-                readings.mu_e_regime == MuERegime::Sliding,
+                mu_e.quantity.is_some(),
+                mu_e.regime == Some(Regime::Sliding),
                 "{}",
                 c.name
             );
@@ -697,7 +702,7 @@ fn an_unknown_spin_leaves_only_spin_and_e_x_open() {
         let needs = ["spin before", "spin after", "tangential restitution"].contains(&name);
         assert_eq!(q.is_none(), needs, "{name}: {q:?}");
     }
-    assert_eq!(m.readings.unwrap().mu_e_regime, MuERegime::Undetermined);
+    assert_eq!(m.readings.unwrap().of(ModelName::MuE).unwrap().regime, None);
 }
 
 #[test]

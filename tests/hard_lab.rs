@@ -12,7 +12,7 @@ mod hard;
 
 use hard::{Clip, HONEST_SIGMAS, Judged, scene, with};
 use serde_json::{Value, json};
-use track::impact::EERegime;
+use track::rebound::Regime;
 
 /// What the lift of a wrong spin may do to a speed.
 const LIFT_PART: f64 = 0.005;
@@ -651,10 +651,10 @@ fn a_bounce_that_does_not_slide_has_only_a_friction_that_is_enough() {
         faults.all_true(&found, 2, &what);
         let first = found.found.as_ref().ok().and_then(|m| m.bounces.first());
         let fine = first.is_some_and(|b| {
-            b.regime == EERegime::Nonsliding && b.friction.is_none() && b.friction_at_least.is_some()
+            b.slip == Some(Regime::Nonsliding) && b.friction.is_none() && b.friction_at_least.is_some()
         });
         faults.note(!fine, &what, || {
-            format!("{:?}", first.map(|b| (b.regime, b.friction, b.friction_at_least)))
+            format!("{:?}", first.map(|b| (b.slip, b.friction, b.friction_at_least)))
         });
     }
     faults.none();

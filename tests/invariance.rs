@@ -69,9 +69,15 @@ fn same(
         }
     }
     let regimes = |m: &Measured| {
-        m.readings
-            .as_ref()
-            .map(|r| (r.mu_e_regime, r.e_e_regime, r.preferred))
+        m.readings.as_ref().map(|r| {
+            (
+                r.models
+                    .iter()
+                    .map(|(name, m)| (*name, m.regime))
+                    .collect::<Vec<_>>(),
+                r.preferred,
+            )
+        })
     };
     prop_assert_eq!(regimes(a), regimes(b));
     Ok(())

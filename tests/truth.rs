@@ -212,21 +212,22 @@ fn lift_and_drag_of_a_light_ball_shift_no_impact() {
 
 #[test]
 fn the_models_are_told_apart_where_the_bounces_tell() {
-    use track::impact::{EERegime, MuERegime, Preferred};
+    use track::rebound::{ModelName, Preferred, Regime};
     let grips = json!({"model": "e_e", "restitution": 0.9, "tangential_restitution_x": 0.5,
                        "tangential_restitution_y": 0.5});
     let r = Rendered::new(&scene(11, &grips, 0.3, 0.7, 0.0));
     let readings = measured(&r.video, &r.calibration).readings.unwrap();
     assert_eq!(
-        (readings.e_e_regime, readings.preferred),
-        (EERegime::Grip, Preferred::EE)
+        (readings.of(ModelName::EE).unwrap().regime, readings.preferred),
+        (Some(Regime::Grip), Preferred::Model(ModelName::EE))
     );
-    assert!(readings.friction.is_none());
+    assert!(readings.of(ModelName::MuE).unwrap().quantity.is_none());
     let slides = json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07});
     let r = Rendered::new(&scene(12, &slides, 0.15, 1.1, 0.0));
     let readings = measured(&r.video, &r.calibration).readings.unwrap();
-    assert_eq!(readings.mu_e_regime, MuERegime::Sliding);
-    assert_eq!(readings.preferred, Preferred::MuE);
+    let coulomb = readings.of(ModelName::MuE).unwrap();
+    assert_eq!(coulomb.regime, Some(Regime::Sliding));
+    assert_eq!(readings.preferred, Preferred::Model(ModelName::MuE));
 }
 
 #[test]

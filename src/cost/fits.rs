@@ -5,7 +5,7 @@
 
 use super::stats::{ErrorStatistics, Quartiles};
 use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
-use crate::rebound::fit::study::{DEFAULT_TOLERANCE, Searched, Study};
+use crate::rebound::fit::single_search::{DEFAULT_TOLERANCE, SearchOutcome, SingleSearch};
 use crate::rebound::fit::{Column, Row, Series};
 use crate::rebound::{ModelName, Motion, SOLID_SPHERE, grip_slide};
 use nalgebra::Vector3;
@@ -121,15 +121,15 @@ fn series(e_x: f64, rows: usize, seed: u64) -> Result<Series, CostError> {
 
 /// A series with its reference.
 struct ReferenceSeries {
-    study: Study,
-    reference: Searched,
+    study: SingleSearch,
+    reference: SearchOutcome,
     /// The reference against a search from a start that is off by a tenth of each standard uncertainty.
     own: [f64; 3],
 }
 
 impl ReferenceSeries {
     fn new(model: ModelName, e_x: f64, rows: usize, seed: u64) -> Result<Option<Self>, CostError> {
-        let study = Study::new(&series(e_x, rows, seed)?, model);
+        let study = SingleSearch::new(&series(e_x, rows, seed)?, model);
         let found = study.search(REFERENCE).and_then(|reference| {
             let aside = std::array::from_fn(|j| reference.values[j] + 0.1 * reference.stds[j]);
             Some((reference, study.search_near(aside, REFERENCE)?))

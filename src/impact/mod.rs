@@ -27,6 +27,8 @@ pub mod spin_lift;
 mod top_view;
 
 use crate::quantity::Quantity;
+use crate::rebound::model::BounceReading;
+use crate::rebound::{ModelName, Preferred, Regime};
 
 /// Velocity of the centre just before or after an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,8 +103,8 @@ pub struct Bounce {
     pub restitution: Option<Quantity>,
     /// vx after / vx before.
     pub tangential_ratio: Option<Quantity>,
-    /// What the contact point did.
-    pub regime: EERegime,
+    /// What became of the slip: slowed (ordinary), stopped or reversed; `None` where its uncertainty does not tell.
+    pub slip: Option<Regime>,
     /// |change of vt| / (|vn| (1 + e)) of a ball that slid: μ.
     pub friction: Option<Quantity>,
     /// The same of any other: friction is at least as much.
@@ -200,54 +202,24 @@ pub enum XSource {
     Extrapolated,
 }
 
-/// Both models' readings of the first bounce.
+/// What the models make of the first bounce.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Readings {
-    /// e of both models.
+    /// e of all models.
     pub restitution: Option<Quantity>,
-    /// μ, where the ball slid.
-    pub friction: Option<Quantity>,
-    /// The μ-e model's regime.
-    pub mu_e_regime: MuERegime,
-    /// e_x.
-    pub tangential_restitution: Option<Quantity>,
-    /// The e-e model's regime.
-    pub e_e_regime: EERegime,
+    /// Of each model that a single bounce tells something of, in the order of the list.
+    pub models: Vec<(ModelName, BounceReading)>,
     /// The model that describes the recording's bounces better.
     pub preferred: Preferred,
 }
 
-/// Regimes of the μ-e model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MuERegime {
-    /// Friction at its limit throughout.
-    Sliding,
-    /// Leaves rolling.
-    Nonsliding,
-    /// The data do not tell.
-    Undetermined,
-}
-
-/// Regimes of the e-e model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EERegime {
-    /// e_x < 0.
-    Ordinary,
-    /// e_x = 0.
-    Nonsliding,
-    /// e_x > 0.
-    Grip,
-    /// The data do not tell.
-    Undetermined,
-}
-
-/// The preferred model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preferred {
-    /// Coulomb friction.
-    MuE,
-    /// Horizontal restitution.
-    EE,
-    /// The data do not tell.
-    Undetermined,
+impl Readings {
+    /// What a model makes of the first bounce; `None` of one that a single bounce does not tell of.
+    #[must_use]
+    pub fn of(&self, model: ModelName) -> Option<&BounceReading> {
+        self.models
+            .iter()
+            .find(|(name, _)| *name == model)
+            .map(|(_, reading)| reading)
+    }
 }

@@ -1,9 +1,14 @@
-//! What both rebound models make of a recording's bounces: regimes, and which model describes them better.
+//! What the rebound models make of a recording's bounces: regimes, and which model describes them better.
+//!
+//! Grip is beyond some models. Otherwise one bounce fits all of them, and two tell: under the right one both bounces have the same
+//! coefficient (friction under μ-e, tangential restitution under e-e).
 
-use super::{Bounce, EERegime, MuERegime, Preferred, Readings};
+use super::{Bounce, Readings};
 use crate::quantity::Quantity;
+use crate::rebound::model::{BounceNumbers, BounceReading, CoefficientChange};
+use crate::rebound::{ModelName, Preferred, Regime};
 
-/// e_x counts as zero within this, whatever its uncertainty: neither model claims more of a real ball.
+/// e_x counts as zero within this, whatever its uncertainty: no model claims more of a real ball.
 const ROLLING_TOLERANCE: f64 = 0.02;
 
 /// e_x differs from zero when it is this many standard uncertainties away.
@@ -12,87 +17,83 @@ const REGIME_SIGMAS: f64 = 2.5;
 /// An e_x less certain than this does not tell a regime, unless it stands out all the same.
 const VAGUE_STD: f64 = 0.15;
 
-/// Both models' readings of the first bounce; the later ones help to prefer a model. `None` without a restitution.
+/// A coefficient that differs between two bounces by more standard uncertainties than this is not the same.
+const DIFFERENT_SIGMAS: f64 = 3.0;
+
+/// The models' readings of the first bounce; the later ones help to prefer a model. `None` without a restitution.
 #[must_use]
 pub fn read(bounces: &[Bounce]) -> Option<Readings> {
     let first = bounces.first()?;
     first.restitution?;
-    let e_e_regime = first.regime;
-    let mu_e_regime = match e_e_regime {
-        EERegime::Ordinary => MuERegime::Sliding,
-        EERegime::Nonsliding => MuERegime::Nonsliding,
-        // More tangential impulse than stops the slip: Coulomb friction cannot give it.
-        EERegime::Grip | EERegime::Undetermined => MuERegime::Undetermined,
-    };
+    let numbers: Vec<BounceNumbers> = bounces.iter().map(numbers).collect();
+    let read = |name: ModelName| Some((name, name.model().read(&numbers[0])?));
+    let models: Vec<(ModelName, BounceReading)> = ModelName::ALL.into_iter().filter_map(read).collect();
+    let preferred = prefer(&models, &numbers).map_or(Preferred::Undetermined, Preferred::Model);
     Some(Readings {
         restitution: first.restitution,
-        // Without sliding, friction is only known to be enough.
-        friction: first.friction,
-        mu_e_regime,
-        tangential_restitution: first.tangential_restitution,
-        e_e_regime,
-        preferred: prefer(bounces),
+        models,
+        preferred,
     })
 }
 
-/// What the contact point did, by the sign of e_x as far as its uncertainty tells.
+fn numbers(bounce: &Bounce) -> BounceNumbers {
+    BounceNumbers {
+        friction: bounce.friction,
+        friction_at_least: bounce.friction_at_least,
+        tangential_restitution: bounce.tangential_restitution,
+        slip: bounce.slip,
+    }
+}
+
+/// What became of the slip, by the sign of e_x as far as its uncertainty tells.
 #[must_use]
-pub fn regime(e_x: Option<Quantity>) -> EERegime {
-    let Some(Quantity {
+pub fn slip(e_x: Option<Quantity>) -> Option<Regime> {
+    let Quantity {
         value,
         std_uncertainty: Some(std),
-    }) = e_x
+    } = e_x?
     else {
-        return EERegime::Undetermined;
+        return None;
     };
     let limit = (REGIME_SIGMAS * std).max(ROLLING_TOLERANCE);
     if value > limit {
-        EERegime::Grip
+        Some(Regime::Grip)
     } else if value < -limit {
-        EERegime::Ordinary
-    } else if std < VAGUE_STD {
-        EERegime::Nonsliding
+        Some(Regime::Ordinary)
     } else {
-        EERegime::Undetermined
+        (std < VAGUE_STD).then_some(Regime::Nonsliding)
     }
 }
 
-/// Grip is beyond the μ-e model. Otherwise one bounce fits both, and two tell: under μ-e the friction of sliding
-/// bounces is one number, under e-e the tangential restitution of all.
-fn prefer(bounces: &[Bounce]) -> Preferred {
-    let regimes: Vec<EERegime> = bounces.iter().map(|b| b.regime).collect();
-    if regimes.first() == Some(&EERegime::Grip) {
-        return Preferred::EE;
+/// The one model that allows what the first bounce did; or whose coefficient two bounces share, where that of every other
+/// differs.
+fn prefer(models: &[(ModelName, BounceReading)], bounces: &[BounceNumbers]) -> Option<ModelName> {
+    let only = |names: &[ModelName]| match names {
+        [name] => Some(*name),
+        _ => None,
+    };
+    let slip = bounces.first()?.slip?;
+    let names = || models.iter().map(|(name, _)| *name);
+    let allow: Vec<ModelName> = names().filter(|name| name.model().allows(slip)).collect();
+    if allow.len() < models.len() {
+        return only(&allow);
     }
-    let (Some(a), Some(b)) = (bounces.first(), bounces.get(1)) else {
-        return Preferred::Undetermined;
+    let [first, second, ..] = bounces else {
+        return None;
     };
-    if regimes[0] != EERegime::Ordinary {
-        return Preferred::Undetermined;
+    // Of a ball that left rolling the first time, friction is not known.
+    if slip != Regime::Ordinary {
+        return None;
     }
-    let Some(e_x_apart) = apart(a.tangential_restitution, b.tangential_restitution) else {
-        return Preferred::Undetermined;
-    };
-    let Some(mu_apart) = apart(a.friction, b.friction.or(b.friction_at_least)) else {
-        return Preferred::Undetermined;
-    };
-    // A second bounce that rolls off needs less friction than sliding would give.
-    let mu_agrees = match regimes[1] {
-        EERegime::Ordinary => mu_apart.abs() < 2.0,
-        EERegime::Nonsliding => mu_apart < 2.0,
-        EERegime::Grip | EERegime::Undetermined => false,
-    };
-    match (mu_agrees, e_x_apart.abs() < 2.0) {
-        (true, false) if e_x_apart.abs() > 3.0 => Preferred::MuE,
-        (false, true) if mu_apart.abs() > 3.0 => Preferred::EE,
-        _ => Preferred::Undetermined,
-    }
-}
-
-/// (second − first) in standard uncertainties of the difference, taking them as independent.
-fn apart(first: Option<Quantity>, second: Option<Quantity>) -> Option<f64> {
-    let (a, b) = (first?, second?);
-    Some((b.value - a.value) / a.std_uncertainty?.hypot(b.std_uncertainty?))
+    let changes: Vec<(ModelName, CoefficientChange)> = names()
+        .map(|name| Some((name, name.model().change(first, second)?)))
+        .collect::<Option<_>>()?;
+    let (agree, differ): (Vec<_>, Vec<_>) = changes.into_iter().partition(|(_, change)| change.agrees);
+    let all_differ = differ
+        .iter()
+        .all(|(_, change)| change.sigmas.abs() > DIFFERENT_SIGMAS);
+    let agree: Vec<ModelName> = agree.into_iter().map(|(name, _)| name).collect();
+    only(&agree).filter(|_| all_differ)
 }
 
 #[cfg(test)]
@@ -106,7 +107,8 @@ mod tests {
             vz_m_s: None,
             angle_rad: None,
         };
-        let slid = regime(Quantity::new(e_x, std)) == EERegime::Ordinary;
+        let slip = slip(Quantity::new(e_x, std));
+        let slid = slip == Some(Regime::Ordinary);
         Bounce {
             time_s: None,
             x_m: None,
@@ -114,7 +116,7 @@ mod tests {
             rebound: leg,
             restitution: Quantity::new(0.8, 0.001),
             tangential_ratio: None,
-            regime: regime(Quantity::new(e_x, std)),
+            slip,
             friction: Quantity::new(friction, std).filter(|_| slid),
             friction_at_least: Quantity::new(friction, std).filter(|_| !slid),
             tangential_restitution: Quantity::new(e_x, std),
@@ -129,19 +131,26 @@ mod tests {
 
     #[test]
     fn regimes_follow_the_sign_of_e_x_and_its_uncertainty() {
-        let regime = |e_x, std| read(&[bounce(0.1, e_x, std)]).unwrap().e_e_regime;
-        assert_eq!(regime(-0.5, 0.01), EERegime::Ordinary);
-        assert_eq!(regime(0.5, 0.01), EERegime::Grip);
-        assert_eq!(regime(0.01, 0.01), EERegime::Nonsliding);
-        assert_eq!(regime(0.1, 0.3), EERegime::Undetermined);
-        assert_eq!(regime(2.0, 0.3), EERegime::Grip);
+        let regime = |e_x, std| {
+            let readings = read(&[bounce(0.1, e_x, std)]).unwrap();
+            readings.of(ModelName::EE).unwrap().regime
+        };
+        assert_eq!(regime(-0.5, 0.01), Some(Regime::Ordinary));
+        assert_eq!(regime(0.5, 0.01), Some(Regime::Grip));
+        assert_eq!(regime(0.01, 0.01), Some(Regime::Nonsliding));
+        assert_eq!(regime(0.1, 0.3), None);
+        assert_eq!(regime(2.0, 0.3), Some(Regime::Grip));
     }
 
     #[test]
     fn friction_is_a_number_only_where_the_ball_slid() {
-        assert!(read(&[bounce(0.1, -0.5, 0.01)]).unwrap().friction.is_some());
-        assert!(read(&[bounce(0.1, 0.0, 0.01)]).unwrap().friction.is_none());
-        assert!(read(&[bounce(0.1, 0.5, 0.01)]).unwrap().friction.is_none());
+        let friction = |e_x| {
+            let readings = read(&[bounce(0.1, e_x, 0.01)]).unwrap();
+            readings.of(ModelName::MuE).unwrap().quantity
+        };
+        assert!(friction(-0.5).is_some());
+        assert!(friction(0.0).is_none());
+        assert!(friction(0.5).is_none());
     }
 
     #[test]
@@ -149,11 +158,11 @@ mod tests {
         let preferred = |a, b| read(&[a, b]).unwrap().preferred;
         assert_eq!(
             preferred(bounce(0.07, -0.6, 0.01), bounce(0.07, -0.3, 0.01)),
-            Preferred::MuE
+            Preferred::Model(ModelName::MuE)
         );
         assert_eq!(
             preferred(bounce(0.10, -0.5, 0.01), bounce(0.20, -0.5, 0.01)),
-            Preferred::EE
+            Preferred::Model(ModelName::EE)
         );
         assert_eq!(
             preferred(bounce(0.07, -0.6, 0.01), bounce(0.07, -0.6, 0.01)),
@@ -161,11 +170,11 @@ mod tests {
         );
         assert_eq!(
             preferred(bounce(0.2, 0.5, 0.01), bounce(0.2, 0.5, 0.01)),
-            Preferred::EE
+            Preferred::Model(ModelName::EE)
         );
         assert_eq!(
             preferred(bounce(0.12, -0.4, 0.01), bounce(0.05, 0.0, 0.01)),
-            Preferred::MuE
+            Preferred::Model(ModelName::MuE)
         );
     }
 }

@@ -4,8 +4,9 @@ use super::floor::turned;
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
 use super::propagation::OutputQuantities;
 use super::relations::ImpactVelocities;
-use super::{AlongFloor, Bounce, CentreVelocity, Correlation, EERegime, Impossible, Speed, reading};
+use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, reading};
 use crate::quantity::Quantity;
+use crate::rebound::Regime;
 
 /// A slip that does not stand out by this many standard uncertainties gives no e_x: it would be noise over noise.
 const SLIP_SIGMAS: f64 = 3.0;
@@ -78,9 +79,9 @@ impl MeasuredMotion<'_> {
         let impossible = slips.then(|| impossible(&out)).flatten();
         let possible = |q: Option<Quantity>| q.filter(|_| impossible.is_none());
         let e_x = possible(out.quantity(out::E_X)).filter(|_| resolved && out.std(out::E_X) < NO_E_X_STD);
-        let regime = reading::regime(e_x);
+        let slip = reading::slip(e_x);
         let friction = possible(out.quantity(out::FRICTION));
-        let slid = regime == EERegime::Ordinary;
+        let slid = slip == Some(Regime::Ordinary);
         Bounce {
             time_s: out.quantity(out::TIME),
             x_m: out.quantity(out::PLACE),
@@ -88,7 +89,7 @@ impl MeasuredMotion<'_> {
             rebound: leg(&out, out::AFTER),
             restitution: out.quantity(out::RESTITUTION),
             tangential_ratio: ratio,
-            regime,
+            slip,
             friction: friction.filter(|_| slid),
             friction_at_least: friction.filter(|_| !slid),
             tangential_restitution: e_x,

@@ -5,7 +5,7 @@
 //! directions is not known either. Whatever needs the vertical speed is not reported of a top view.
 
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
-use super::{Bounce, CentreVelocity, EERegime};
+use super::{Bounce, CentreVelocity};
 use crate::calibration::View;
 use crate::flight::SpotUse;
 use crate::flight::parabola::own_fall;
@@ -54,7 +54,7 @@ impl MeasuredMotion<'_> {
             rebound: flat(3),
             restitution: None,
             tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
-            regime: EERegime::Undetermined,
+            slip: None,
             friction: None,
             friction_at_least: None,
             tangential_restitution: None,

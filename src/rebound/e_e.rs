@@ -136,8 +136,12 @@ impl ReboundModel for Model {
         "e_e"
     }
 
-    fn title(&self) -> &'static str {
-        "e-e: restitution sideways, too"
+    fn label(&self) -> &'static str {
+        "e-e"
+    }
+
+    fn summary(&self) -> &'static str {
+        "restitution sideways, too"
     }
 
     fn coefficients(&self) -> &'static [Coefficient] {

@@ -110,8 +110,12 @@ impl ReboundModel for Model {
         "grip_slide"
     }
 
-    fn title(&self) -> &'static str {
-        "grip-slide: restitution sideways up to the limit of friction"
+    fn label(&self) -> &'static str {
+        "grip-slide"
+    }
+
+    fn summary(&self) -> &'static str {
+        "restitution sideways up to the limit of friction"
     }
 
     fn coefficients(&self) -> &'static [Coefficient] {

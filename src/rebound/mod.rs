@@ -44,5 +44,5 @@ pub use impulse::{
     Motion, Regime, SOLID_SPHERE, THIN_SHELL, apply_impulse, azimuth_rad, normal_impulse_m_s,
     sliding_impulse_m_s, slip_share,
 };
-pub use models::{Contact, ModelName};
+pub use models::{Contact, ModelName, Preferred};
 pub use parameter::Parameter;

@@ -171,8 +171,11 @@ pub trait ReboundModel: Sync {
     /// Its name in files.
     fn name(&self) -> &'static str;
 
-    /// What it is, in words.
-    fn title(&self) -> &'static str;
+    /// What people call it.
+    fn label(&self) -> &'static str;
+
+    /// What it is, in a few words.
+    fn summary(&self) -> &'static str;
 
     /// The coefficients that a scene gives, in the order in which they are taken.
     fn coefficients(&self) -> &'static [Coefficient];

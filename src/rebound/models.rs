@@ -27,6 +27,26 @@ pub enum Contact {
     GripSlide(grip_slide::Parameters),
 }
 
+/// Which model is preferred.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Preferred {
+    /// This one.
+    Model(ModelName),
+    /// The data do not tell.
+    Undetermined,
+}
+
+impl Preferred {
+    /// Its name in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Model(model) => model.name(),
+            Self::Undetermined => "undetermined",
+        }
+    }
+}
+
 impl ModelName {
     /// All of them, in the order of the results.
     pub const ALL: [Self; 3] = [Self::MuE, Self::EE, Self::GripSlide];

@@ -152,8 +152,12 @@ impl ReboundModel for Model {
         "mu_e"
     }
 
-    fn title(&self) -> &'static str {
-        "μ-e: Coulomb friction"
+    fn label(&self) -> &'static str {
+        "μ-e"
+    }
+
+    fn summary(&self) -> &'static str {
+        "Coulomb friction"
     }
 
     fn coefficients(&self) -> &'static [Coefficient] {

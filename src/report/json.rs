@@ -6,14 +6,13 @@
 use super::words;
 use crate::Build;
 use crate::impact::{
-    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, EERegime, FloorSource, MuERegime,
-    Preferred, Readings, XSource,
+    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, FloorSource, Readings, XSource,
 };
 use crate::pipeline::{
     Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,
 };
 use crate::quantity::Quantity;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 /// The schema that [`result_json`] follows.
 pub const SCHEMA: &str = "track.result/1";
@@ -154,7 +153,7 @@ fn bounce(bounce: &Bounce) -> Value {
         "rebound": leg(&bounce.rebound),
         "restitution": quantity(bounce.restitution),
         "tangential_ratio": quantity(bounce.tangential_ratio),
-        "regime": words::regime(bounce.regime),
+        "regime": words::slip(bounce.slip),
         "friction": quantity(bounce.friction),
         "friction_at_least": quantity(bounce.friction_at_least),
         "tangential_restitution": quantity(bounce.tangential_restitution),
@@ -194,32 +193,17 @@ fn leg(leg: &CentreVelocity) -> Value {
 }
 
 fn models(readings: &Readings) -> Value {
-    json!({
-        "mu_e": {
+    let mut models = Map::new();
+    for (name, reading) in &readings.models {
+        let model = json!({
             "restitution": quantity(readings.restitution),
-            "friction": quantity(readings.friction),
-            "regime": match readings.mu_e_regime {
-                MuERegime::Sliding => "sliding",
-                MuERegime::Nonsliding => "nonsliding",
-                MuERegime::Undetermined => "undetermined",
-            },
-        },
-        "e_e": {
-            "restitution": quantity(readings.restitution),
-            "tangential_restitution": quantity(readings.tangential_restitution),
-            "regime": match readings.e_e_regime {
-                EERegime::Ordinary => "ordinary",
-                EERegime::Nonsliding => "nonsliding",
-                EERegime::Grip => "grip",
-                EERegime::Undetermined => "undetermined",
-            },
-        },
-        "preferred": match readings.preferred {
-            Preferred::MuE => "mu_e",
-            Preferred::EE => "e_e",
-            Preferred::Undetermined => "undetermined",
-        },
-    })
+            reading.parameter.name(): quantity(reading.quantity),
+            "regime": words::regime_name(reading.regime),
+        });
+        models.insert(name.name().to_owned(), model);
+    }
+    models.insert("preferred".to_owned(), json!(readings.preferred.name()));
+    Value::Object(models)
 }
 
 #[cfg(test)]

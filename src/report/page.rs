@@ -7,9 +7,10 @@ use super::strobe::{self, StrobePicture};
 use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
 use super::track_plots::{self, Coordinate, Plot};
 use super::words::{self, NO_VALUE, WrittenQuantity};
-use crate::impact::{Bounce, Preferred, Readings, XSource};
+use crate::impact::{Bounce, Readings, XSource};
 use crate::pipeline::{Measurement, Outcome, View, Warning};
 use crate::quantity::Quantity;
+use crate::rebound::Preferred;
 use std::fmt::Write as _;
 use thiserror::Error;
 
@@ -265,40 +266,17 @@ fn warnings(page: &mut String, warnings: &[Warning]) {
 }
 
 fn models(page: &mut String, readings: &Readings) {
-    let (mu_e, mu_e_meaning) = words::mu_e_regime(readings.mu_e_regime);
-    let (e_e, e_e_meaning) = words::e_e_regime(readings.e_e_regime);
-    let e = format!(
-        "{} = {}",
-        symbol_html("e"),
-        format_quantity(readings.restitution, "")
-    );
-    let mu = format!(
-        "{} = {}",
-        symbol_html("μ"),
-        format_quantity(readings.friction, "")
-    );
-    let e_x = format!(
-        "{} = {}",
-        symbol_html("e_x"),
-        format_quantity(readings.tangential_restitution, "")
-    );
+    let number =
+        |symbol: &str, quantity| format!("{} = {}", symbol_html(symbol), format_quantity(quantity, ""));
+    let e = number("e", readings.restitution);
     page.push_str("<section>\n<h2>What the two models make of it</h2>\n<div class=\"models\">\n");
-    for (is_preferred, title, second, regime, meaning) in [
-        (
-            readings.preferred == Preferred::MuE,
-            "μ-e model: Coulomb friction",
-            mu,
-            mu_e,
-            mu_e_meaning,
-        ),
-        (
-            readings.preferred == Preferred::EE,
-            "e-e model: restitution sideways, too",
-            e_x,
-            e_e,
-            e_e_meaning,
-        ),
-    ] {
+    for (name, reading) in &readings.models {
+        let model = name.model();
+        let title = format!("{} model: {}", model.label(), model.summary());
+        let second = number(reading.parameter.symbol(), reading.quantity);
+        let regime = words::regime_name(reading.regime);
+        let meaning = model.regime_words(reading.regime);
+        let is_preferred = readings.preferred == Preferred::Model(*name);
         let meaning = meaning.replace("e_x", &symbol_html("e_x"));
         let (class, mark) = if is_preferred {
             (" preferred", " — ✓ preferred")
@@ -425,7 +403,7 @@ fn bounce_section(page: &mut String, measurement: &Measurement) {
             let _ = write!(
                 page,
                 "<td class=\"v\" colspan=\"2\">{}</td>",
-                words::regime(bounce.regime)
+                words::slip(bounce.slip)
             );
         }
         page.push_str("</tr>\n</tbody></table></div>\n");

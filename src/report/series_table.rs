@@ -73,7 +73,10 @@ fn group_lines(text: &mut String, group: &GroupFit) {
 /// In words, without a full stop.
 pub(super) fn preferred(preferred: Preferred) -> String {
     match preferred {
-        Preferred::Model(name) => name.model().title().to_owned(),
+        Preferred::Model(name) => {
+            let model = name.model();
+            format!("{}: {}", model.label(), model.summary())
+        }
         Preferred::Undetermined => "undetermined: these rows do not tell".to_owned(),
     }
 }

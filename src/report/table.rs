@@ -194,7 +194,7 @@ fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
         }
         let mut regimes = String::new();
         for bounce in chunk {
-            let _ = write!(regimes, "  {:<width$}", words::regime(bounce.regime));
+            let _ = write!(regimes, "  {:<width$}", words::slip(bounce.slip));
         }
         let _ = writeln!(text, "{:<LABEL$}{:<SYMBOL$}{}", "regime", "", regimes.trim_end());
     }
@@ -210,16 +210,20 @@ fn distance_lines(text: &mut String, distances: &Distances) {
 }
 
 fn reading_lines(text: &mut String, readings: &Readings) {
-    let (mu_e, mu_e_meaning) = words::mu_e_regime(readings.mu_e_regime);
-    let (e_e, e_e_meaning) = words::e_e_regime(readings.e_e_regime);
     text.push('\n');
     let e = format_quantity(readings.restitution, "");
-    let mu = format_quantity(readings.friction, "");
-    let e_x = format_quantity(readings.tangential_restitution, "");
-    line(text, "μ-e model", &format!("e = {e},  μ = {mu}"));
-    line(text, "", &format!("{mu_e}: {mu_e_meaning}"));
-    line(text, "e-e model", &format!("e = {e},  e_x = {e_x}"));
-    line(text, "", &format!("{e_e}: {e_e_meaning}"));
+    for (name, reading) in &readings.models {
+        let model = name.model();
+        let own = format_quantity(reading.quantity, "");
+        let numbers = format!("e = {e},  {} = {own}", reading.parameter.symbol());
+        line(text, &format!("{} model", model.label()), &numbers);
+        let regime = words::regime_name(reading.regime);
+        line(
+            text,
+            "",
+            &format!("{regime}: {}", model.regime_words(reading.regime)),
+        );
+    }
     line(text, "preferred", words::preferred(readings.preferred));
 }
 

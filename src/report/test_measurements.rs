@@ -4,14 +4,16 @@
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{
-    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, Distances, EERegime, FloorSlope,
-    FloorSource, MuERegime, Preferred, Readings, Speed, XSource,
+    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, Distances, FloorSlope, FloorSource,
+    Readings, Speed, XSource,
 };
 use crate::pipeline::{
     ArcSample, ArcTrace, Measurement, Outcome, PointUse, Strobe, StrobeBall, TimeSource, Track, TrackPoint,
     UpSource, UpTilt, VideoFacts, View, Warning,
 };
 use crate::quantity::Quantity;
+use crate::rebound::model::BounceReading;
+use crate::rebound::{ModelName, Parameter, Preferred, Regime};
 use std::path::PathBuf;
 
 const WIDTH: usize = 1280;
@@ -203,7 +205,7 @@ fn bounces() -> Vec<Bounce> {
                 },
                 restitution: q(RESTITUTION + 0.0004, 0.0013),
                 tangential_ratio: q(after.vx / before.vx, 0.0016),
-                regime: EERegime::Ordinary,
+                slip: Some(Regime::Ordinary),
                 friction: q((before.vx - after.vx) / (-down + after.vz), 0.000_38),
                 friction_at_least: None,
                 tangential_restitution: q(-sideways(&after) / sideways(&before), 0.0056),
@@ -326,11 +328,25 @@ pub fn two_bounces() -> Measurement {
         },
         readings: Some(Readings {
             restitution: bounces[0].restitution,
-            friction: bounces[0].friction,
-            mu_e_regime: MuERegime::Sliding,
-            tangential_restitution: bounces[0].tangential_restitution,
-            e_e_regime: EERegime::Ordinary,
-            preferred: Preferred::MuE,
+            models: vec![
+                (
+                    ModelName::MuE,
+                    BounceReading {
+                        parameter: Parameter::Friction,
+                        quantity: bounces[0].friction,
+                        regime: Some(Regime::Sliding),
+                    },
+                ),
+                (
+                    ModelName::EE,
+                    BounceReading {
+                        parameter: Parameter::TangentialRestitution,
+                        quantity: bounces[0].tangential_restitution,
+                        regime: Some(Regime::Ordinary),
+                    },
+                ),
+            ],
+            preferred: Preferred::Model(ModelName::MuE),
         }),
         track: Track {
             method: "edge circle".to_owned(),
@@ -468,7 +484,7 @@ pub fn top_view() -> Measurement {
     }
     bounce.restitution = None;
     bounce.friction = None;
-    bounce.regime = EERegime::Undetermined;
+    bounce.slip = None;
     bounce.along_floor = None;
     bounce.tangential_restitution = None;
     bounce.azimuth_rad = q(0.21, 0.004);

@@ -1,8 +1,9 @@
 //! Numbers and findings in words, shared by the table and the page.
 
-use crate::impact::{BenchLaunch, EERegime, FloorSource, MuERegime, Preferred, XSource};
+use crate::impact::{BenchLaunch, FloorSource, XSource};
 use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
+use crate::rebound::{Preferred, Regime};
 
 /// What stands where there is no value.
 pub(super) const NO_VALUE: &str = "—";
@@ -143,57 +144,17 @@ pub(super) fn degrees(angle_rad: Option<Quantity>) -> Option<Quantity> {
     angle_rad.map(|angle| angle.scaled(1_f64.to_degrees()))
 }
 
-/// The μ-e model's regime by name and in plain words.
-pub(super) fn mu_e_regime(regime: MuERegime) -> (&'static str, &'static str) {
-    match regime {
-        MuERegime::Sliding => (
-            "sliding",
-            "the ball slid on the floor for the whole contact, with friction at its limit: the change of horizontal \
-             speed gives μ",
-        ),
-        MuERegime::Nonsliding => (
-            "nonsliding",
-            "friction stopped the slip before the ball left: it leaves rolling, and the bounce gives only a lower \
-             limit for μ",
-        ),
-        MuERegime::Undetermined => (
-            "undetermined",
-            "the uncertainties do not tell whether the ball slid to the end of the contact or left rolling",
-        ),
-    }
+/// A model's regime by the name that files have for it.
+pub(super) fn regime_name(regime: Option<Regime>) -> &'static str {
+    regime.map_or("undetermined", Regime::name)
 }
 
-/// The e-e model's regime by name and in plain words.
-pub(super) fn e_e_regime(regime: EERegime) -> (&'static str, &'static str) {
-    match regime {
-        EERegime::Ordinary => (
-            "ordinary",
-            "e_x below 0: the ball's lowest point was still slipping forward when it left",
-        ),
-        EERegime::Nonsliding => (
-            "nonsliding",
-            "e_x equal to 0 within its uncertainty: the ball left rolling, its lowest point at rest on the floor",
-        ),
-        EERegime::Grip => (
-            "grip",
-            "e_x above 0: the contact gripped and sprang back sideways, as a superball does; the ball leaves \
-             spinning faster than it would roll",
-        ),
-        EERegime::Undetermined => (
-            "undetermined",
-            "the uncertainty of e_x does not tell its sign (or the spin before the bounce is not known)",
-        ),
-    }
-}
-
-/// What the contact point did, in a word.
-pub(super) fn regime(regime: EERegime) -> &'static str {
-    match regime {
-        EERegime::Ordinary => "sliding",
-        EERegime::Nonsliding => "nonsliding",
-        EERegime::Grip => "grip",
-        EERegime::Undetermined => "undetermined",
-    }
+/// What the contact point did, in a word: where the slip is only slowed, it slid.
+pub(super) fn slip(slip: Option<Regime>) -> &'static str {
+    regime_name(slip.map(|slip| match slip {
+        Regime::Ordinary => Regime::Sliding,
+        other => other,
+    }))
 }
 
 /// Where and how the ball left its bench.
@@ -236,10 +197,7 @@ pub(super) fn floor_source(source: FloorSource) -> &'static str {
 /// Which model fits better, as a sentence without its full stop.
 pub(super) fn preferred(preferred: Preferred) -> &'static str {
     match preferred {
-        Preferred::MuE => "the μ-e model (Coulomb friction) describes the bounces of this recording better",
-        Preferred::EE => {
-            "the e-e model (horizontal restitution) describes the bounces of this recording better"
-        }
+        Preferred::Model(name) => name.model().preferred_words(),
         Preferred::Undetermined => "this recording alone does not tell which model is better",
     }
 }

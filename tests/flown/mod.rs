@@ -348,7 +348,8 @@ pub fn sound(m: &Measured, what: &str) {
     fits(m.distances.x0_m, "x0");
     fits(m.distances.x_m, "x");
     if let Some(r) = &m.readings {
-        fits(r.friction, "friction read");
-        fits(r.tangential_restitution, "e_x read");
+        for (name, reading) in &r.models {
+            fits(reading.quantity, name.name());
+        }
     }
 }

@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{Coding, Luma, Timing, VideoOptions, VideoWriter};
-use track::impact::EERegime;
 use track::pipeline::{MeasureError, Measurement, Outcome, measure};
 use track::quantity::Quantity;
+use track::rebound::Regime;
 use track::simulate::truth::{BounceTruth, CentreTruth, LaunchTruth, LegTruth, Truth};
 use track::simulate::{Scene, SimulatedRecording, calibration};
 
@@ -432,10 +432,10 @@ fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>, Vec<Str
         let at_least = b.friction_at_least.filter(|_| b.friction.is_none());
         compare(format!("mu at least {n}"), at_least, t.friction);
         let rolls = t.tangential_restitution.is_some_and(|e_x| e_x.abs() <= ROLLS);
-        if named(b.regime).is_some_and(|name| !is_called(name, t.regime, rolls)) {
+        if named(b.slip).is_some_and(|name| !is_called(name, t.regime, rolls)) {
             misnamed.push(format!(
                 "regime {n} {:?} for e_x {:?} against {} with {:?}",
-                b.regime, b.tangential_restitution, t.regime, t.tangential_restitution
+                b.slip, b.tangential_restitution, t.regime, t.tangential_restitution
             ));
         }
         compare(
@@ -497,12 +497,12 @@ fn drop_height_m(clip: &Clip, truth: LaunchTruth) -> Option<f64> {
 }
 
 /// The regime as results name it; `None` where it is left open.
-fn named(regime: EERegime) -> Option<&'static str> {
-    match regime {
-        EERegime::Ordinary => Some("sliding"),
-        EERegime::Nonsliding => Some("nonsliding"),
-        EERegime::Grip => Some("grip"),
-        EERegime::Undetermined => None,
+fn named(slip: Option<Regime>) -> Option<&'static str> {
+    match slip {
+        Some(Regime::Ordinary | Regime::Sliding) => Some("sliding"),
+        Some(Regime::Nonsliding) => Some("nonsliding"),
+        Some(Regime::Grip) => Some("grip"),
+        None => None,
     }
 }
 

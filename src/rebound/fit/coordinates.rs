@@ -69,7 +69,7 @@ const COLUMNS: [Column; 11] = [
 ];
 
 /// A row's numbers, in the order of [`COLUMNS`].
-type Numbers = [Option<f64>; COLUMNS.len()];
+type RowNumbers = [Option<f64>; COLUMNS.len()];
 
 impl Coordinates {
     /// Of `row`, in a series of `set`; `restitution` and `shared_spin_ratio` are the model's, for what the row itself does
@@ -82,7 +82,7 @@ impl Coordinates {
         restitution: f64,
         shared_spin_ratio: Option<f64>,
     ) -> Option<Self> {
-        let reader = Reader {
+        let reader = CoordinateReader {
             row,
             set,
             weights,
@@ -90,23 +90,23 @@ impl Coordinates {
             shared_spin_ratio,
         };
         Some(Self {
-            incident_tangent: reader.mark(Reader::incident_tangent)?,
+            incident_tangent: reader.mark(CoordinateReader::incident_tangent)?,
             incident_rad: reader.mark(|r, n| r.incident_tangent(n).map(f64::atan))?,
-            rebound_tangent: reader.mark(Reader::rebound_tangent),
+            rebound_tangent: reader.mark(CoordinateReader::rebound_tangent),
             x0_m: reader.mark(|_, n| get(n, Column::X0)),
             distance_ratio: reader.mark(|_, n| Some(get(n, Column::X)? / get(n, Column::X0)?)),
-            spin_ratio: reader.mark(Reader::spin_ratio),
-            spin_after_ratio: reader.mark(Reader::spin_after_ratio),
+            spin_ratio: reader.mark(CoordinateReader::spin_ratio),
+            spin_after_ratio: reader.mark(CoordinateReader::spin_after_ratio),
         })
     }
 }
 
-fn get(numbers: &Numbers, column: Column) -> Option<f64> {
+fn get(numbers: &RowNumbers, column: Column) -> Option<f64> {
     COLUMNS.iter().position(|c| *c == column).and_then(|i| numbers[i])
 }
 
 /// A row and what it is read with.
-struct Reader<'a> {
+struct CoordinateReader<'a> {
     row: &'a Row,
     set: ColumnSet,
     weights: Weights,
@@ -114,10 +114,10 @@ struct Reader<'a> {
     shared_spin_ratio: Option<f64>,
 }
 
-impl Reader<'_> {
+impl CoordinateReader<'_> {
     /// A number with its uncertainty, by differences over each of the row's own.
-    fn mark(&self, function: impl Fn(&Self, &Numbers) -> Option<f64>) -> Option<Mark> {
-        let numbers: Numbers = COLUMNS.map(|c| self.row.value(c));
+    fn mark(&self, function: impl Fn(&Self, &RowNumbers) -> Option<f64>) -> Option<Mark> {
+        let numbers: RowNumbers = COLUMNS.map(|c| self.row.value(c));
         let value = function(self, &numbers).filter(|v| v.is_finite())?;
         if self.weights == Weights::Unit {
             return Some(Mark { value, std: None });
@@ -148,7 +148,7 @@ impl Reader<'_> {
         })
     }
 
-    fn incident_tangent(&self, n: &Numbers) -> Option<f64> {
+    fn incident_tangent(&self, n: &RowNumbers) -> Option<f64> {
         Some(match self.set {
             ColumnSet::Velocities => get(n, Column::IncidentVx)? / -get(n, Column::IncidentVz)?,
             ColumnSet::Angles => get(n, Column::IncidentAngle)?.to_radians().tan(),
@@ -162,7 +162,7 @@ impl Reader<'_> {
         self.row.value(Column::Gravity).unwrap_or(GRAVITY_M_S2)
     }
 
-    fn rebound_tangent(&self, n: &Numbers) -> Option<f64> {
+    fn rebound_tangent(&self, n: &RowNumbers) -> Option<f64> {
         match self.set {
             ColumnSet::Velocities => Some(get(n, Column::ReboundVx)? / get(n, Column::ReboundVz)?),
             ColumnSet::Angles => Some(get(n, Column::ReboundAngle)?.to_radians().tan()),
@@ -170,7 +170,7 @@ impl Reader<'_> {
         }
     }
 
-    fn spin_ratio(&self, n: &Numbers) -> Option<f64> {
+    fn spin_ratio(&self, n: &RowNumbers) -> Option<f64> {
         let surface = get(n, Column::SpinIn).filter(|_| self.set == ColumnSet::Velocities);
         match surface {
             Some(surface) => Some(surface / get(n, Column::IncidentVx)?),
@@ -178,7 +178,7 @@ impl Reader<'_> {
         }
     }
 
-    fn spin_after_ratio(&self, n: &Numbers) -> Option<f64> {
+    fn spin_after_ratio(&self, n: &RowNumbers) -> Option<f64> {
         let kept = match self.set {
             ColumnSet::Velocities => get(n, Column::ReboundVx)? / get(n, Column::IncidentVx)?,
             ColumnSet::Angles => self.restitution * self.rebound_tangent(n)? / self.incident_tangent(n)?,

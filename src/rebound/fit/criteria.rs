@@ -8,7 +8,7 @@
 //! AICc = −2 ln L + 2 p + 2 p (p + 1) / (N − p − 1)        BIC = −2 ln L + p ln N
 //! ```
 
-use super::data::Data;
+use super::group_data::GroupData;
 use super::series::Weights;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _, FisherSnedecor, Normal, StudentsT};
 use std::f64::consts::TAU;
@@ -19,7 +19,7 @@ pub const LEAST_PROBABILITY: f64 = 0.01;
 
 /// A model's marks on a set of rows.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Marks {
+pub(super) struct InformationCriteria {
     /// N.
     pub equations: usize,
     /// p, with the scale where it is fitted.
@@ -29,9 +29,9 @@ pub(super) struct Marks {
     pub bic: Option<f64>,
 }
 
-impl Marks {
+impl InformationCriteria {
     /// For `chi2` reached with `rank` parameters; `spread` divides χ² where the rows scatter more than their deviations say.
-    pub fn new(data: &Data, chi2: f64, rank: usize, spread: f64) -> Self {
+    pub fn new(data: &GroupData, chi2: f64, rank: usize, spread: f64) -> Self {
         let n = data.equations();
         let parameters = rank + usize::from(data.weights == Weights::Unit);
         let twice = match data.weights {
@@ -74,7 +74,7 @@ impl Marks {
 }
 
 /// −2 ln of the part of the likelihood that no model changes: ln |2π Σ| of what was measured.
-fn constant(data: &Data) -> f64 {
+fn constant(data: &GroupData) -> f64 {
     data.rows
         .iter()
         .map(|row| {
@@ -131,7 +131,7 @@ pub(super) fn coverage_factor(weights: Weights, freedom: usize) -> f64 {
 /// What standard uncertainties are multiplied by: 1 where the rows scatter as their deviations say; more where they
 /// scatter more than chance allows (Birge's ratio); without deviations whatever the scatter is, `None` where a fit leaves
 /// none.
-pub(super) fn scatter(data: &Data, chi2: f64, freedom: usize) -> Option<f64> {
+pub(super) fn scatter(data: &GroupData, chi2: f64, freedom: usize) -> Option<f64> {
     match data.weights {
         Weights::Stated => {
             let improbable = chi2_tail(chi2, freedom).is_some_and(|p| p < LEAST_PROBABILITY);

@@ -16,7 +16,7 @@
 //!
 //! * Every number of a row has an error: a row's true values are profiled out, so that χ² is the least distance to what a
 //!   model allows, in units of the errors and with their correlations (`law`, `observation`).
-//! * χ² over the rows has one valley for each way to part them into those that grip and those that slide: it is searched from
+//! * χ² over the rows has one local minimum for each way to part them into those that grip and those that slide: it is searched from
 //!   many starts by Levenberg-Marquardt (`starts`, `search`), on a QR of the whitened Jacobian (`r_factor`).
 //! * Where the outcome jumps at the transition (static friction above friction), the limit is found by going through the
 //!   order of the rows, and its interval by profile likelihood (`transition`).
@@ -35,33 +35,31 @@ pub mod csv;
 pub mod error;
 pub mod result;
 pub mod series;
-pub mod study;
+pub mod single_search;
 
-mod choice;
 mod columns;
+mod court_pace;
 mod criteria;
-mod data;
 mod estimate;
-mod law;
-mod models;
+mod group_data;
+mod least_trimmed_squares;
+mod model_choice;
 mod observation;
+mod outlier_runs;
 mod outliers;
-mod pace;
-mod robust;
+mod row_law;
 mod search;
-mod side_by_side;
 mod starts;
 mod transition;
+mod variants;
 
-pub use crate::rebound::{ModelName, Parameter};
+pub use crate::rebound::{ModelName, Parameter, Preferred};
 pub use criteria::LEAST_PROBABILITY;
 pub use error::FitError;
-pub use result::{
-    CourtPace, Estimate, Fitted, GroupFit, ModelFit, Preferred, RowFit, RowRegime, SeriesFit, Transition,
-};
+pub use result::{CourtPace, Estimate, Fitted, GroupFit, ModelFit, RowFit, RowRegime, SeriesFit, Transition};
 pub use series::{Column, ColumnSet, Note, Reading, Row, Series, SetAside, Weights};
 
-use data::Data;
+use group_data::GroupData;
 use std::collections::HashMap;
 
 /// What is asked for beside the models.
@@ -110,12 +108,12 @@ fn fit_group(
     options: &Options,
 ) -> GroupFit {
     let rows = indices.len() + set_aside.len();
-    let (mut data, unweighable) = Data::new(series, indices);
+    let (mut data, unweighable) = GroupData::new(series, indices);
     set_aside.extend(unweighable);
     let mut notes = Vec::new();
     // Many rows are fitted all together only once it is known which.
     let preview = data.preview();
-    let mut solutions = models::all(preview.as_ref().unwrap_or(&data));
+    let mut solutions = variants::all(preview.as_ref().unwrap_or(&data));
     let outliers = outliers::find(series, &data, &solutions);
     if !outliers.systematic.is_empty() {
         notes.push(stay(series, &data, &outliers.systematic));
@@ -131,9 +129,9 @@ fn fit_group(
             });
         }
         data = data.without(&out);
-        solutions = models::all(&data);
+        solutions = variants::all(&data);
     } else if preview.is_some() {
-        solutions = models::all(&data);
+        solutions = variants::all(&data);
     }
     set_aside.sort_by_key(|s| s.row);
     let mut order: Vec<usize> = (0..data.rows.len()).collect();
@@ -158,12 +156,12 @@ fn fit_group(
         .iter()
         .map(|solution| estimate::model_fit(&data, solution, &order))
         .collect();
-    let (preferred, reason, more) = choice::choose(&data, &solutions, &group.models);
+    let (preferred, reason, more) = model_choice::choose(&data, &solutions, &group.models);
     group.preferred = preferred;
     group.reason = reason;
     group.notes.extend(more);
     if let Some(temperature_c) = options.court_temperature_c {
-        let (pace, note) = pace::rate(&data, &group, temperature_c);
+        let (pace, note) = court_pace::rate(&data, &group, temperature_c);
         group.court_pace = Some(pace);
         group.notes.extend(note);
     }
@@ -171,7 +169,7 @@ fn fit_group(
 }
 
 /// The note about rows that stick out side by side.
-fn stay(series: &Series, data: &Data, systematic: &[usize]) -> Note {
+fn stay(series: &Series, data: &GroupData, systematic: &[usize]) -> Note {
     let mut numbers: Vec<usize> = systematic
         .iter()
         .map(|&i| series.rows[data.rows[i].row].number)

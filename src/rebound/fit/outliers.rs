@@ -7,13 +7,13 @@
 //! of the model more than chance would have it: that is a law which the models lack, not a mishap.
 
 use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
-use super::data::Data;
-use super::law::{E, E_X, MU, Nearest, RATIO, State, Theta};
-use super::models::Solution;
+use super::group_data::GroupData;
+use super::least_trimmed_squares::{self, FALSE_ALARM, RobustFit};
 use super::observation::Observation;
-use super::robust::{self, FALSE_ALARM, Robust};
+use super::outlier_runs::{side, side_by_side};
+use super::row_law::{E, E_X, MU, NearestMotion, RATIO, RowState, Theta};
 use super::series::{ColumnSet, Series, Weights};
-use super::side_by_side::{side, side_by_side};
+use super::variants::Solution;
 use crate::numeric::robust::median;
 
 /// Fewer rows have no bulk that one could stand out from.
@@ -29,16 +29,16 @@ pub(super) struct Outliers {
 }
 
 /// Looks for rows that no model explains. `solutions` are the plain fits to all rows, or to the sample.
-pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outliers {
+pub(super) fn find(series: &Series, data: &GroupData, solutions: &[Solution]) -> Outliers {
     if data.rows.len() < LEAST_ROWS || solutions.iter().any(|s| describes_all(data, s)) {
         return Outliers::default();
     }
-    let Some((fits, spread)) = robust::best_fits(data) else {
+    let Some((fits, spread)) = least_trimmed_squares::best_fits(data) else {
         return Outliers::default();
     };
-    let mut described: Vec<(Robust, Vec<bool>)> = Vec::new();
+    let mut described: Vec<(RobustFit, Vec<bool>)> = Vec::new();
     for mut fit in fits {
-        if let Some(out) = robust::sticking_out(data, &mut fit, spread) {
+        if let Some(out) = least_trimmed_squares::outlying_rows(data, &mut fit, spread) {
             described.push((fit, out));
         }
     }
@@ -69,7 +69,7 @@ pub(super) fn find(series: &Series, data: &Data, solutions: &[Solution]) -> Outl
 /// The rows that stick out of every model that describes the bulk, with a model that describes all others. `None` where
 /// there is no such model: each then describes the bulk at the cost of rows that another one explains, and the rows are not
 /// to blame.
-fn agreed(described: Vec<(Robust, Vec<bool>)>) -> Option<(Robust, Vec<bool>)> {
+fn agreed(described: Vec<(RobustFit, Vec<bool>)>) -> Option<(RobustFit, Vec<bool>)> {
     // Of very many rows, some lie so near to the limit that models differ on them.
     const NEAR_THE_LIMIT: usize = 300;
     let rows = described.first()?.1.len();
@@ -83,14 +83,14 @@ fn agreed(described: Vec<(Robust, Vec<bool>)>) -> Option<(Robust, Vec<bool>)> {
 
 /// Whether a plain fit already describes every row: as its deviations say, or, without those, with no more in the tails
 /// than its own bulk leads one to expect.
-fn describes_all(data: &Data, solution: &Solution) -> bool {
+fn describes_all(data: &GroupData, solution: &Solution) -> bool {
     const ENOUGH_FOR_TAILS: usize = 50;
     let freedom = solution.marks.equations.saturating_sub(solution.rank);
     let tail = FALSE_ALARM / data.rows.len() as f64;
-    let mean = solution.found.chi2 / freedom.max(1) as f64;
+    let mean = solution.best.chi2 / freedom.max(1) as f64;
     let limit = match data.weights {
         Weights::Stated => {
-            let probability = criteria::chi2_tail(solution.found.chi2, freedom);
+            let probability = criteria::chi2_tail(solution.best.chi2, freedom);
             if probability.is_some_and(|p| p < criteria::LEAST_PROBABILITY) {
                 return false;
             }
@@ -99,7 +99,7 @@ fn describes_all(data: &Data, solution: &Solution) -> bool {
         Weights::Unit if data.rows.len() < ENOUGH_FOR_TAILS => return false,
         Weights::Unit => mean * f_quantile(tail, 1, freedom),
     };
-    let Some(nearest) = solution.task(data).all_nearest(&solution.found.theta) else {
+    let Some(nearest) = solution.task(data).all_nearest(&solution.best.theta) else {
         return false;
     };
     let mut shares: Vec<f64> = nearest
@@ -122,7 +122,7 @@ fn describes_all(data: &Data, solution: &Solution) -> bool {
 }
 
 /// Why the row at `index` is set aside, with numbers.
-fn reason(series: &Series, data: &Data, fit: &Robust, index: usize, spread: f64) -> String {
+fn reason(series: &Series, data: &GroupData, fit: &RobustFit, index: usize, spread: f64) -> String {
     let row = &data.rows[index];
     let task = fit.task(data, None);
     let Some(near) = task.nearest(row, &fit.theta) else {
@@ -148,14 +148,14 @@ fn reason(series: &Series, data: &Data, fit: &Robust, index: usize, spread: f64)
 fn expected(
     series: &Series,
     row: &Observation,
-    near: &Nearest,
+    near: &NearestMotion,
     theta: &Theta,
     equation: usize,
 ) -> Option<String> {
     let e = theta[E];
     let k = row.kinematics(&row.z, theta[RATIO]);
     let slip = k.a - k.w;
-    let impulse = if matches!(near.state, State::Slide | State::SlideEdge) {
+    let impulse = if matches!(near.state, RowState::Slide | RowState::SlideEdge) {
         slip.signum() * theta[MU] * (1.0 + e) * k.b
     } else {
         row.slip_share * (1.0 + theta[E_X]) * slip

@@ -4,7 +4,7 @@
 use super::series::{ColumnSet, Note, SetAside, Weights};
 use crate::quantity::Quantity;
 use crate::rebound::itf::Pace;
-use crate::rebound::{Contact, ModelName, Parameter};
+use crate::rebound::{Contact, ModelName, Parameter, Preferred};
 
 /// A fitted number with the interval that holds the truth in 95 of 100 series. The interval need not be symmetric, and
 /// where it is not, the standard uncertainty is that of its longer side.
@@ -130,26 +130,6 @@ pub struct RowFit {
     pub regime: RowRegime,
     /// Incident angle that fits best, rad.
     pub incident_rad: f64,
-}
-
-/// Which model is preferred.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Preferred {
-    /// This one.
-    Model(ModelName),
-    /// The data do not tell.
-    Undetermined,
-}
-
-impl Preferred {
-    /// Its name in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Model(model) => model.name(),
-            Self::Undetermined => "undetermined",
-        }
-    }
 }
 
 /// A court pace rating.

@@ -5,9 +5,9 @@
 //! a point at which χ² is not a finite number is never accepted. Where rows have exact incidence, χ² has kinks (a row changes sides at once) at which a smooth method stops too early:
 //! there argmin's Nelder-Mead goes on.
 
-use super::law::averaged::averaged;
-use super::law::{self, Nearest, PARAMETERS, Theta, Variant};
 use super::observation::Observation;
+use super::row_law::averaged::averaged;
+use super::row_law::{self, NearestMotion, PARAMETERS, Theta, Variant};
 use crate::numeric::least_squares::{self, Damping, Descent, Easing, Outlook, Termination, Trial};
 use crate::numeric::r_factor::RFactor;
 use argmin::core::{
@@ -48,14 +48,14 @@ pub(super) struct Task<'a> {
 
 /// χ² and its r_factor at some parameters.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Linear {
+pub(super) struct Linearised {
     pub chi2: f64,
     pub r_factor: RFactor<PARAMETERS>,
 }
 
 /// Where a search ended.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Found {
+pub(super) struct Minimum {
     pub theta: Theta,
     pub chi2: f64,
     pub r_factor: RFactor<PARAMETERS>,
@@ -64,14 +64,14 @@ pub(super) struct Found {
 
 /// The rows that count, or a part of them.
 #[derive(Clone)]
-pub(super) struct Rows<'a> {
+pub(super) struct ChosenRows<'a> {
     rows: &'a [Observation],
     chosen: Option<&'a [usize]>,
     at: usize,
     end: usize,
 }
 
-impl<'a> Iterator for Rows<'a> {
+impl<'a> Iterator for ChosenRows<'a> {
     type Item = &'a Observation;
 
     fn next(&mut self) -> Option<&'a Observation> {
@@ -86,8 +86,8 @@ impl<'a> Iterator for Rows<'a> {
 
 impl<'a> Task<'a> {
     /// The rows that count.
-    pub fn rows(&self) -> Rows<'a> {
-        Rows {
+    pub fn rows(&self) -> ChosenRows<'a> {
+        ChosenRows {
             rows: self.rows,
             chosen: self.chosen,
             at: 0,
@@ -96,14 +96,14 @@ impl<'a> Task<'a> {
     }
 
     /// The nearest motion to a row.
-    pub fn nearest(&self, row: &Observation, theta: &Theta) -> Option<Nearest> {
-        law::nearest(row, &self.variant, theta)
+    pub fn nearest(&self, row: &Observation, theta: &Theta) -> Option<NearestMotion> {
+        row_law::nearest(row, &self.variant, theta)
     }
 
     /// χ² and its derivatives; `None` where χ² is not finite.
-    pub fn linear(&self, theta: &Theta) -> Option<Linear> {
+    pub fn linear(&self, theta: &Theta) -> Option<Linearised> {
         let parts = self.in_parts(|rows| {
-            let mut linear = Linear {
+            let mut linear = Linearised {
                 chi2: 0.0,
                 r_factor: RFactor::default(),
             };
@@ -146,19 +146,19 @@ impl<'a> Task<'a> {
     }
 
     /// The nearest motion of every row.
-    pub fn all_nearest(&self, theta: &Theta) -> Option<Vec<Nearest>> {
+    pub fn all_nearest(&self, theta: &Theta) -> Option<Vec<NearestMotion>> {
         let parts = self.in_parts(|rows| {
             rows.map(|row| self.nearest(row, theta))
                 .collect::<Option<Vec<_>>>()
         });
-        let parts: Option<Vec<Vec<Nearest>>> = parts.into_iter().collect();
+        let parts: Option<Vec<Vec<NearestMotion>>> = parts.into_iter().collect();
         Some(parts?.concat())
     }
 
     /// `work` on all rows, many of them in parts of a size of their own, so that sums do not depend on the machine.
-    fn in_parts<T: Send>(&self, work: impl Fn(Rows<'a>) -> T + Sync) -> Vec<T> {
+    fn in_parts<T: Send>(&self, work: impl Fn(ChosenRows<'a>) -> T + Sync) -> Vec<T> {
         let count = self.chosen.map_or(self.rows.len(), <[usize]>::len);
-        let rows = |from: usize, to: usize| Rows {
+        let rows = |from: usize, to: usize| ChosenRows {
             rows: self.rows,
             chosen: self.chosen,
             at: from,
@@ -233,12 +233,12 @@ impl<'a> Task<'a> {
     }
 
     /// The least χ² near `start`; `None` where χ² is not finite at the start itself.
-    pub fn search(&self, start: Theta) -> Option<Found> {
+    pub fn search(&self, start: Theta) -> Option<Minimum> {
         self.search_to(start, SETTLED).map(|(found, _)| found)
     }
 
     /// As [`Self::search`], to `settled` in place of [`SETTLED`]; and how many steps it tried.
-    pub fn search_to(&self, start: Theta, settled: f64) -> Option<(Found, u64)> {
+    pub fn search_to(&self, start: Theta, settled: f64) -> Option<(Minimum, u64)> {
         let result = Executor::new(self.clone(), LevenbergMarquardt::to(settled))
             .configure(|state| state.param(start.to_vec()).max_iters(MOST_STEPS))
             .ctrlc(false)
@@ -246,14 +246,14 @@ impl<'a> Task<'a> {
             .ok()?;
         let LevenbergMarquardt { descent, ended, .. } = result.solver;
         let (theta, linear) = descent?.state;
-        let smooth = Found {
+        let smooth = Minimum {
             theta,
             chi2: linear.chi2,
             r_factor: linear.r_factor,
             converged: ended.is_some(),
         };
         // It stopped although the derivatives promised more.
-        let (effect, scatter) = Scaled::new(self, settled).best_effect(&linear);
+        let (effect, scatter) = ScaleFreeRows::new(self, settled).best_effect(&linear);
         let at_kink = ended == Some(Termination::NoBetterStep) && effect > 1e-4 * scatter;
         let steps = result.state.get_iter();
         if at_kink && self.rows.len() <= MOST_ROWS_WITH_KINKS {
@@ -264,7 +264,7 @@ impl<'a> Task<'a> {
     }
 
     /// Nelder-Mead from a point at which no smooth step gets down.
-    fn across_kinks(&self, from: Found) -> Option<Found> {
+    fn across_kinks(&self, from: Minimum) -> Option<Minimum> {
         let lengths = from.r_factor.lengths();
         let moving: Vec<usize> = (0..PARAMETERS)
             .filter(|&j| self.variant.free[j] && lengths[j] > 0.0)
@@ -272,7 +272,7 @@ impl<'a> Task<'a> {
         if moving.is_empty() {
             return None;
         }
-        let reduced = Reduced {
+        let reduced = FreeParameters {
             task: self,
             from: from.theta,
             moving: moving.clone(),
@@ -295,8 +295,8 @@ impl<'a> Task<'a> {
             .ok()?;
         let best = result.state().get_best_param()?;
         let theta = reduced.theta(best);
-        let Linear { chi2, r_factor } = self.linear(&theta)?;
-        (chi2 <= from.chi2).then_some(Found {
+        let Linearised { chi2, r_factor } = self.linear(&theta)?;
+        (chi2 <= from.chi2).then_some(Minimum {
             theta,
             chi2,
             r_factor,
@@ -307,13 +307,13 @@ impl<'a> Task<'a> {
 
 /// The parameters that move, for a method without derivatives.
 #[derive(Clone)]
-struct Reduced<'a, 'b> {
+struct FreeParameters<'a, 'b> {
     task: &'b Task<'a>,
     from: Theta,
     moving: Vec<usize>,
 }
 
-impl Reduced<'_, '_> {
+impl FreeParameters<'_, '_> {
     fn theta(&self, moved: &[f64]) -> Theta {
         let mut theta = self.from;
         for (&j, x) in self.moving.iter().zip(moved) {
@@ -323,7 +323,7 @@ impl Reduced<'_, '_> {
     }
 }
 
-impl CostFunction for Reduced<'_, '_> {
+impl CostFunction for FreeParameters<'_, '_> {
     type Param = Vec<f64>;
     type Output = f64;
 
@@ -335,7 +335,7 @@ impl CostFunction for Reduced<'_, '_> {
 /// The crate's Levenberg-Marquardt as argmin asks for it: argmin counts and limits the steps.
 struct LevenbergMarquardt {
     settled: f64,
-    descent: Option<Descent<(Theta, Linear)>>,
+    descent: Option<Descent<(Theta, Linearised)>>,
     ended: Option<Termination>,
 }
 
@@ -388,7 +388,7 @@ impl Solver<Task<'_>, Step> for LevenbergMarquardt {
         self.ended = match &mut self.descent {
             None => Some(Termination::Singular),
             Some(descent) => problem.problem("linear_count", |task| {
-                Ok(descent.advance(&mut Scaled::new(task, settled)))
+                Ok(descent.advance(&mut ScaleFreeRows::new(task, settled)))
             })?,
         };
         Ok((self.report(state), None))
@@ -416,13 +416,13 @@ impl LevenbergMarquardt {
 }
 
 /// The rows as the least-squares loop sees them, with ends that do not depend on units.
-struct Scaled<'a, 'b> {
+struct ScaleFreeRows<'a, 'b> {
     task: &'b Task<'a>,
     rows: f64,
     settled: f64,
 }
 
-impl<'a, 'b> Scaled<'a, 'b> {
+impl<'a, 'b> ScaleFreeRows<'a, 'b> {
     fn new(task: &'b Task<'a>, settled: f64) -> Self {
         let rows = task.chosen.map_or(task.rows.len(), <[usize]>::len).max(1);
         Self {
@@ -438,7 +438,7 @@ impl<'a, 'b> Scaled<'a, 'b> {
     }
 
     /// By how much the best that any step can do moves the residuals; and the scatter of one.
-    fn best_effect(&self, here: &Linear) -> (f64, f64) {
+    fn best_effect(&self, here: &Linearised) -> (f64, f64) {
         let free = here.r_factor.lengths().map(|length| 1e-12 * length);
         let effect = here.r_factor.effect(&here.r_factor.step(&free));
         (effect, (here.chi2 / self.rows).sqrt())
@@ -446,12 +446,12 @@ impl<'a, 'b> Scaled<'a, 'b> {
 }
 
 /// D of the damping: the lengths of the Jacobian's columns.
-fn damping_rows(here: &Linear, damping: f64) -> Theta {
+fn damping_rows(here: &Linearised, damping: f64) -> Theta {
     here.r_factor.lengths().map(|length| damping.sqrt() * length)
 }
 
-impl least_squares::Problem for Scaled<'_, '_> {
-    type State = (Theta, Linear);
+impl least_squares::Problem for ScaleFreeRows<'_, '_> {
+    type State = (Theta, Linearised);
     type Step = Theta;
 
     fn step(&mut self, (_, here): &Self::State, damping: f64) -> Option<Theta> {

@@ -1,13 +1,13 @@
 //! Where a search begins: what single rows would give for each parameter, combined.
 //!
-//! χ² of a model with a transition has several valleys, one for each way to part the rows into those that grip and those
+//! χ² of a model with a transition has several local minima, one for each way to part the rows into those that grip and those
 //! that slide. So searches begin from many places: friction such that a tenth, a quarter, a half ... of the rows slide, e_x
 //! as these rows read it, and so on; restitution from the velocities, or from a grid where the columns hold it only
 //! together with the rest.
 
-use super::data::Data;
-use super::law::{E, E_X, MU, PARAMETERS, RATIO, Theta};
+use super::group_data::GroupData;
 use super::observation::{Observation, Spin};
+use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Theta};
 use super::search::Task;
 use super::series::ColumnSet;
 use std::collections::HashSet;
@@ -19,7 +19,7 @@ const QUANTILES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 const ROWS: usize = 120;
 
 /// Combinations of start values for the parameters in `free`.
-pub(super) fn candidates(data: &Data, chosen: &[usize], free: &[bool; PARAMETERS]) -> Vec<Theta> {
+pub(super) fn candidates(data: &GroupData, chosen: &[usize], free: &[bool; PARAMETERS]) -> Vec<Theta> {
     let rows: Vec<&Observation> = thinned(chosen).iter().map(|&i| &data.rows[i]).collect();
     let mut starts = Vec::new();
     for e in restitutions(&rows) {
@@ -68,7 +68,7 @@ pub(super) fn best(task: &Task<'_>, starts: Vec<Theta>, kept: f64, count: usize)
         .filter(|(score, ..)| score.is_finite())
         .collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // The best of each way to part the rows, as each may be a valley of its own; then the best of what is left.
+    // The best of each way to part the rows, as each may lead to a local minimum of its own; then the best of what is left.
     let mut ways = HashSet::new();
     let (firsts, rest): (Vec<_>, Vec<_>) = scored
         .into_iter()

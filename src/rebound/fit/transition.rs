@@ -4,13 +4,13 @@
 //! put in order of the impulse that would stop their slip, the gaps between them are tried one by one, all other
 //! parameters fitted anew in each; and the interval reaches out to where the least χ² is exceeded by what chance allows.
 //!
-//! The values of Λ are compared by the likelihood that is averaged over each row's true incidence ([`law::averaged::averaged`]): the
+//! The values of Λ are compared by the likelihood that is averaged over each row's true incidence ([`row_law::averaged::averaged`]): the
 //! least χ² itself is lower for any jump, by a little for each row near it.
 
-use super::data::{Data, demand};
-use super::law::{self, E, MU, Regimes, Theta, Variant};
+use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::search::{Found, Task};
+use super::row_law::{self, E, MU, Regimes, Theta, Variant};
+use super::search::{Minimum, Task};
 
 /// More rows than this are not fitted anew for every Λ: one row more or less on a side then moves nothing else.
 const REFITTED: usize = 150;
@@ -32,14 +32,14 @@ const OUT: usize = 4;
 
 /// The limit's interval; an end is `None` where the data set none.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Limits {
+pub(super) struct LimitInterval {
     pub low: Option<f64>,
     pub high: Option<f64>,
 }
 
 /// χ² as a function of Λ.
 pub(super) struct Profile<'a> {
-    data: &'a Data,
+    data: &'a GroupData,
     variant: Variant,
     /// Where the other parameters start, or stay.
     theta: Theta,
@@ -52,7 +52,7 @@ pub(super) struct Profile<'a> {
 
 impl<'a> Profile<'a> {
     /// Around `theta`, the fit of `variant`, whatever its regimes; `spread` is the square of the rows' scatter.
-    pub fn new(data: &'a Data, variant: Variant, theta: Theta, spread: f64) -> Self {
+    pub fn new(data: &'a GroupData, variant: Variant, theta: Theta, spread: f64) -> Self {
         Self {
             spread,
             data,
@@ -64,7 +64,7 @@ impl<'a> Profile<'a> {
     }
 
     /// The fit with the limit at `limit`; friction in sliding does not exceed it.
-    fn fitted(&self, limit: f64) -> Option<Found> {
+    fn fitted(&self, limit: f64) -> Option<Minimum> {
         let task = self.task(limit);
         let found = task.search(self.theta)?;
         if found.theta[MU] * (1.0 + found.theta[E]) <= limit {
@@ -105,7 +105,7 @@ impl<'a> Profile<'a> {
         let mut demands: Vec<f64> = self
             .rows
             .iter()
-            .map(|&i| demand(&self.data.rows[i], &self.theta))
+            .map(|&i| friction_demand(&self.data.rows[i], &self.theta))
             .filter(|d| d.is_finite())
             .filter(|d| between.is_none_or(|(low, high)| (low..=high).contains(d)))
             .collect();
@@ -133,12 +133,12 @@ impl<'a> Profile<'a> {
 
     /// The best Λ with its fit to all rows. Any value in its gap is as good; it is the middle. `None` where χ² is no lower
     /// there than at `without`, by `gain` at least, and so needs no fit of many rows to find out.
-    pub fn best(&mut self, without: f64, gain: f64) -> Option<(f64, Found)> {
+    pub fn best(&mut self, without: f64, gain: f64) -> Option<(f64, Minimum)> {
         // The other parameters of many rows stay where they are while Λ moves; so both take turns.
         const TURNS: usize = 6;
         let all: Vec<usize> = (0..self.data.rows.len()).collect();
         let sample = self.rows.clone();
-        let mut best: Option<(f64, Found)> = None;
+        let mut best: Option<(f64, Minimum)> = None;
         for turn in 0..TURNS {
             self.rows.clone_from(&sample);
             let limit = self.best_gap()?;
@@ -161,7 +161,7 @@ impl<'a> Profile<'a> {
                 spread: self.spread,
             };
             let found = whole.fitted(limit)?;
-            let worse = |(last, before): &(f64, Found)| {
+            let worse = |(last, before): &(f64, Minimum)| {
                 let chi2 = |limit, theta| whole.task(limit).averaged(theta, self.spread);
                 chi2(limit, &found.theta) >= chi2(*last, &before.theta)
             };
@@ -207,7 +207,7 @@ impl<'a> Profile<'a> {
         let (Some(&low), Some(&high)) = (gaps.first(), gaps.last()) else {
             return false;
         };
-        let within = |row: &Observation| (low..=high).contains(&demand(row, &self.theta));
+        let within = |row: &Observation| (low..=high).contains(&friction_demand(row, &self.theta));
         self.data.rows.iter().filter(|row| within(row)).count() > gaps.len()
     }
 
@@ -234,15 +234,15 @@ impl<'a> Profile<'a> {
         let rows = &self.data.rows;
         self.rows = (0..rows.len())
             .filter(|&i| {
-                let (least, std) = law::margin(&rows[i], &self.variant, high, &self.theta);
-                let (most, _) = law::margin(&rows[i], &self.variant, low, &self.theta);
+                let (least, std) = row_law::margin(&rows[i], &self.variant, high, &self.theta);
+                let (most, _) = row_law::margin(&rows[i], &self.variant, low, &self.theta);
                 least <= FAR * std && most >= -FAR * std
             })
             .collect();
     }
 
     /// All Λ whose χ² exceeds that at `best` by less than `level`, from the lowest to the highest.
-    pub fn limits(&mut self, best: f64, level: f64) -> Limits {
+    pub fn limits(&mut self, best: f64, level: f64) -> LimitInterval {
         if !self.refit {
             // The sample's interval is wider; within it, all rows.
             let wide = self.reach(best, level + 10.0);
@@ -254,13 +254,13 @@ impl<'a> Profile<'a> {
         self.reach(best, level)
     }
 
-    fn reach(&self, best: f64, level: f64) -> Limits {
+    fn reach(&self, best: f64, level: f64) -> LimitInterval {
         let ceiling = self.chi2(best) + level;
         let mut gaps = self.gaps(None);
         gaps.retain(|g| *g != best);
         let split = gaps.partition_point(|g| *g < best);
         let (below, above) = gaps.split_at(split);
-        Limits {
+        LimitInterval {
             low: self.end(best, below.iter().rev(), ceiling),
             high: self.end(best, above.iter(), ceiling),
         }

@@ -1,19 +1,19 @@
 //! Where sliding begins: static friction and the angle of the transition, with the intervals that the order of the rows
 //! allows.
 
-use super::{NO_SLIP, Work, three_digits};
+use super::estimation::{ModelEstimation, NO_SLIP, three_digits};
 use crate::quantity::Quantity;
-use crate::rebound::fit::data::demand;
-use crate::rebound::fit::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
+use crate::rebound::fit::group_data::friction_demand;
 use crate::rebound::fit::result::{Fitted, Transition};
-use crate::rebound::fit::transition::{Limits, Profile};
+use crate::rebound::fit::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
+use crate::rebound::fit::transition::{LimitInterval, Profile};
 use crate::rebound::model::FrictionLimit;
 use crate::rebound::parameter::SEARCHED;
 
 /// Static friction is given where its bounds are closer than this ratio; the paper's own best is 0.15 ± 0.02.
 const CLOSE: f64 = 1.5;
 
-impl Work<'_> {
+impl ModelEstimation<'_> {
     /// μ (1 + e), where the model holds it.
     pub(super) fn friction_share(theta: &Theta) -> f64 {
         theta[MU] * (1.0 + theta[E])
@@ -25,7 +25,7 @@ impl Work<'_> {
     }
 
     /// Λ of a model that may jump: where it may lie, whether or not static friction equals friction.
-    pub(super) fn limits(&self) -> Option<Limits> {
+    pub(super) fn limits(&self) -> Option<LimitInterval> {
         let solution = self.solution;
         let both = self.sliding > 0 && self.gripping > 0;
         if self.friction_limit() != FrictionLimit::AtStaticFriction || !solution.is_free(MU) || !both {
@@ -43,7 +43,7 @@ impl Work<'_> {
                     .estimate()?
                     .interval_95;
                 let limits = profile.limits(share, level);
-                Some(Limits {
+                Some(LimitInterval {
                     low,
                     high: limits.high.zip(high).map(|(a, b)| a.max(b)),
                 })
@@ -52,11 +52,11 @@ impl Work<'_> {
     }
 
     /// Λ as it is reported: that of friction where nothing contradicts it, else the middle of where it may lie.
-    pub(super) fn limit(&self, limits: Option<Limits>) -> f64 {
+    pub(super) fn limit(&self, limits: Option<LimitInterval>) -> f64 {
         match (self.solution.jump(), limits) {
             (
                 Some(_),
-                Some(Limits {
+                Some(LimitInterval {
                     low: Some(low),
                     high: Some(high),
                 }),
@@ -66,7 +66,7 @@ impl Work<'_> {
         }
     }
 
-    pub(super) fn static_friction(&self, limits: Option<Limits>) -> Fitted {
+    pub(super) fn static_friction(&self, limits: Option<LimitInterval>) -> Fitted {
         let solution = self.solution;
         if !solution.slips {
             return Fitted::NotDetermined(NO_SLIP.to_owned());
@@ -84,7 +84,7 @@ impl Work<'_> {
         if self.gripping == 0 {
             let rows = self.data.rows.iter();
             let least = rows
-                .map(|row| demand(row, &self.theta) / over)
+                .map(|row| friction_demand(row, &self.theta) / over)
                 .fold(f64::INFINITY, f64::min);
             return Fitted::NotDetermined(format!(
                 "every row slides: static friction is at most {}",
@@ -114,7 +114,7 @@ impl Work<'_> {
         limit.atan2(self.slip_share * (1.0 + theta[E_X]) * (1.0 - ratio).abs())
     }
 
-    pub(super) fn transition(&self, limits: Option<Limits>) -> Transition {
+    pub(super) fn transition(&self, limits: Option<LimitInterval>) -> Transition {
         let of = |angle_rad: Fitted, without_jump_rad| Transition {
             angle_rad,
             spin_ratio: if self.data.shared_spin {

@@ -1,20 +1,21 @@
-//! The three models fitted to the rows of a group, each in the variant that the rows ask for.
+//! The models fitted to the rows of a group, each in the variant that the rows ask for. Which there are follows from how
+//! friction ends grip in the model:
 //!
-//! | model | variants, from the simplest |
-//! |---|---|
-//! | μ-e | all rows leave rolling (e); some slide, μ_o = μ (e, μ); the outcome jumps (e, μ, μ_o) |
-//! | e-e | (e, e_x) |
-//! | grip-slide | all rows grip (e, e_x); all slide (e, μ); some do either (e, e_x, μ) |
+//! | limit of friction | e.g. | variants, from the simplest |
+//! |---|---|---|
+//! | at static friction | μ-e | all rows leave rolling (e); some slide, μ_o = μ (e, μ); the outcome jumps (e, μ, μ_o) |
+//! | never | e-e | one law (e, e_x) |
+//! | at friction | grip-slide | all rows grip (e, e_x); all slide (e, μ); some do either (e, e_x, μ) |
 //!
 //! A larger variant has to earn its parameter. That some rows slide, or grip, has to show ([`SHOWS`]): otherwise the row
 //! nearest to the limit would give a coefficient made of its own noise. And rows whose slip before the bounce is nothing but error (a ball that rolls
 //! already) tell neither friction nor e_x.
 
-use super::criteria::{self, Marks, chi2_quantile};
-use super::data::{Data, demand};
-use super::law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, Variant};
+use super::criteria::{self, InformationCriteria, chi2_quantile};
+use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::search::{Found, Task};
+use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, Variant};
+use super::search::{Minimum, Task};
 use super::series::{ColumnSet, Weights};
 use super::starts;
 use super::transition::Profile;
@@ -47,9 +48,9 @@ pub(super) const FOLLOWED: usize = 8;
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
     pub variant: Variant,
-    pub found: Found,
-    /// Other valleys of χ², not much higher: the same model with a row more or less that slides.
-    pub valleys: Vec<Found>,
+    pub best: Minimum,
+    /// Other local minima of χ², not much higher: the same model with a row more or less that slides.
+    pub local_minima: Vec<Minimum>,
     pub determined: [bool; PARAMETERS],
     /// Independent combinations of the parameters that the rows determine.
     pub rank: usize,
@@ -57,27 +58,27 @@ pub(super) struct Solution {
     pub slips: bool,
     /// μ-e with every row rolling off, where every row sliding would do as well: e is one number then or another.
     pub one_incidence: bool,
-    pub marks: Marks,
+    pub marks: InformationCriteria,
 }
 
 impl Solution {
-    fn new(data: &Data, variant: Variant, found: Found) -> Self {
+    fn new(data: &GroupData, variant: Variant, best: Minimum) -> Self {
         let task = Task {
             rows: &data.rows,
             chosen: (data.sample.len() < data.rows.len()).then_some(&data.sample),
             variant,
         };
-        let (determined, rank) = task.unit_r_factor(&found.theta).determined(&variant.free);
+        let (determined, rank) = task.unit_r_factor(&best.theta).determined(&variant.free);
         let limit = usize::from(matches!(variant.regimes, Regimes::Jump(_)));
         Self {
             variant,
             determined,
             rank,
-            marks: Marks::new(data, found.chi2, rank + limit, 1.0),
-            valleys: Vec::new(),
+            marks: InformationCriteria::new(data, best.chi2, rank + limit, 1.0),
+            local_minima: Vec::new(),
             slips: true,
             one_incidence: false,
-            found,
+            best,
         }
     }
 
@@ -105,8 +106,8 @@ impl Solution {
     }
 
     /// What standard uncertainties are multiplied by; `None` where the rows leave no scatter to tell it from.
-    pub fn scatter(&self, data: &Data) -> Option<f64> {
-        criteria::scatter(data, self.found.chi2, self.freedom())
+    pub fn scatter(&self, data: &GroupData) -> Option<f64> {
+        criteria::scatter(data, self.best.chi2, self.freedom())
     }
 
     /// Λ where the model jumps.
@@ -118,7 +119,7 @@ impl Solution {
     }
 
     /// The search's own terms, on all rows.
-    pub fn task<'a>(&self, data: &'a Data) -> Task<'a> {
+    pub fn task<'a>(&self, data: &'a GroupData) -> Task<'a> {
         Task {
             rows: &data.rows,
             chosen: None,
@@ -128,27 +129,27 @@ impl Solution {
 }
 
 /// A model in the variant with these parameters of its own; `mu` goes with rows that slide.
-fn variant(data: &Data, model: ModelName, regimes: Regimes, mu: bool) -> Variant {
+fn variant(data: &GroupData, model: ModelName, regimes: Regimes, mu: bool) -> Variant {
     let mut free = model.searched(data.shared_spin);
     free[MU] &= mu;
     Variant { model, regimes, free }
 }
 
 /// A model with every row below the limit of friction.
-fn gripping(data: &Data, model: ModelName) -> Variant {
+fn gripping(data: &GroupData, model: ModelName) -> Variant {
     // Where friction limits nothing, it is a parameter of the model's one law, if it has any.
     variant(data, model, Regimes::Grip, !model.has_friction_limit())
 }
 
 /// A model with every row sliding, whether or not it can: no tangential restitution shows then.
-fn sliding(data: &Data, model: ModelName) -> Variant {
+fn sliding(data: &GroupData, model: ModelName) -> Variant {
     let mut slide = variant(data, model, Regimes::Slide, true);
     slide.free[E_X] = false;
     slide
 }
 
 /// All models, in the order of the results; a model that cannot be fitted is left out.
-pub(super) fn all(data: &Data) -> Vec<Solution> {
+pub(super) fn all(data: &GroupData) -> Vec<Solution> {
     let rolling = solve(data, rolling(data), &[]);
     if let Some(rolling) = rolling.as_ref().filter(|rolling| !slips(data, rolling)) {
         let as_model = |name| Solution {
@@ -172,7 +173,7 @@ pub(super) fn all(data: &Data) -> Vec<Solution> {
 }
 
 /// Every row leaves rolling: what all models say where there is no slip.
-fn rolling(data: &Data) -> Variant {
+fn rolling(data: &GroupData) -> Variant {
     let mut rolling = gripping(data, ModelName::ALL[0]);
     rolling.free = [false; PARAMETERS];
     rolling.free[E] = true;
@@ -181,26 +182,26 @@ fn rolling(data: &Data) -> Variant {
 }
 
 /// Whether the balls are seen to slip before the bounce.
-fn slips(data: &Data, rolling: &Solution) -> bool {
+fn slips(data: &GroupData, rolling: &Solution) -> bool {
     let spread = match data.weights {
         Weights::Stated => 1.0,
         Weights::Unit => {
             let freedom = rolling.marks.equations.saturating_sub(rolling.rank);
-            (rolling.found.chi2 / freedom.max(1) as f64).max(data.rounding)
+            (rolling.best.chi2 / freedom.max(1) as f64).max(data.rounding)
         }
     };
     // Slip that is known well, but too small to move the rebound, tells nothing either.
-    let mut told = rolling.task(data);
-    told.variant.free[E_X] = true;
-    let moves = told
-        .linear(&rolling.found.theta)
+    let mut with_e_x = rolling.task(data);
+    with_e_x.variant.free[E_X] = true;
+    let moves = with_e_x
+        .linear(&rolling.best.theta)
         .map_or(0.0, |l| l.r_factor.lengths()[E_X]);
     if !(moves > TELLING * spread.sqrt()) {
         return false;
     }
     let (mut chi2, mut rows) = (0.0, 0);
     for row in &data.rows {
-        let (slip, variance) = row.slip(rolling.found.theta[RATIO]);
+        let (slip, variance) = row.slip(rolling.best.theta[RATIO]);
         if slip == 0.0 {
             continue;
         }
@@ -211,36 +212,36 @@ fn slips(data: &Data, rolling: &Solution) -> bool {
 }
 
 /// A model whose outcome may jump at the limit of static friction; `rolling` is its fit with every row below that.
-fn with_jump(data: &Data, name: ModelName, rolling: Option<Solution>) -> Option<Solution> {
+fn with_jump(data: &GroupData, name: ModelName, rolling: Option<Solution>) -> Option<Solution> {
     let continuous = variant(data, name, Regimes::Continuous, true);
     let jumping = |limit: f64| continuous.with(Regimes::Jump(limit));
-    let from: Vec<Theta> = rolling.iter().map(|r| r.found.theta).collect();
+    let from: Vec<Theta> = rolling.iter().map(|r| r.best.theta).collect();
     let sliding = solve(data, continuous, &from);
     let (Some(rolling), Some(sliding)) = (&rolling, &sliding) else {
         return sliding.or(rolling);
     };
     let spread = sliding.scatter(data).unwrap_or(0.0).powi(2);
     let averaged = |solution: &Solution| {
-        let chi2 = solution.task(data).averaged(&solution.found.theta, spread);
+        let chi2 = solution.task(data).averaged(&solution.best.theta, spread);
         let limit = usize::from(solution.jump().is_some());
-        Marks::new(data, chi2, solution.rank + limit, 1.0)
+        InformationCriteria::new(data, chi2, solution.rank + limit, 1.0)
     };
     let without = averaged(sliding);
-    let jump = Profile::new(data, continuous, sliding.found.theta, spread)
+    let jump = Profile::new(data, continuous, sliding.best.theta, spread)
         .best(
-            sliding.found.theta[MU] * (1.0 + sliding.found.theta[E]),
+            sliding.best.theta[MU] * (1.0 + sliding.best.theta[E]),
             0.5 * JUMPS,
         )
         .map(|(limit, found)| Solution::new(data, jumping(limit), found))
         // A friction above the limit is the continuous model, pinned.
-        .filter(|s| s.jump() > Some(s.found.theta[MU] * (1.0 + s.found.theta[E])))
+        .filter(|s| s.jump() > Some(s.best.theta[MU] * (1.0 + s.best.theta[E])))
         .filter(|s| averaged(s).gain_over(&without, data.weights) > JUMPS)
         .filter(|s| jump_in_deviations(data, s).is_some_and(|jump| jump > SEEN * spread.sqrt()));
     let larger = jump.unwrap_or_else(|| sliding.clone());
     // A spin that is fitted makes any single row one that grips; that has to show, too.
     let throughout = data
         .shared_spin
-        .then(|| solve(data, self::sliding(data, name), &[sliding.found.theta]))
+        .then(|| solve(data, self::sliding(data, name), &[sliding.best.theta]))
         .flatten()
         .filter(|slide| !(larger.marks.gain_over(&slide.marks, data.weights) > SHOWS));
     let larger = throughout.unwrap_or(larger);
@@ -259,7 +260,7 @@ fn with_jump(data: &Data, name: ModelName, rolling: Option<Solution>) -> Option<
 /// Whether rows that all seem to roll off may as well all slide, as one incidence has it: tan φ or x holds e with the regime
 /// only, and any e goes with some μ. (Velocities hold e by themselves.) Rows at several incidences that lie on the line of
 /// rolling do not lie on one of sliding by chance.
-fn may_slide(data: &Data, name: ModelName, rolling: &Solution) -> bool {
+fn may_slide(data: &GroupData, name: ModelName, rolling: &Solution) -> bool {
     let by_itself = |row: &Observation| row.set == ColumnSet::Velocities;
     if !rolling.determined[E] || data.rows.first().is_none_or(by_itself) {
         return false;
@@ -274,7 +275,7 @@ fn may_slide(data: &Data, name: ModelName, rolling: &Solution) -> bool {
         return false;
     }
     let variance = |of: &Solution| {
-        let r_factor = &of.found.r_factor;
+        let r_factor = &of.best.r_factor;
         r_factor.covariance(&of.determined, &of.variant.free, of.rank)[(E, E)]
     };
     let vague = variance(&sliding);
@@ -284,9 +285,9 @@ fn may_slide(data: &Data, name: ModelName, rolling: &Solution) -> bool {
 }
 
 /// By how many deviations of a row the outcome jumps, from the rows that slide next to the limit; `None` where none slides.
-fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
+fn jump_in_deviations(data: &GroupData, solution: &Solution) -> Option<f64> {
     const NEXT: usize = 5;
-    let theta = &solution.found.theta;
+    let theta = &solution.best.theta;
     let jump = solution.jump()? / (1.0 + theta[E]) - theta[MU];
     let task = solution.task(data);
     let nearest = task.all_nearest(theta)?;
@@ -298,7 +299,7 @@ fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
             let by_friction = near.jacobian[..near.equations]
                 .iter()
                 .map(|line| line[MU].powi(2));
-            (demand(row, theta), by_friction.sum::<f64>().sqrt())
+            (friction_demand(row, theta), by_friction.sum::<f64>().sqrt())
         })
         .collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -307,12 +308,12 @@ fn jump_in_deviations(data: &Data, solution: &Solution) -> Option<f64> {
 }
 
 /// A model whose outcome is continuous at the limit of friction; `before` are those of its special cases that are fitted.
-fn with_limit(data: &Data, name: ModelName, before: &[Solution]) -> Option<Solution> {
+fn with_limit(data: &GroupData, name: ModelName, before: &[Solution]) -> Option<Solution> {
     // That of its special cases that knows no limit is the same with every row below it.
     let unlimited = before
         .iter()
         .find(|s| name.special_cases().any(|case| case == s.name()) && !s.name().has_friction_limit());
-    let from: Vec<Theta> = unlimited.iter().map(|s| s.found.theta).collect();
+    let from: Vec<Theta> = unlimited.iter().map(|s| s.best.theta).collect();
     let both = solve(data, variant(data, name, Regimes::Continuous, true), &from);
     let throughout = worth_all_rows(data, name, unlimited)
         .then(|| solve(data, sliding(data, name), &[]))
@@ -340,7 +341,7 @@ fn with_limit(data: &Data, name: ModelName, before: &[Solution]) -> Option<Solut
 }
 
 /// Whether sliding throughout may fit better than `unlimited`, as a sample of many rows has it.
-fn worth_all_rows(data: &Data, name: ModelName, unlimited: Option<&Solution>) -> bool {
+fn worth_all_rows(data: &GroupData, name: ModelName, unlimited: Option<&Solution>) -> bool {
     // Half as much again is no chance in a sample of hundreds.
     const HOPELESS: f64 = 1.5;
     let (Some(unlimited), true) = (unlimited, data.sample.len() < data.rows.len()) else {
@@ -351,23 +352,23 @@ fn worth_all_rows(data: &Data, name: ModelName, unlimited: Option<&Solution>) ->
         ..unlimited.task(data)
     };
     search(data, &data.sample, sliding(data, name), &[])
-        .is_some_and(|slide| slide.chi2 < HOPELESS * sample.chi2(&unlimited.found.theta))
+        .is_some_and(|slide| slide.chi2 < HOPELESS * sample.chi2(&unlimited.best.theta))
 }
 
 /// Whether the rows show that some slide.
-fn shows(data: &Data, without: &Solution, with: &Solution) -> bool {
+fn shows(data: &GroupData, without: &Solution, with: &Solution) -> bool {
     slides(data, with) && with.marks.gain_over(&without.marks, data.weights) > SHOWS
 }
 
 /// Whether some row slides.
-fn slides(data: &Data, solution: &Solution) -> bool {
+fn slides(data: &GroupData, solution: &Solution) -> bool {
     let task = solution.task(data);
-    let theta = &solution.found.theta;
+    let theta = &solution.best.theta;
     task.rows()
         .any(|row| task.nearest(row, theta).is_some_and(|n| n.state.slides()))
 }
 
-fn solve(data: &Data, variant: Variant, from: &[Theta]) -> Option<Solution> {
+fn solve(data: &GroupData, variant: Variant, from: &[Theta]) -> Option<Solution> {
     let found = search(data, &data.sample, variant, from)?;
     let found = if data.sample.len() < data.rows.len() {
         let all = Task {
@@ -387,7 +388,7 @@ fn solve(data: &Data, variant: Variant, from: &[Theta]) -> Option<Solution> {
 
 /// Sliding forwards under a friction that pushes is sliding backwards under one that holds: where the spin is fitted, the
 /// slip's direction is that of friction.
-fn with_the_slip(data: &Data, variant: Variant, found: Found) -> Found {
+fn with_the_slip(data: &GroupData, variant: Variant, found: Minimum) -> Minimum {
     const AS_GOOD: f64 = 1e-6;
     if !(variant.free[RATIO] && variant.free[MU] && found.theta[MU] < 0.0) {
         return found;
@@ -411,25 +412,25 @@ pub(super) const FEW: usize = 150;
 /// Rows beside the transition that are tried on its other side.
 const BESIDE: usize = 3;
 
-/// Goes through the ways to part the rows near the transition. Each leads to a valley of its own; the lowest becomes the
+/// Goes through the ways to part the rows near the transition. Each leads to a local minimum of its own; the lowest becomes the
 /// solution, the others are kept.
-fn through_the_order(data: &Data, solution: &mut Solution) {
+fn through_the_order(data: &GroupData, solution: &mut Solution) {
     if solution.variant.regimes != Regimes::Continuous || data.rows.len() > FEW {
         return;
     }
     let task = solution.task(data);
-    let theta = solution.found.theta;
+    let theta = solution.best.theta;
     let mut order: Vec<(f64, bool)> = data
         .rows
         .iter()
         .map(|row| {
             let slides = task.nearest(row, &theta).is_some_and(|n| n.state.slides());
-            (demand(row, &theta), slides)
+            (friction_demand(row, &theta), slides)
         })
         .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let gripping = order.iter().filter(|(_, slides)| !slides).count();
-    let mut valleys = vec![solution.found];
+    let mut minima = vec![solution.best];
     for below in gripping.saturating_sub(BESIDE)..=(gripping + BESIDE).min(order.len()) {
         let limit = match below {
             0 => 0.5 * order[0].0,
@@ -438,26 +439,31 @@ fn through_the_order(data: &Data, solution: &mut Solution) {
         };
         let mut parted = task.clone();
         parted.variant.regimes = Regimes::Jump(limit * (1.0 + theta[E_X]));
-        let valley = parted.search(theta).and_then(|parted| task.search(parted.theta));
-        let is_new = |found: &Found| {
-            valleys
+        let minimum = parted.search(theta).and_then(|parted| task.search(parted.theta));
+        let is_new = |found: &Minimum| {
+            minima
                 .iter()
                 .all(|v| (v.chi2 - found.chi2).abs() > 1e-6 * (1e-3 + found.chi2))
         };
-        if let Some(found) = valley.filter(is_new) {
-            valleys.push(found);
+        if let Some(found) = minimum.filter(is_new) {
+            minima.push(found);
         }
     }
-    valleys.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    let lowest = valleys.remove(0);
+    minima.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    let lowest = minima.remove(0);
     *solution = Solution {
-        valleys,
+        local_minima: minima,
         ..Solution::new(data, solution.variant, lowest)
     };
 }
 
 /// The least χ² of the `chosen` rows from many starts.
-pub(super) fn search(data: &Data, chosen: &[usize], variant: Variant, from: &[Theta]) -> Option<Found> {
+pub(super) fn search(
+    data: &GroupData,
+    chosen: &[usize],
+    variant: Variant,
+    from: &[Theta],
+) -> Option<Minimum> {
     let task = Task {
         rows: &data.rows,
         chosen: Some(chosen),
@@ -472,6 +478,6 @@ pub(super) fn search(data: &Data, chosen: &[usize], variant: Variant, from: &[Th
 }
 
 /// A model with every row sliding, whether or not it can.
-pub(super) fn sliding_throughout(data: &Data, model: ModelName) -> Option<Solution> {
+pub(super) fn sliding_throughout(data: &GroupData, model: ModelName) -> Option<Solution> {
     solve(data, sliding(data, model), &[])
 }

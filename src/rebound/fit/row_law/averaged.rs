@@ -1,7 +1,7 @@
 //! A row's likelihood with its true incidence averaged over both sides of the transition.
 
-use super::algebra::{dot, forward};
-use super::{Law, MOST, Regimes, State, Theta, Variant, by_slot, nearest};
+use super::equations::{MOST, dot, forward};
+use super::{Regimes, RowLaw, RowState, Theta, Variant, by_slot, nearest};
 use crate::rebound::fit::observation::{Observation, Slots};
 use statrs::function::erf::erfc;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
@@ -18,14 +18,22 @@ pub(in crate::rebound::fit) fn averaged(
     theta: &Theta,
     spread: f64,
 ) -> Option<f64> {
-    let (law, here) = Law::new(row, variant, theta);
+    let (law, here) = RowLaw::new(row, variant, theta);
     let (margin, variance) = law.margin(&here);
     let one_sided = matches!(variant.regimes, Regimes::Grip | Regimes::Slide);
     if one_sided || !(variance > 0.0 && spread > 0.0) {
         return nearest(row, variant, theta).map(|n| n.chi2);
     }
-    let first = if margin <= 0.0 { State::Grip } else { State::Slide };
-    let second = if margin <= 0.0 { State::Slide } else { State::Grip };
+    let first = if margin <= 0.0 {
+        RowState::Grip
+    } else {
+        RowState::Slide
+    };
+    let second = if margin <= 0.0 {
+        RowState::Slide
+    } else {
+        RowState::Grip
+    };
     let here = law.log_share(first, spread)?;
     // The other side costs at least what the measured incidence is away from the edge.
     if -0.5 * margin * margin / (variance * spread) < here - NOTHING {
@@ -51,9 +59,9 @@ fn log_normal_cdf(x: f64) -> f64 {
     }
 }
 
-impl Law<'_> {
+impl RowLaw<'_> {
     /// ln of the share of the row's likelihood that lies on the side of `state`, χ² being in units of `spread`.
-    fn log_share(&self, state: State, spread: f64) -> Option<f64> {
+    fn log_share(&self, state: RowState, spread: f64) -> Option<f64> {
         self.closest(state, |at| {
             let k = at.kinematics;
             let (sign, limit) = (self.sign_at(state, k), self.limit.value);

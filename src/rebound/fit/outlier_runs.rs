@@ -3,8 +3,8 @@
 //! A mishap strikes anywhere. Rows next to each other in incidence that are off to the same side are the mark of a law which
 //! the model lacks.
 
-use super::data::{Data, demand};
-use super::law::{Nearest, Theta};
+use super::group_data::{GroupData, friction_demand};
+use super::row_law::{NearestMotion, Theta};
 use super::search::Task;
 
 /// Probability below which a few rows side by side are no chance.
@@ -15,7 +15,7 @@ const MANY: usize = 6;
 const SIDE_BY_SIDE_SIGMAS: f64 = 4.0;
 
 /// Which equation a row violates most, and to which side.
-pub(super) fn side(near: &Nearest) -> (usize, bool) {
+pub(super) fn side(near: &NearestMotion) -> (usize, bool) {
     // The edge is no measured quantity; it comes last.
     let measured = near.equations - usize::from(near.state.on_edge());
     let largest = (0..measured)
@@ -25,12 +25,12 @@ pub(super) fn side(near: &Nearest) -> (usize, bool) {
 }
 
 /// Whether the rows at `found` stand next to each other in incidence, off to the same side, more often than chance.
-pub(super) fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &[usize]) -> bool {
+pub(super) fn side_by_side(data: &GroupData, task: &Task<'_>, theta: &Theta, found: &[usize]) -> bool {
     if found.len() < 2 {
         return false;
     }
     let mut order: Vec<(f64, usize)> = (0..data.rows.len())
-        .map(|i| (demand(&data.rows[i], theta), i))
+        .map(|i| (friction_demand(&data.rows[i], theta), i))
         .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let sides: Vec<(usize, Option<(usize, bool)>)> = order
@@ -53,7 +53,7 @@ pub(super) fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &
     }
     // The same rows dealt out at random, many times: of many rows fewer times tell as much.
     let times = (200_000 / found.len()).clamp(50, 2000);
-    let mut deal = Deal(0x9e37_79b9_7f4a_7c15);
+    let mut deal = Xorshift(0x9e37_79b9_7f4a_7c15);
     let dealt: Vec<f64> = (0..times)
         .map(|_| {
             let places = deal.places(found.len(), data.rows.len());
@@ -72,9 +72,9 @@ pub(super) fn side_by_side(data: &Data, task: &Task<'_>, theta: &Theta, found: &
 }
 
 /// Random places and orders, the same every time (Marsaglia's xorshift).
-struct Deal(u64);
+struct Xorshift(u64);
 
-impl Deal {
+impl Xorshift {
     fn below(&mut self, limit: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;

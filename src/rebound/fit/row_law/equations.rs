@@ -1,7 +1,39 @@
-//! The few matrices of a row, written out: they are small, and there are many rows.
+//! The equations of a row with their derivatives, and the few matrices of them, written out: they are small, and there are
+//! many rows.
 
-use super::{Equations, MOST};
-use crate::rebound::fit::observation::Slots;
+use crate::rebound::fit::observation::{SLOTS, Slots};
+use crate::rebound::parameter::PARAMETERS;
+
+/// Most equations of a row: three, and the edge.
+pub(super) const MOST: usize = 4;
+
+/// The equations at some ẑ.
+pub(super) struct Equations {
+    pub count: usize,
+    pub f: [f64; MOST],
+    pub by_slot: [Slots; MOST],
+    pub by_parameter: [[f64; PARAMETERS]; MOST],
+}
+
+impl Equations {
+    pub fn empty() -> Self {
+        Self {
+            count: 0,
+            f: [0.0; MOST],
+            by_slot: [[0.0; SLOTS]; MOST],
+            by_parameter: [[0.0; PARAMETERS]; MOST],
+        }
+    }
+
+    /// Room for one more, cleared.
+    pub fn next(&mut self) -> (&mut f64, &mut Slots, &mut [f64; PARAMETERS]) {
+        let i = self.count;
+        self.count += 1;
+        self.by_slot[i] = [0.0; SLOTS];
+        self.by_parameter[i] = [0.0; PARAMETERS];
+        (&mut self.f[i], &mut self.by_slot[i], &mut self.by_parameter[i])
+    }
+}
 
 pub(super) fn dot(a: &Slots, b: &Slots) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()

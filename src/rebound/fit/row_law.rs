@@ -20,14 +20,14 @@
 //! either side of it, or (where both would step across) on the edge, which is one equation more. So χ² is continuous
 //! in the parameters although the model jumps.
 
-mod algebra;
 pub(super) mod averaged;
+mod equations;
 
 use super::observation::{Kinematics, Observation, SLOTS, SPIN_OUT, Slots};
 use super::series::ColumnSet;
 use crate::rebound::ModelName;
 use crate::rebound::model::{Incidence, ReboundModel, TangentialImpulse};
-use algebra::{backward, cholesky, dot, forward, relative_move};
+use equations::{Equations, MOST, backward, cholesky, dot, forward, relative_move};
 
 pub(super) use crate::rebound::parameter::{E, E_X, MU, PARAMETERS, RATIO, Theta};
 
@@ -64,7 +64,7 @@ pub(super) enum Regimes {
 
 /// What a row does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum State {
+pub(super) enum RowState {
     /// Grips, or leaves rolling.
     Grip,
     /// Slides.
@@ -75,7 +75,7 @@ pub(super) enum State {
     SlideEdge,
 }
 
-impl State {
+impl RowState {
     pub fn slides(self) -> bool {
         matches!(self, Self::Slide | Self::SlideEdge)
     }
@@ -85,13 +85,10 @@ impl State {
     }
 }
 
-/// Most equations of a row: three, and the edge.
-const MOST: usize = 4;
-
 /// The nearest motion that a model allows.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Nearest {
-    pub state: State,
+pub(super) struct NearestMotion {
+    pub state: RowState,
     pub chi2: f64,
     /// ẑ.
     pub z: Slots,
@@ -105,22 +102,14 @@ pub(super) struct Nearest {
     pub margin: f64,
 }
 
-/// The equations at some ẑ.
-struct Equations {
-    count: usize,
-    f: [f64; MOST],
-    by_slot: [Slots; MOST],
-    by_parameter: [[f64; PARAMETERS]; MOST],
-}
-
 /// μ (1 + e), or what it is pinned to, with its derivatives.
 #[derive(Clone, Copy)]
-struct Share {
+struct FrictionShare {
     value: f64,
     by_parameter: [f64; PARAMETERS],
 }
 
-impl Share {
+impl FrictionShare {
     fn fixed(value: f64) -> Self {
         Self {
             value,
@@ -141,30 +130,30 @@ impl Share {
 
 impl Regimes {
     /// Friction in sliding and the limit of grip.
-    fn shares(self, theta: &Theta) -> (Share, Share) {
-        let friction = Share::of_friction(theta);
+    fn shares(self, theta: &Theta) -> (FrictionShare, FrictionShare) {
+        let friction = FrictionShare::of_friction(theta);
         match self {
             Self::Grip | Self::Slide | Self::Continuous => (friction, friction),
-            Self::Jump(limit) => (friction, Share::fixed(limit)),
-            Self::Pinned(limit) => (Share::fixed(limit), Share::fixed(limit)),
+            Self::Jump(limit) => (friction, FrictionShare::fixed(limit)),
+            Self::Pinned(limit) => (FrictionShare::fixed(limit), FrictionShare::fixed(limit)),
         }
     }
 }
 
 /// The nearest motion to a row under a model; `None` where there is no such thing (numbers that overflow).
-pub(super) fn nearest(row: &Observation, variant: &Variant, theta: &Theta) -> Option<Nearest> {
-    let (law, here) = Law::new(row, variant, theta);
+pub(super) fn nearest(row: &Observation, variant: &Variant, theta: &Theta) -> Option<NearestMotion> {
+    let (law, here) = RowLaw::new(row, variant, theta);
     let regimes = variant.regimes;
     match regimes {
-        Regimes::Grip => return law.solve(State::Grip),
-        Regimes::Slide => return law.solve(State::Slide),
+        Regimes::Grip => return law.solve(RowState::Grip),
+        Regimes::Slide => return law.solve(RowState::Slide),
         _ => {}
     }
     let (margin, variance) = law.margin(&here);
     let (first, second) = if margin <= 0.0 {
-        (State::Grip, State::Slide)
+        (RowState::Grip, RowState::Slide)
     } else {
-        (State::Slide, State::Grip)
+        (RowState::Slide, RowState::Grip)
     };
     let found = law.solve(first)?;
     let first_stands = found.stands();
@@ -177,8 +166,8 @@ pub(super) fn nearest(row: &Observation, variant: &Variant, theta: &Theta) -> Op
         return Some(found);
     }
     let other = law.solve(second)?;
-    let mut best: Option<Nearest> = None;
-    let mut offer = |candidate: Option<Nearest>| {
+    let mut best: Option<NearestMotion> = None;
+    let mut offer = |candidate: Option<NearestMotion>| {
         if let Some(candidate) = candidate
             && best.is_none_or(|b| candidate.chi2 < b.chi2)
         {
@@ -204,43 +193,43 @@ pub(super) fn nearest(row: &Observation, variant: &Variant, theta: &Theta) -> Op
 
 /// How far beyond the limit Λ a row was measured, s (1 + e_x) |a − w| − Λ b, and the deviation of that.
 pub(super) fn margin(row: &Observation, variant: &Variant, limit: f64, theta: &Theta) -> (f64, f64) {
-    let (law, here) = Law::new(row, &variant.with(Regimes::Jump(limit)), theta);
+    let (law, here) = RowLaw::new(row, &variant.with(Regimes::Jump(limit)), theta);
     let (margin, variance) = law.margin(&here);
     (margin, variance.sqrt())
 }
 
-fn edge_of(state: State) -> State {
+fn edge_of(state: RowState) -> RowState {
     if state.slides() {
-        State::SlideEdge
+        RowState::SlideEdge
     } else {
-        State::GripEdge
+        RowState::GripEdge
     }
 }
 
-impl Nearest {
+impl NearestMotion {
     /// Whether ẑ lies on its own side of the limit.
     fn stands(&self) -> bool {
         match self.state {
-            State::Grip => self.margin <= 0.0,
-            State::Slide => self.margin >= 0.0,
-            State::GripEdge | State::SlideEdge => true,
+            RowState::Grip => self.margin <= 0.0,
+            RowState::Slide => self.margin >= 0.0,
+            RowState::GripEdge | RowState::SlideEdge => true,
         }
     }
 }
 
 /// One row under one set of parameters.
-struct Law<'a> {
+struct RowLaw<'a> {
     row: &'a Observation,
     model: &'static dyn ReboundModel,
     theta: &'a Theta,
-    friction: Share,
-    limit: Share,
+    friction: FrictionShare,
+    limit: FrictionShare,
     /// Direction of the slip.
     sign: f64,
 }
 
 /// The nearest point, with what was worked out on the way.
-struct Closest<'a> {
+struct ClosestPoint<'a> {
     z: &'a Slots,
     residuals: &'a [f64; MOST],
     /// L of J Σ Jᵀ.
@@ -252,7 +241,7 @@ struct Closest<'a> {
     kinematics: &'a Kinematics,
 }
 
-impl Closest<'_> {
+impl ClosestPoint<'_> {
     fn chi2(&self) -> f64 {
         self.residuals[..self.equations.count].iter().map(|r| r * r).sum()
     }
@@ -261,7 +250,7 @@ impl Closest<'_> {
 /// Most steps to the nearest point; the worst seen (30 % outliers on angles) takes 25.
 const STEPS: usize = 60;
 
-impl<'a> Law<'a> {
+impl<'a> RowLaw<'a> {
     /// With the motion as it was measured.
     fn new(row: &'a Observation, variant: &Variant, theta: &'a Theta) -> (Self, Kinematics) {
         let (friction, limit) = variant.regimes.shares(theta);
@@ -286,13 +275,13 @@ impl<'a> Law<'a> {
         (equations.f[0], dot(&slope, &self.row.covariance_times(&slope)))
     }
 
-    fn solve(&self, state: State) -> Option<Nearest> {
+    fn solve(&self, state: RowState) -> Option<NearestMotion> {
         self.closest(state, |at| self.finish(state, at))
     }
 
     /// Goes to the nearest point of `state`, and makes of it what `finish` does.
     #[inline]
-    fn closest<T>(&self, state: State, finish: impl FnOnce(&Closest<'_>) -> Option<T>) -> Option<T> {
+    fn closest<T>(&self, state: RowState, finish: impl FnOnce(&ClosestPoint<'_>) -> Option<T>) -> Option<T> {
         let row = self.row;
         let mut z = row.z;
         let linear = row.is_linear();
@@ -333,7 +322,7 @@ impl<'a> Law<'a> {
             last_move = moved;
             if done {
                 let k = self.equations(&next, state, &mut equations);
-                return finish(&Closest {
+                return finish(&ClosestPoint {
                     z: &next,
                     residuals: &residuals,
                     lower: &lower,
@@ -350,9 +339,9 @@ impl<'a> Law<'a> {
         None
     }
 
-    fn finish(&self, state: State, at: &Closest<'_>) -> Option<Nearest> {
+    fn finish(&self, state: RowState, at: &ClosestPoint<'_>) -> Option<NearestMotion> {
         // L⁻¹ times the derivatives, all columns at once.
-        let Closest { equations, lower, .. } = *at;
+        let ClosestPoint { equations, lower, .. } = *at;
         let mut jacobian = [[0.0; PARAMETERS]; MOST];
         for i in 0..equations.count {
             let mut line = equations.by_parameter[i];
@@ -369,7 +358,7 @@ impl<'a> Law<'a> {
             self.margin_at(state, at.kinematics)
         };
         let chi2 = at.chi2();
-        chi2.is_finite().then_some(Nearest {
+        chi2.is_finite().then_some(NearestMotion {
             state,
             chi2,
             z: *at.z,
@@ -381,7 +370,7 @@ impl<'a> Law<'a> {
     }
 
     /// |P of grip| − Λ b of a motion in `state`.
-    fn margin_at(&self, state: State, k: &Kinematics) -> f64 {
+    fn margin_at(&self, state: RowState, k: &Kinematics) -> f64 {
         self.grip(k).value * self.sign_at(state, k) - self.limit.value * k.b
     }
 
@@ -396,8 +385,8 @@ impl<'a> Law<'a> {
     }
 
     /// Grip knows no direction, so its need is that of |a − w|.
-    fn sign_at(&self, state: State, k: &Kinematics) -> f64 {
-        if state == State::Grip {
+    fn sign_at(&self, state: RowState, k: &Kinematics) -> f64 {
+        if state == RowState::Grip {
             if k.a - k.w < 0.0 { -1.0 } else { 1.0 }
         } else {
             self.sign
@@ -405,7 +394,7 @@ impl<'a> Law<'a> {
     }
 
     /// The equations at `z`, in place of those in `out`; the motion there.
-    fn equations(&self, z: &Slots, state: State, out: &mut Equations) -> Kinematics {
+    fn equations(&self, z: &Slots, state: RowState, out: &mut Equations) -> Kinematics {
         let k = self.row.kinematics(z, self.theta[RATIO]);
         let impulse = if state.slides() {
             self.sliding(&k)
@@ -519,26 +508,6 @@ struct Impulse {
     value: f64,
     by_slot: Slots,
     by_parameter: [f64; PARAMETERS],
-}
-
-impl Equations {
-    fn empty() -> Self {
-        Self {
-            count: 0,
-            f: [0.0; MOST],
-            by_slot: [[0.0; SLOTS]; MOST],
-            by_parameter: [[0.0; PARAMETERS]; MOST],
-        }
-    }
-
-    /// Room for one more, cleared.
-    fn next(&mut self) -> (&mut f64, &mut Slots, &mut [f64; PARAMETERS]) {
-        let i = self.count;
-        self.count += 1;
-        self.by_slot[i] = [0.0; SLOTS];
-        self.by_parameter[i] = [0.0; PARAMETERS];
-        (&mut self.f[i], &mut self.by_slot[i], &mut self.by_parameter[i])
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The rows of a group, ready for the searches: heaviest first, with a sample of those where they are many.
 
-use super::law::{PARAMETERS, RATIO, Regimes, Theta, Variant, nearest};
 use super::observation::{Observation, Spin};
+use super::row_law::{PARAMETERS, RATIO, Regimes, Theta, Variant, nearest};
 use super::series::{Column, ColumnSet, Series, SetAside, Weights};
 use crate::rebound::ModelName;
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ const COMPUTED: f64 = 1e-3;
 
 /// Rows of a group.
 #[derive(Debug, Clone)]
-pub(super) struct Data {
+pub(super) struct GroupData {
     /// Heaviest first.
     pub rows: Vec<Observation>,
     /// Every row, or so many of them, spread evenly over the incidence; ascending.
@@ -30,7 +30,7 @@ pub(super) struct Data {
     pub rounding: f64,
 }
 
-impl Data {
+impl GroupData {
     /// The rows of a group, at `indices` of the series, and those that cannot be weighted.
     pub fn new(series: &Series, indices: &[usize]) -> (Self, Vec<SetAside>) {
         let spin_out = series.set == ColumnSet::Velocities && spin_was_measured(series, indices);
@@ -92,7 +92,7 @@ impl Data {
 
 /// s |a − w| / b: the impulse that would stop the slip, for each of the normal impulse before restitution; what rows are
 /// in order of, from grip to sliding.
-pub(super) fn demand(row: &Observation, theta: &Theta) -> f64 {
+pub(super) fn friction_demand(row: &Observation, theta: &Theta) -> f64 {
     let k = row.kinematics(&row.z, theta[RATIO]);
     row.slip_share * (k.a - k.w).abs() / k.b
 }
@@ -126,9 +126,9 @@ fn spin_was_measured(series: &Series, indices: &[usize]) -> bool {
         let std = after.std.filter(|s| *s > 0.0).unwrap_or(1e-3 * scale);
         Some((after.value - balance).abs() > (COMPUTED * std).max(1e-9 * scale))
     };
-    let told: Vec<bool> = indices.iter().filter_map(off).collect();
+    let measured: Vec<bool> = indices.iter().filter_map(off).collect();
     // Where the spin before is not known in any row, the spin after is all there is.
-    told.is_empty() || told.iter().any(|off| *off)
+    measured.is_empty() || measured.iter().any(|off| *off)
 }
 
 fn sample(rows: &[Observation]) -> Vec<usize> {
@@ -139,7 +139,7 @@ fn sample(rows: &[Observation]) -> Vec<usize> {
     let mut order: Vec<(f64, usize)> = rows
         .iter()
         .enumerate()
-        .map(|(i, r)| (demand(r, &zero), i))
+        .map(|(i, r)| (friction_demand(r, &zero), i))
         .collect();
     order.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
     let mut chosen: Vec<usize> = (0..SAMPLE)

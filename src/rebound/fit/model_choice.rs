@@ -8,13 +8,13 @@
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
 
-use super::criteria::{LEAST_PROBABILITY, Marks};
-use super::data::Data;
+use super::criteria::{InformationCriteria, LEAST_PROBABILITY};
 use super::estimate::three_digits;
-use super::models::Solution;
-use super::result::{ModelFit, Preferred};
+use super::group_data::GroupData;
+use super::result::ModelFit;
 use super::series::{Note, Weights};
-use crate::rebound::ModelName;
+use super::variants::Solution;
+use crate::rebound::{ModelName, Preferred};
 
 /// A difference of AICc that decides.
 const DECISIVE: f64 = 2.0;
@@ -31,7 +31,7 @@ const GENERAL: f64 = 5.0;
 
 /// The choice among `fits`, whose solutions are `solutions`.
 pub(super) fn choose(
-    data: &Data,
+    data: &GroupData,
     solutions: &[Solution],
     fits: &[ModelFit],
 ) -> (Preferred, String, Vec<Note>) {
@@ -42,7 +42,7 @@ pub(super) fn choose(
     for (solution, fit) in solutions.iter().zip(fits) {
         let name = fit.name.name();
         let limit = usize::from(solution.jump().is_some());
-        let marks = Marks::new(data, solution.found.chi2, solution.rank + limit, spread);
+        let marks = InformationCriteria::new(data, solution.best.chi2, solution.rank + limit, spread);
         match (&fit.impossible, marks.aicc, fit.converged) {
             (Some(why), ..) => excluded.push(format!("{name} cannot be: {why}")),
             (_, _, false) => excluded.push(format!("{name}: the search did not come to an end")),
@@ -194,7 +194,7 @@ fn difference(gap: f64) -> String {
 }
 
 /// Least χ² per degree of freedom where chance does not explain it; 1 elsewhere.
-fn spread(data: &Data, fits: &[ModelFit]) -> f64 {
+fn spread(data: &GroupData, fits: &[ModelFit]) -> f64 {
     if data.weights == Weights::Unit {
         return 1.0;
     }
@@ -209,7 +209,7 @@ fn spread(data: &Data, fits: &[ModelFit]) -> f64 {
         .map_or(1.0, |spread| spread.max(1.0))
 }
 
-fn notes(data: &Data, fits: &[ModelFit], spread: f64) -> Vec<Note> {
+fn notes(data: &GroupData, fits: &[ModelFit], spread: f64) -> Vec<Note> {
     if data.weights == Weights::Unit || !(spread > 1.0) {
         return Vec::new();
     }

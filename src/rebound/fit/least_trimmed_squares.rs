@@ -4,10 +4,10 @@
 //! rows within reach of the fit; and each of the others is taken back if the fit with it is no worse than chance.
 
 use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
-use super::data::{Data, demand};
-use super::law::{E, MU, Nearest, PARAMETERS, Regimes, Theta, Variant};
+use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::search::{Found, Task};
+use super::row_law::{E, MU, NearestMotion, PARAMETERS, Regimes, Theta, Variant};
+use super::search::{Minimum, Task};
 use super::series::Weights;
 use super::starts;
 use crate::rebound::ModelName;
@@ -30,7 +30,7 @@ const MOST_OUT: f64 = 1.0 / 3.0;
 const TRIED: usize = 200;
 
 /// A robust fit of one model.
-pub(super) struct Robust {
+pub(super) struct RobustFit {
     pub variant: Variant,
     pub theta: Theta,
     /// Share of each row of the sample in χ².
@@ -39,8 +39,8 @@ pub(super) struct Robust {
 
 /// Each model's robust fit, those with a jump apart, and by how much the bulk of the rows scatters around the best of them
 /// (a factor on variances; without deviations, their variance).
-pub(super) fn best_fits(data: &Data) -> Option<(Vec<Robust>, f64)> {
-    let mut fits: Vec<Vec<Robust>> = variants(data)
+pub(super) fn best_fits(data: &GroupData) -> Option<(Vec<RobustFit>, f64)> {
+    let mut fits: Vec<Vec<RobustFit>> = variants(data)
         .map(|variant| {
             let starts = starts::candidates(data, &data.sample, &variant.free);
             robust(data, variant, starts, 6)
@@ -62,8 +62,8 @@ pub(super) fn best_fits(data: &Data) -> Option<(Vec<Robust>, f64)> {
     }
     // Many fits share their core; the one that reaches furthest beyond it is the model's.
     let cap = spread * chi2_quantile(FALSE_ALARM / data.rows.len() as f64, 1);
-    let cost = |fit: &Robust| fit.shares.iter().map(|share| share.min(cap)).sum::<f64>();
-    let mut fits: Vec<Robust> = fits
+    let cost = |fit: &RobustFit| fit.shares.iter().map(|share| share.min(cap)).sum::<f64>();
+    let mut fits: Vec<RobustFit> = fits
         .into_iter()
         .filter_map(|of_a_model| of_a_model.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b))))
         .collect();
@@ -74,7 +74,7 @@ pub(super) fn best_fits(data: &Data) -> Option<(Vec<Robust>, f64)> {
 }
 
 /// Every model as the bulk of the rows is fitted with it.
-fn variants(data: &Data) -> impl Iterator<Item = Variant> {
+fn variants(data: &GroupData) -> impl Iterator<Item = Variant> {
     let shared_spin = data.shared_spin;
     ModelName::ALL.into_iter().map(move |model| Variant {
         model,
@@ -87,7 +87,7 @@ fn variants(data: &Data) -> impl Iterator<Item = Variant> {
     })
 }
 
-impl Robust {
+impl RobustFit {
     /// Static friction is not below friction.
     fn is_possible(&self) -> bool {
         match self.variant.regimes {
@@ -101,7 +101,7 @@ impl Robust {
         self.theta[MU] * (1.0 + self.theta[E])
     }
 
-    pub fn task<'a>(&self, data: &'a Data, chosen: Option<&'a [usize]>) -> Task<'a> {
+    pub fn task<'a>(&self, data: &'a GroupData, chosen: Option<&'a [usize]>) -> Task<'a> {
         Task {
             rows: &data.rows,
             chosen,
@@ -115,7 +115,7 @@ fn core_size(rows: usize) -> usize {
 }
 
 /// Least trimmed squares on the sample, from the best of the starts.
-fn robust(data: &Data, variant: Variant, starts: Vec<Theta>, followed: usize) -> Vec<Robust> {
+fn robust(data: &GroupData, variant: Variant, starts: Vec<Theta>, followed: usize) -> Vec<RobustFit> {
     let task = Task {
         rows: &data.rows,
         chosen: Some(&data.sample),
@@ -125,7 +125,7 @@ fn robust(data: &Data, variant: Variant, starts: Vec<Theta>, followed: usize) ->
     starts
         .into_iter()
         .filter_map(|start| concentrate(data, &task, start))
-        .map(|(theta, shares)| Robust {
+        .map(|(theta, shares)| RobustFit {
             variant,
             theta,
             shares,
@@ -134,12 +134,12 @@ fn robust(data: &Data, variant: Variant, starts: Vec<Theta>, followed: usize) ->
 }
 
 /// A model that may jump, its limit in one gap between rows after the other.
-fn robust_jumps(data: &Data, variant: Variant) -> Vec<Robust> {
+fn robust_jumps(data: &GroupData, variant: Variant) -> Vec<RobustFit> {
     const GAPS: usize = 20;
     let mut demands: Vec<f64> = data
         .sample
         .iter()
-        .map(|&i| demand(&data.rows[i], &[0.0; PARAMETERS]))
+        .map(|&i| friction_demand(&data.rows[i], &[0.0; PARAMETERS]))
         .collect();
     demands.retain(|d| d.is_finite());
     demands.sort_by(f64::total_cmp);
@@ -149,13 +149,13 @@ fn robust_jumps(data: &Data, variant: Variant) -> Vec<Robust> {
     gaps.iter()
         .step_by(step)
         .flat_map(|&gap| robust(data, variant.with(Regimes::Jump(gap)), starts.clone(), 2))
-        .filter(Robust::is_possible)
+        .filter(RobustFit::is_possible)
         .collect()
 }
 
 /// Moves the limit of a jumping model to where the rows around it fit best, gap by gap: every row counts, but none more
 /// than `cap`.
-fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
+fn place_limit(data: &GroupData, fit: &mut RobustFit, cap: f64) {
     const GAPS: usize = 30;
     let Regimes::Jump(mut limit) = fit.variant.regimes else {
         return;
@@ -164,7 +164,7 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
         .rows
         .iter()
         .enumerate()
-        .map(|(i, row)| (demand(row, &fit.theta), i))
+        .map(|(i, row)| (friction_demand(row, &fit.theta), i))
         .collect();
     demands.retain(|d| d.0.is_finite());
     demands.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -210,7 +210,7 @@ fn place_limit(data: &Data, fit: &mut Robust, cap: f64) {
 }
 
 /// Fits the rows that fit best, takes those that then fit best, and so on until they stay.
-fn concentrate(data: &Data, task: &Task<'_>, start: Theta) -> Option<(Theta, Vec<f64>)> {
+fn concentrate(data: &GroupData, task: &Task<'_>, start: Theta) -> Option<(Theta, Vec<f64>)> {
     let mut theta = start;
     let mut before: Vec<usize> = Vec::new();
     for _ in 0..10 {
@@ -242,7 +242,7 @@ fn shares(task: &Task<'_>, theta: &Theta) -> Vec<f64> {
 }
 
 /// By how much the bulk of the rows scatters more than stated (a factor on variances); without deviations, their variance.
-fn spread_of(data: &Data, fit: &Robust) -> f64 {
+fn spread_of(data: &GroupData, fit: &RobustFit) -> f64 {
     let mut sorted: Vec<f64> = data
         .sample
         .iter()
@@ -257,11 +257,11 @@ fn spread_of(data: &Data, fit: &Robust) -> f64 {
     }
 }
 
-fn few(data: &Data) -> bool {
+fn few(data: &GroupData) -> bool {
     data.equations() < HANDFUL
 }
 
-fn most_out(data: &Data) -> usize {
+fn most_out(data: &GroupData) -> usize {
     let rows = data.rows.len();
     if few(data) {
         rows / 5
@@ -272,7 +272,7 @@ fn most_out(data: &Data) -> usize {
 
 /// The rows that lie beyond chance of the robust fit, which is improved on the way; `None` where the model does not
 /// describe the bulk of them.
-pub(super) fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option<Vec<bool>> {
+pub(super) fn outlying_rows(data: &GroupData, fit: &mut RobustFit, spread: f64) -> Option<Vec<bool>> {
     let mut out = vec![false; data.rows.len()];
     let mut spread = spread;
     for _ in 0..6 {
@@ -306,8 +306,9 @@ pub(super) fn sticking_out(data: &Data, fit: &mut Robust, spread: f64) -> Option
 }
 
 /// The rows whose χ² is beyond `limit`, for one equation.
-fn beyond(data: &Data, fit: &Robust, limit: f64) -> Vec<bool> {
-    let within = |near: &Nearest, row: &Observation| near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1];
+fn beyond(data: &GroupData, fit: &RobustFit, limit: f64) -> Vec<bool> {
+    let within =
+        |near: &NearestMotion, row: &Observation| near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1];
     match fit.task(data, None).all_nearest(&fit.theta) {
         Some(nearest) => nearest
             .iter()
@@ -319,14 +320,14 @@ fn beyond(data: &Data, fit: &Robust, limit: f64) -> Vec<bool> {
 }
 
 /// The scatter of the rows that a fit was made on.
-fn spread_of_kept(data: &Data, kept: &[usize], found: &Found, fit: &Robust) -> f64 {
+fn spread_of_kept(data: &GroupData, kept: &[usize], found: &Minimum, fit: &RobustFit) -> f64 {
     let equations: usize = kept.iter().map(|&i| data.rows[i].equations()).sum();
     let freedom = equations.saturating_sub(fit.variant.free.iter().filter(|f| **f).count());
     criteria::scatter(data, found.chi2, freedom).map_or(f64::INFINITY, |s| s * s)
 }
 
 /// χ² of a row from which on it is beyond chance, for one equation.
-fn reach(data: &Data, out: &[bool], spread: f64, fit: &Robust) -> f64 {
+fn reach(data: &GroupData, out: &[bool], spread: f64, fit: &RobustFit) -> f64 {
     let tail = FALSE_ALARM / data.rows.len() as f64;
     match data.weights {
         Weights::Stated => spread * chi2_quantile(tail, 1),
@@ -341,7 +342,7 @@ fn reach(data: &Data, out: &[bool], spread: f64, fit: &Robust) -> f64 {
 
 /// Takes rows back one by one, the nearest first, if a fit with them is no worse than chance: a row that alone fixes a
 /// parameter is far from a fit that does not know it.
-fn take_back(data: &Data, fit: &mut Robust, out: &mut [bool], spread: f64) {
+fn take_back(data: &GroupData, fit: &mut RobustFit, out: &mut [bool], spread: f64) {
     loop {
         let kept: Vec<usize> = (0..out.len()).filter(|&i| !out[i]).collect();
         let Some(without) = fit.task(data, Some(&kept)).search(fit.theta) else {
@@ -370,9 +371,9 @@ fn take_back(data: &Data, fit: &mut Robust, out: &mut [bool], spread: f64) {
 }
 
 /// The fit with a row more, from where it was, and (for few rows) from everywhere.
-fn best_with(data: &Data, fit: &Robust, rows: &[usize], from: Theta) -> Option<Found> {
+fn best_with(data: &GroupData, fit: &RobustFit, rows: &[usize], from: Theta) -> Option<Minimum> {
     if rows.len() <= 40 && !matches!(fit.variant.regimes, Regimes::Jump(_)) {
-        super::models::search(data, rows, fit.variant, &[from])
+        super::variants::search(data, rows, fit.variant, &[from])
     } else {
         fit.task(data, Some(rows)).search(from)
     }

@@ -2,16 +2,16 @@
 //!
 //! The rating takes every bounce as sliding: e and μ are those of the μ-e model with all rows in that regime.
 
-use super::data::Data;
 use super::estimate;
-use super::law::{E, MU};
+use super::group_data::GroupData;
 use super::result::{CourtPace, Estimate, Fitted, GroupFit, RowRegime};
+use super::row_law::{E, MU};
 use super::series::Note;
 use crate::quantity::Quantity;
 use crate::rebound::itf;
 
 /// The rating at `temperature_c`, and a warning where bounces did not slide.
-pub(super) fn rate(data: &Data, group: &GroupFit, temperature_c: f64) -> (CourtPace, Option<Note>) {
+pub(super) fn rate(data: &GroupData, group: &GroupFit, temperature_c: f64) -> (CourtPace, Option<Note>) {
     let mut pace = CourtPace {
         temperature_c,
         rating: Fitted::NotDetermined("restitution and friction are not determined by these rows".to_owned()),
