@@ -6,7 +6,7 @@ mod profile;
 mod sliding;
 
 use super::criteria;
-use super::group_data::{GroupData, friction_demand};
+use super::group_data::GroupData;
 use super::result::{Fitted, ModelFit, RowFit, RowRegime};
 use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Theta};
 use super::series::{ColumnSet, Weights};
