@@ -2,12 +2,13 @@
 
 // Until every room has moved over.
 pub use crate::numeric::robust::{commonest, median};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A measured quantity: value and standard uncertainty (k = 1), both in the unit that the field's name says.
 ///
 /// The uncertainty is `None` where it was not determined; it is never 0, negative or NaN.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Quantity {
     /// The best estimate.
     pub value: f64,

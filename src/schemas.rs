@@ -2,6 +2,10 @@
 //!
 //! They stand in `docs/schemas/`; `tests/schemas.rs` checks that they are those of the types, `make schemas` writes them.
 
+use crate::report::documents::board::{self, BoardDocument};
+use crate::report::documents::cost::{self, CostDocument};
+use crate::report::documents::fit::{self, FitDocument};
+use crate::report::documents::result::{self, ResultDocument};
 use crate::simulate::truth::{self, Truth};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -28,7 +32,13 @@ impl FileSchema {
 /// Those of all files. A new kind of file is a new line here.
 #[must_use]
 pub fn all() -> Vec<FileSchema> {
-    vec![written::<Truth>(truth::SCHEMA)]
+    vec![
+        written::<Truth>(truth::SCHEMA),
+        written::<ResultDocument<'_>>(result::SCHEMA),
+        written::<FitDocument<'_>>(fit::SCHEMA),
+        written::<BoardDocument<'_>>(board::SCHEMA),
+        written::<CostDocument<'_>>(cost::SCHEMA),
+    ]
 }
 
 /// A file that the program writes: every key is there.

@@ -12,7 +12,7 @@ use tempfile::tempdir;
 use track::cost::recommendation::Requirement;
 use track::cost::{self, CostPlan, CostProgress, Stopwatch, centres, fits, recordings, simulator};
 use track::detect::centre::Accuracy;
-use track::report::write::write_cost;
+use track::report::formats::cost::write_cost;
 
 fn track() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_track"));

@@ -5,6 +5,7 @@
 
 use super::key::ResultKey;
 use super::{BatchError, BatchRecording};
+use crate::report::documents;
 use crate::report::write::{self, WriteError};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
@@ -91,7 +92,7 @@ impl ResultStore {
         let whole = self
             .key_with_files(recording, key, &work_dir)
             .map_err(|e| contents(&key_path, Box::new(e)))?;
-        let text = write::json_text(&whole).map_err(|e| contents(&key_path, Box::new(e)))?;
+        let text = documents::json_text(&whole).map_err(|e| contents(&key_path, Box::new(e)))?;
         for file in FILES {
             write::rename(&file_of(&work_dir, recording, file), &self.path(recording, file))?;
         }

@@ -9,7 +9,8 @@ use super::{BatchError, BatchPlan, BatchRecording, BatchSettings, RecordingOutco
 use crate::calibration::Calibration;
 use crate::rebound::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
 use crate::report::batch_page::{self, RecordingEntry, RecordingState};
-use crate::report::{series_json, write};
+use crate::report::documents::fit::FitDocument;
+use crate::report::{documents, write};
 use rayon::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -385,7 +386,7 @@ impl RunningBatch<'_> {
         let page = batch_page::report_html(&entries, &series, &fitted)?;
         let [series_csv, fit_json, report_html] = self.files();
         let json =
-            write::json_text(&series_json::fit_json(&fitted)).map_err(|e| write::WriteError::Contents {
+            documents::json_text(&FitDocument::new(&fitted)).map_err(|e| write::WriteError::Contents {
                 path: fit_json.clone(),
                 source: Box::new(e),
             })?;

@@ -9,7 +9,8 @@ use crate::batch::{
 };
 use crate::calibration::Calibration;
 use crate::pipeline::measure;
-use crate::report::{series_table, write};
+use crate::report::formats::{FORMATS, write_recording};
+use crate::report::series_table;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write as _;
@@ -125,7 +126,8 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
         args.accuracy.into(),
         &mut |_| {},
     )?;
-    write::write_reports(&measurement, &args.out, &args.name, None)?;
+    let formats = FORMATS.iter().filter(|format| !format.needs_frames());
+    write_recording(&measurement, &args.out, &args.name, formats)?;
     Ok(match measurement.outcome {
         crate::pipeline::Outcome::Measured => Status::Done,
         crate::pipeline::Outcome::Rejected { .. } => Status::Rejected,

@@ -4,7 +4,10 @@ use super::{Status, answer, say};
 use crate::cost::recommendation::{Requirement, default_requirements};
 use crate::cost::recordings::{self, Check};
 use crate::cost::{self, CostPlan, CostProgress, CostReport, Stopwatch};
-use crate::report::{cost_json, cost_table, write};
+use crate::report::documents::cost::CostDocument;
+use crate::report::documents::json_text;
+use crate::report::formats::cost::write_cost;
+use crate::report::{cost_table, write};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
@@ -61,13 +64,13 @@ pub fn run(args: &CostArgs) -> anyhow::Result<Status> {
     let check = checked(args, &report, &mut Stopwatch::new(1.0, &clock, &mut show))?;
     bar.finish_and_clear();
     if let Some(dir) = &args.out {
-        for path in write::write_cost(&report, check.as_ref(), dir)? {
+        for path in write_cost(&report, check.as_ref(), dir)? {
             say(&format!("wrote {}", path.display()));
         }
     }
     if args.json {
-        let json = cost_json::cost_json(&report, check.as_ref());
-        answer(&String::from_utf8_lossy(&write::json_text(&json)?))?;
+        let document = CostDocument::new(&report, check.as_ref());
+        answer(&String::from_utf8_lossy(&json_text(&document)?))?;
     } else {
         answer(&cost_table::cost_table(&report, check.as_ref()))?;
     }

@@ -2,7 +2,10 @@
 
 use super::{Status, answer, say};
 use crate::rebound::fit::{self, Options, SeriesFit};
-use crate::report::{series_json, series_table, write};
+use crate::report::documents::fit::FitDocument;
+use crate::report::documents::json_text;
+use crate::report::formats::series::write_fit;
+use crate::report::{series_table, write};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -45,15 +48,12 @@ pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
     let fitted = fit::fit(&series, &options);
     warn(&fitted);
     if let Some(dir) = &args.out {
-        let paths = write::write_fit(&series, &fitted, dir)?;
-        for path in [&paths.fit_json, &paths.report_html] {
+        for path in write_fit(&series, &fitted, dir)? {
             say(&format!("wrote {}", path.display()));
         }
     }
     if args.json {
-        answer(&String::from_utf8_lossy(&write::json_text(
-            &series_json::fit_json(&fitted),
-        )?))?;
+        answer(&String::from_utf8_lossy(&json_text(&FitDocument::new(&fitted))?))?;
     } else {
         answer(&series_table::fit_table(&fitted))?;
     }

@@ -3,11 +3,11 @@
 use super::{Status, answer, say};
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
-use crate::frames;
-use crate::pipeline::{Measurement, Outcome, Progress, measure};
-use crate::report::overlay::Overlay;
-use crate::report::{json, table, write};
-use anyhow::Context;
+use crate::pipeline::{Outcome, Progress, measure};
+use crate::report::documents::json_text;
+use crate::report::documents::result::ResultDocument;
+use crate::report::formats::{FORMATS, write_recording};
+use crate::report::{table, write};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -76,10 +76,12 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
         say(&format!("warning: {}: {}", w.code, w.message));
     }
     if let Some(dir) = &args.out {
-        write_all(&measurement, &args.video, dir)?;
+        for path in write_recording(&measurement, dir, &stem(&args.video), FORMATS.iter())? {
+            say(&format!("wrote {}", path.display()));
+        }
     }
     if args.json {
-        answer(&String::from_utf8_lossy(&write::json_text(&json::result_json(
+        answer(&String::from_utf8_lossy(&json_text(&ResultDocument::new(
             &measurement,
         ))?))?;
     } else {
@@ -92,27 +94,6 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
             Ok(Status::Rejected)
         }
     }
-}
-
-fn write_all(measurement: &Measurement, video: &Path, dir: &Path) -> anyhow::Result<()> {
-    let stem = stem(video);
-    // The largest file first, under a temporary name: where it does not fit, no other is left without it.
-    let staged = write::temporary_name(dir)?;
-    let overlay = Overlay::new(measurement);
-    frames::recode(video, &staged, &mut |i, picture| overlay.draw(i, picture)).with_context(|| {
-        format!(
-            "the overlay video {} could not be made",
-            dir.join(format!("{stem}.overlay.mp4")).display()
-        )
-    })?;
-    let paths = write::write_reports(measurement, dir, &stem, Some(staged))?;
-    for path in [&paths.report_html, &paths.result_json, &paths.points_csv]
-        .into_iter()
-        .chain(&paths.overlay_mp4)
-    {
-        say(&format!("wrote {}", path.display()));
-    }
-    Ok(())
 }
 
 /// The recording's name without its extension; for a folder, the folder's.

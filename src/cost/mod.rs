@@ -25,12 +25,14 @@ pub mod study;
 mod threshold_moments;
 
 use recommendation::{Recommendation, Requirement};
+use schemars::JsonSchema;
+use serde::Serialize;
 pub use study::{
     CostError, CostProgress, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject,
 };
 
 /// What it ran on.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Machine {
     /// Processor by its own name, where the system tells.
     pub processor: Option<String>,

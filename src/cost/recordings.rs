@@ -26,6 +26,8 @@ use crate::pipeline::{Measurement, Outcome, PointUse, measure};
 use crate::simulate::Scene;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 /// C N² / S at f/2 and ISO 800, lx s.
 const LIGHT_LX_S: f64 = 250.0 * 4.0 / 800.0;
@@ -506,7 +508,7 @@ fn middle(values: &[f64], wanted: f64) -> f64 {
 }
 
 /// How a setting did on recordings that it was not chosen by.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Check {
     /// Recordings.
     pub recordings: usize,

@@ -1,5 +1,7 @@
-//! Errors and repeats in few numbers.
+//! The errors of a setting in few numbers (rms, bias, scatter, bounds), and the repeats of a time (quartiles).
 
+use schemars::JsonSchema;
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 
 /// Standard deviations to a side that hold 95 % of a normal distribution.
@@ -9,7 +11,7 @@ const NORMAL_95: f64 = 1.959_963_984_540_054;
 const CONFIDENCE: f64 = 0.95;
 
 /// Repeats of one thing: the least, the quartiles.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Quartiles {
     /// The least.
     pub min: f64,
@@ -60,7 +62,7 @@ fn quantile(sorted: &[f64], part: f64) -> f64 {
 }
 
 /// Differences to the truth.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct ErrorStatistics {
     /// How many.
     pub count: usize,

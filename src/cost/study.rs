@@ -5,9 +5,11 @@ use super::stats::{ErrorStatistics, Quartiles};
 use crate::calibration::CalibrationError;
 use crate::frames::FrameError;
 use crate::simulate::{SceneError, SimulationWriteError};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 /// A number that is drawn or listed: an error or a kind of work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Metric {
     /// Its name in files.
     pub name: &'static str,
@@ -81,7 +83,7 @@ impl Run {
 }
 
 /// A line below which no setting can get: a bound, or the error of what it is compared with.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ErrorFloor {
     /// What it is.
     pub name: String,
@@ -90,7 +92,7 @@ pub struct ErrorFloor {
 }
 
 /// Settings of one kind, in their order.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SettingCurve {
     /// What they have in common.
     pub name: String,

@@ -1,10 +1,9 @@
-//! What pictures of a board gave, as a table for people and as JSON (schema `track.board/1`).
+//! What pictures of a board gave, as a table for people.
 
 use super::table::format_quantity;
 use crate::calibration::Calibration;
 use crate::calibration::board::{BoardLens, BoardView, COVERAGE_CELLS, Coverage, MotionPlane, ViewUse};
 use crate::quantity::Quantity;
-use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 /// Everything there is to say.
@@ -246,58 +245,4 @@ pub fn warnings(board: &BoardReport<'_>) -> Vec<String> {
         ),
     }
     out
-}
-
-/// The JSON document.
-#[must_use]
-pub fn board_json(board: &BoardReport<'_>) -> Value {
-    let pictures: Vec<Value> = board
-        .views
-        .iter()
-        .map(|view| match &view.use_ {
-            ViewUse::Used { rms_px, tilt_rad } => json!({
-                "name": view.name, "used": true, "corners": view.corners(), "rms_px": rms_px,
-                "tilt_deg": tilt_rad.to_degrees(), "reason": null,
-            }),
-            ViewUse::Found => {
-                json!({"name": view.name, "used": true, "corners": view.corners(), "rms_px": null,
-                "tilt_deg": null, "reason": null})
-            }
-            ViewUse::Aside(reason) => {
-                json!({"name": view.name, "used": false, "corners": view.corners(), "rms_px": null,
-                "tilt_deg": null, "reason": reason})
-            }
-        })
-        .collect();
-    let lens = board.lens.map(|lens| {
-        let coverage = &lens.coverage;
-        let (columns, rows) = COVERAGE_CELLS;
-        json!({
-            "corners": lens.corners,
-            "rms_px": lens.fit.rms_px,
-            "coverage": {
-                "share": coverage.share(), "columns": columns, "rows": rows, "cells": coverage.cells,
-                "std_px": coverage.std_px.iter().map(|s| s.is_finite().then_some(*s)).collect::<Vec<_>>(),
-                "worst_std_px": coverage.worst_std_px.is_finite().then_some(coverage.worst_std_px),
-                "worst_at_px": [coverage.worst_at.u_px, coverage.worst_at.v_px],
-            },
-        })
-    });
-    let plane = board.plane.map(|plane| {
-        json!({
-            "distance_m": plane.distance_m,
-            "tilt_deg": plane.tilt_rad.to_degrees(),
-            "lean_deg": plane.lean_rad.to_degrees(),
-        })
-    });
-    json!({
-        "schema": "track.board/1",
-        "version": crate::Build::THIS.version,
-        "commit": crate::Build::THIS.commit,
-        "calib": board.calibration.to_json(),
-        "lens": lens,
-        "plane": plane,
-        "pictures": pictures,
-        "warnings": warnings(board),
-    })
 }

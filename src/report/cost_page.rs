@@ -231,7 +231,8 @@ mod tests {
     use crate::cost::recordings::RecordingSetting;
     use crate::cost::stats::{ErrorStatistics, Quartiles};
     use crate::cost::{ErrorFloor, Machine, SettingCurve};
-    use crate::report::cost_json;
+    use crate::report::cost_csv;
+    use crate::report::documents::cost::CostDocument;
 
     fn report() -> CostReport {
         let run = |error: Option<f64>| Run {
@@ -316,7 +317,7 @@ mod tests {
     #[test]
     fn json_and_csv_hold_every_run_and_what_failed_has_no_numbers() {
         let report = report();
-        let json = cost_json::cost_json(&report, None);
+        let json = serde_json::to_value(CostDocument::new(&report, None)).unwrap();
         let runs = json["sections"][0]["runs"].as_array().unwrap();
         assert_eq!(runs.len(), 2);
         assert_eq!(runs[0]["errors"]["restitution"]["rms"], 1e-3);
@@ -325,7 +326,7 @@ mod tests {
             json["sections"][0]["diagrams"][0]["fronts"],
             serde_json::json!([[0]])
         );
-        let csv = String::from_utf8(cost_json::cost_csv(&report).unwrap()).unwrap();
+        let csv = String::from_utf8(cost_csv::cost_csv(&report).unwrap()).unwrap();
         assert_eq!(csv.lines().count(), 3, "{csv}");
         assert!(csv.lines().nth(2).unwrap().ends_with("no <flight> & no bounce"));
     }

@@ -2,7 +2,7 @@
 
 use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
 use super::track_plots::span;
-use crate::quantity::{commonest, median};
+use crate::numeric::robust::{commonest, median};
 use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
 use crate::rebound::fit::{GroupFit, ModelFit, ModelName, RowRegime, Series};
 use crate::rebound::{Contact, SOLID_SPHERE};

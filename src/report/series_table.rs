@@ -1,6 +1,6 @@
 //! The table of a fit for people on stdout.
 
-use super::series_json::pace_name;
+use super::documents::fit::pace_name;
 use super::table::line;
 use super::words::{self, NO_VALUE, counted, format_quantity};
 use crate::rebound::fit::{CourtPace, Fitted, GroupFit, ModelFit, Parameter, Preferred, SeriesFit, Weights};

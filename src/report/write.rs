@@ -3,11 +3,7 @@
 //! A file is written under a temporary name in its own folder, forced to the disk, and renamed: whoever looks sees the
 //! old file or the new one, never half of one, and a failure leaves nothing behind.
 
-use super::{cost_json, cost_page, csv, json, page, series_json, series_page};
-use crate::cost::CostReport;
-use crate::cost::recordings::Check;
-use crate::pipeline::Measurement;
-use crate::rebound::fit::{Series, SeriesFit};
+use crate::frames::RecodeError;
 use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -72,6 +68,14 @@ pub enum WriteError {
         /// As the system says it.
         source: io::Error,
     },
+    /// A video of the recording could not be made.
+    #[error("the overlay video {} could not be made", path.display())]
+    Video {
+        /// What was to be written.
+        path: PathBuf,
+        /// What failed.
+        source: RecodeError,
+    },
     /// The contents could not be made. Nothing was written.
     #[error("cannot write {}: its contents could not be put together (a fault of track, please report it)", path.display())]
     Contents {
@@ -98,19 +102,6 @@ impl WriteError {
             _ => Self::Other { path, source },
         }
     }
-}
-
-/// Where [`write_reports`] put its files.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ReportPaths {
-    /// `<stem>.result.json`.
-    pub result_json: PathBuf,
-    /// `<stem>.points.csv`.
-    pub points_csv: PathBuf,
-    /// `<stem>.report.html`.
-    pub report_html: PathBuf,
-    /// `<stem>.overlay.mp4`, if there is one.
-    pub overlay_mp4: Option<PathBuf>,
 }
 
 /// The folders that [`check_output_dir`] made. Dropping it takes those back in which nothing has come to lie.
@@ -151,16 +142,6 @@ pub fn check_output_dir(dir: &Path) -> Result<NewFolders, WriteError> {
     Ok(folders)
 }
 
-/// A temporary name in `dir` for a file that is made elsewhere, such as the overlay; gone when it is dropped.
-///
-/// # Errors
-/// See [`WriteError`].
-pub fn temporary_name(dir: &Path) -> Result<TempPath, WriteError> {
-    temporary_in(dir)
-        .map(NamedTempFile::into_temp_path)
-        .map_err(|source| WriteError::new(dir, source))
-}
-
 /// Writes `bytes` to `path`, which then holds all of them, or what it held before.
 ///
 /// # Errors
@@ -174,43 +155,30 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
 /// # Errors
 /// See [`WriteError`]; nothing remains of the attempt.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<(), WriteError> {
-    let staged = files
-        .iter()
-        .map(|&(path, bytes)| Ok((stage(path, bytes)?, path)))
-        .collect::<Result<Vec<_>, WriteError>>()?;
-    place_together(staged)
+    let staged = files.iter().map(|&(path, bytes)| stage(path.to_owned(), bytes));
+    place_together(staged.collect::<Result<_, _>>()?).map(drop)
 }
 
-/// Writes `<stem>.result.json`, `<stem>.points.csv` and `<stem>.report.html` into `dir`, and gives `overlay`, made
-/// under a [`temporary_name`] there, its own as `<stem>.overlay.mp4`: all of them, or none.
-///
-/// # Errors
-/// See [`WriteError`].
-pub fn write_reports(
-    measurement: &Measurement,
+/// What a file of an output folder is called, and its bytes or why there are none.
+pub(super) type MadeFile = (
+    &'static str,
+    Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>>,
+);
+
+/// Writes several files into `dir`: all of them, or none. Their paths.
+pub(super) fn write_into<const N: usize>(
     dir: &Path,
-    stem: &str,
-    overlay: Option<TempPath>,
-) -> Result<ReportPaths, WriteError> {
-    let paths = ReportPaths {
-        result_json: dir.join(format!("{stem}.result.json")),
-        points_csv: dir.join(format!("{stem}.points.csv")),
-        report_html: dir.join(format!("{stem}.report.html")),
-        overlay_mp4: overlay.is_some().then(|| dir.join(format!("{stem}.overlay.mp4"))),
-    };
-    let result = json_text(&json::result_json(measurement)).map_err(|e| contents(&paths.result_json, e))?;
-    let points = csv::points_csv(measurement).map_err(|e| contents(&paths.points_csv, e))?;
-    let page = page::report_html(measurement).map_err(|e| contents(&paths.report_html, e))?;
-    let mut staged = vec![
-        (stage(&paths.result_json, &result)?, paths.result_json.as_path()),
-        (stage(&paths.points_csv, &points)?, &paths.points_csv),
-        (stage(&paths.report_html, page.as_bytes())?, &paths.report_html),
-    ];
-    if let (Some(overlay), Some(path)) = (overlay, &paths.overlay_mp4) {
-        refuse_folder(path)?;
-        staged.push((overlay, path));
-    }
-    place_together(staged)?;
+    files: [MadeFile; N],
+) -> Result<[PathBuf; N], WriteError> {
+    let paths = files.each_ref().map(|(name, _)| dir.join(name));
+    let staged = paths.iter().zip(files).map(|(path, (_, bytes))| match bytes {
+        Ok(bytes) => stage(path.clone(), &bytes),
+        Err(source) => Err(WriteError::Contents {
+            path: path.clone(),
+            source,
+        }),
+    });
+    place_together(staged.collect::<Result<_, _>>()?)?;
     Ok(paths)
 }
 
@@ -241,130 +209,52 @@ pub fn clear_temporary_files(dir: &Path) -> Result<(), WriteError> {
     Ok(())
 }
 
-/// Where [`write_fit`] put its files.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FitPaths {
-    /// `fit.json`.
-    pub fit_json: PathBuf,
-    /// `report.html`.
-    pub report_html: PathBuf,
-}
-
-/// Writes `fit.json` and `report.html` into `dir`: both, or none. Links of rows are relative to `dir`.
-///
-/// # Errors
-/// See [`WriteError`].
-pub fn write_fit(series: &Series, fit: &SeriesFit, dir: &Path) -> Result<FitPaths, WriteError> {
-    let paths = FitPaths {
-        fit_json: dir.join("fit.json"),
-        report_html: dir.join("report.html"),
-    };
-    let result = json_text(&series_json::fit_json(fit)).map_err(|e| contents(&paths.fit_json, e))?;
-    let page = series_page::report_html(series, fit).map_err(|e| contents(&paths.report_html, e))?;
-    place_together(vec![
-        (stage(&paths.fit_json, &result)?, paths.fit_json.as_path()),
-        (stage(&paths.report_html, page.as_bytes())?, &paths.report_html),
-    ])?;
-    Ok(paths)
-}
-
-/// Writes `cost.html`, `cost.svg`, `cost.json` and `cost.csv` into `dir`: all, or none; their paths.
-///
-/// # Errors
-/// See [`WriteError`].
-pub fn write_cost(
-    report: &CostReport,
-    check: Option<&Check>,
-    dir: &Path,
-) -> Result<[PathBuf; 4], WriteError> {
-    let paths = ["cost.html", "cost.svg", "cost.json", "cost.csv"].map(|name| dir.join(name));
-    let page = cost_page::cost_html(report, check).map_err(|e| contents(&paths[0], e))?;
-    let svg = cost_page::cost_svg(report).map_err(|e| contents(&paths[1], e))?;
-    let json = json_text(&cost_json::cost_json(report, check)).map_err(|e| contents(&paths[2], e))?;
-    let csv = cost_json::cost_csv(report).map_err(|e| contents(&paths[3], e))?;
-    let bytes: [&[u8]; 4] = [page.as_bytes(), svg.as_bytes(), &json, &csv];
-    let files: Vec<(&Path, &[u8])> = paths.iter().map(PathBuf::as_path).zip(bytes).collect();
-    write_together(&files)?;
-    Ok(paths)
-}
-
-/// A JSON document as it stands in a file: indented, with a newline at its end.
-///
-/// # Errors
-/// Whatever `serde_json` refuses; of a [`serde_json::Value`] it refuses nothing.
-pub fn json_text(value: &serde_json::Value) -> Result<Vec<u8>, serde_json::Error> {
-    let mut text = serde_json::to_vec_pretty(value)?;
-    text.push(b'\n');
-    Ok(text)
-}
-
-/// A calibration as it stands in a file: as [`json_text`], but rows of numbers on one line each, as people write them.
-///
-/// # Errors
-/// As [`json_text`].
-pub fn calib_text(value: &serde_json::Value) -> Result<String, serde_json::Error> {
-    let pretty = serde_json::to_string_pretty(value)?;
-    let mut text = String::with_capacity(pretty.len());
-    let mut rest = pretty.as_str();
-    while let Some(open) = rest.find('[') {
-        let (before, from) = rest.split_at(open);
-        text.push_str(before);
-        // Strings hold no brackets in this file; a row ends before anything that is not a number.
-        match from[1..].find(|c: char| "[]{}\"".contains(c)) {
-            Some(end) if from.as_bytes()[end + 1] == b']' => {
-                let numbers: Vec<&str> = from[1..=end].split(',').map(str::trim).collect();
-                text.push('[');
-                text.push_str(&numbers.join(", "));
-                text.push(']');
-                rest = &from[end + 2..];
-            }
-            _ => {
-                text.push('[');
-                rest = &from[1..];
-            }
-        }
-    }
-    text.push_str(rest);
-    text.push('\n');
-    Ok(text)
-}
-
-fn contents(path: &Path, source: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> WriteError {
-    WriteError::Contents {
-        path: path.to_owned(),
-        source: source.into(),
-    }
-}
-
 /// Gives several files their names so that either all appear or none does: every byte is on the disk before. Only a
 /// rename that fails after another succeeded can break this; then those already there are taken back, since one new
 /// file among old ones would mislead.
-fn place_together(staged: Vec<(TempPath, &Path)>) -> Result<(), WriteError> {
-    let mut placed: Vec<&Path> = Vec::with_capacity(staged.len());
+pub(super) fn place_together(staged: Vec<StagedFile>) -> Result<Vec<PathBuf>, WriteError> {
+    let mut placed: Vec<PathBuf> = Vec::with_capacity(staged.len());
     for (temporary, path) in staged {
-        if let Err(error) = temporary.persist(path) {
+        if let Err(error) = temporary.persist(&path) {
             for path in placed {
                 // The first error is the one to tell.
                 let _ = fs::remove_file(path);
             }
-            return Err(WriteError::new(path, error.error));
+            return Err(WriteError::new(&path, error.error));
         }
         placed.push(path);
     }
     if let Some(path) = placed.first() {
         sync_folder(folder_of(path));
     }
-    Ok(())
+    Ok(placed)
 }
 
+/// A whole file under a temporary name, and what it is to be called.
+pub(super) type StagedFile = (TempPath, PathBuf);
+
 /// `bytes` on the disk under a temporary name beside `path`.
-fn stage(path: &Path, bytes: &[u8]) -> Result<TempPath, WriteError> {
-    refuse_folder(path)?;
-    let refused = |source| WriteError::new(path, source);
-    let mut temporary = temporary_in(folder_of(path)).map_err(refused)?;
+pub(super) fn stage(path: PathBuf, bytes: &[u8]) -> Result<StagedFile, WriteError> {
+    refuse_folder(&path)?;
+    let refused = |source| WriteError::new(&path, source);
+    let mut temporary = temporary_in(folder_of(&path)).map_err(refused)?;
     temporary.write_all(bytes).map_err(refused)?;
     temporary.as_file().sync_all().map_err(refused)?;
-    Ok(temporary.into_temp_path())
+    Ok((temporary.into_temp_path(), path))
+}
+
+/// A video under a temporary name beside `path`, written there by `recode`.
+pub(super) fn stage_video(
+    path: PathBuf,
+    recode: impl FnOnce(&Path) -> Result<(), RecodeError>,
+) -> Result<StagedFile, WriteError> {
+    let temporary =
+        temporary_in(folder_of(&path)).map_err(|source| WriteError::new(folder_of(&path), source))?;
+    let temporary = temporary.into_temp_path();
+    match recode(&temporary) {
+        Ok(()) => refuse_folder(&path).map(|()| (temporary, path)),
+        Err(source) => Err(WriteError::Video { path, source }),
+    }
 }
 
 fn refuse_folder(path: &Path) -> Result<(), WriteError> {
@@ -409,7 +299,6 @@ fn sync_folder(dir: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::test_measurements;
 
     fn names(dir: &Path) -> Vec<String> {
         let mut names: Vec<String> = fs::read_dir(dir)
@@ -428,22 +317,6 @@ mod tests {
         write_atomically(&path, b"short").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"short");
         assert_eq!(names(dir.path()), ["a.json"]);
-    }
-
-    #[test]
-    fn a_calibration_has_its_rows_of_numbers_on_one_line_each() {
-        let value = serde_json::json!({
-            "size": [1280, 720], "matrix": [[1.5, 0.0], [0.0, -2e-7]], "empty": [], "list": [{"a": [1]}], "text": "x, y",
-            "unknown": [null, 1.0]
-        });
-        let text = calib_text(&value).unwrap();
-        assert!(text.contains("\"size\": [1280, 720],\n"), "{text}");
-        assert!(text.contains("[1.5, 0.0],\n    [0.0, -2e-7]\n"), "{text}");
-        assert!(
-            text.contains("[null, 1.0]") && text.contains("\"a\": [1]"),
-            "{text}"
-        );
-        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
     }
 
     #[cfg(unix)]
@@ -506,35 +379,6 @@ mod tests {
         assert_eq!(names(&out), ["a.json"]);
     }
 
-    #[test]
-    fn an_overlay_appears_with_the_reports_or_not_at_all() {
-        let dir = tempfile::tempdir().unwrap();
-        let overlay = temporary_name(dir.path()).unwrap();
-        fs::write(&overlay, "moving pictures").unwrap();
-        let paths = write_reports(
-            &test_measurements::two_bounces(),
-            dir.path(),
-            "clip",
-            Some(overlay),
-        )
-        .unwrap();
-        assert_eq!(names(dir.path()).len(), 4);
-        assert_eq!(fs::read(paths.overlay_mp4.unwrap()).unwrap(), b"moving pictures");
-
-        let dir = tempfile::tempdir().unwrap();
-        fs::create_dir(dir.path().join("clip.overlay.mp4")).unwrap();
-        let overlay = temporary_name(dir.path()).unwrap();
-        let error = write_reports(
-            &test_measurements::two_bounces(),
-            dir.path(),
-            "clip",
-            Some(overlay),
-        )
-        .unwrap_err();
-        assert!(matches!(error, WriteError::IsAFolder { .. }), "{error:?}");
-        assert_eq!(names(dir.path()), ["clip.overlay.mp4"]);
-    }
-
     #[cfg(target_os = "linux")]
     #[test]
     fn where_nobody_may_write_it_says_so() {
@@ -562,36 +406,5 @@ mod tests {
         for error in [full, denied, read_only] {
             assert!(error.to_string().contains("out/a.json"));
         }
-    }
-
-    #[test]
-    fn all_reports_appear_together() {
-        let dir = tempfile::tempdir().unwrap();
-        let paths = write_reports(&test_measurements::two_bounces(), dir.path(), "clip", None).unwrap();
-        assert_eq!(
-            names(dir.path()),
-            ["clip.points.csv", "clip.report.html", "clip.result.json"]
-        );
-        let json: serde_json::Value = serde_json::from_slice(&fs::read(paths.result_json).unwrap()).unwrap();
-        assert_eq!(json["status"], "measured");
-        assert!(
-            fs::read_to_string(paths.points_csv)
-                .unwrap()
-                .starts_with("frame,")
-        );
-        assert!(
-            fs::read_to_string(paths.report_html)
-                .unwrap()
-                .starts_with("<!DOCTYPE html>")
-        );
-    }
-
-    #[test]
-    fn when_one_report_cannot_be_placed_none_is() {
-        let dir = tempfile::tempdir().unwrap();
-        fs::create_dir(dir.path().join("clip.report.html")).unwrap();
-        let error = write_reports(&test_measurements::rejected(), dir.path(), "clip", None).unwrap_err();
-        assert!(matches!(error, WriteError::IsAFolder { .. }), "{error:?}");
-        assert_eq!(names(dir.path()), ["clip.report.html"]);
     }
 }

@@ -301,7 +301,8 @@ fn series_holds(bytes: &[u8]) -> bool {
             court_temperature_c: Some(21.0),
         },
     );
-    let json = track::report::series_json::fit_json(&fitted);
+    let json =
+        serde_json::to_value(track::report::documents::fit::FitDocument::new(&fitted)).expect("no JSON");
     sound_json(&json);
     let rows: usize = fitted
         .groups

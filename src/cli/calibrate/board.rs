@@ -10,9 +10,10 @@ use crate::calibration::board::{
 use crate::calibration::{Calibration, Rectification};
 use crate::frames;
 use crate::geometry::{PixelPoint, PlanePoint};
-use crate::report::board::{BoardReport, board_json, table, warnings};
+use crate::report::board::{BoardReport, table, warnings};
+use crate::report::documents;
+use crate::report::documents::board::BoardDocument;
 use crate::report::marked_frame::{MarkColour, MarkShape, marks_png};
-use crate::report::write;
 use anyhow::{Context, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -104,7 +105,9 @@ pub(super) fn run(args: &BoardArgs) -> anyhow::Result<Status> {
         super::write_files(out, &made.calibration, marks)?;
     }
     if args.json {
-        answer(&String::from_utf8_lossy(&write::json_text(&board_json(&board))?))?;
+        answer(&String::from_utf8_lossy(&documents::json_text(
+            &BoardDocument::new(&board),
+        )?))?;
     } else if args.out.is_some() {
         answer(&table(&board))?;
     } else {

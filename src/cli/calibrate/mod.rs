@@ -10,7 +10,7 @@ use crate::calibration::check::findings as check_findings;
 use crate::calibration::{Calibration, Scale, Severity, View};
 use crate::frames::{self, Luma, SourceInfo};
 use crate::geometry::PixelPoint;
-use crate::report::write;
+use crate::report::{documents, write};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -197,7 +197,7 @@ fn check_folder(path: &Path) -> anyhow::Result<write::NewFolders> {
 /// Writes the calibration and a picture of its marks, both or none, and says so.
 fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) -> anyhow::Result<()> {
     let text =
-        write::calib_text(&calibration.to_json()).context("the calibration could not be put together")?;
+        documents::calib_text(&calibration.to_json()).context("the calibration could not be put together")?;
     let picture = beside(out, "marks.png");
     let mut files: Vec<(&Path, &[u8])> = Vec::new();
     if let Some(marks) = &marks {
@@ -222,7 +222,7 @@ fn warn_of_problems(calibration: &Calibration, recording: Option<&SourceInfo>) {
 
 /// The answer where no file is wanted: the calibration itself.
 fn answer_calibration(calibration: &Calibration) -> anyhow::Result<()> {
-    answer(&write::calib_text(&calibration.to_json())?)
+    answer(&documents::calib_text(&calibration.to_json())?)
 }
 
 #[cfg(test)]

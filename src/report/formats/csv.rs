@@ -1,6 +1,24 @@
 //! `<stem>.points.csv`: a row for every frame in which the ball was seen.
 
+use super::{Contents, OutputFormat};
 use crate::pipeline::{Measurement, PointUse, TrackPoint, View};
+use std::error::Error;
+
+/// The points, for a spreadsheet.
+pub struct Points;
+
+impl OutputFormat for Points {
+    fn suffix(&self) -> &'static str {
+        ".points.csv"
+    }
+
+    fn contents<'a>(
+        &self,
+        measurement: &'a Measurement,
+    ) -> Result<Contents<'a>, Box<dyn Error + Send + Sync>> {
+        Ok(Contents::Bytes(points_csv(measurement)?))
+    }
+}
 
 /// The points as CSV. A cell is empty where there is no value; numbers carry all their digits, as in the JSON.
 ///
@@ -9,7 +27,7 @@ use crate::pipeline::{Measurement, PointUse, TrackPoint, View};
 ///
 /// # Errors
 /// Whatever the `csv` crate refuses; into memory it refuses nothing.
-pub fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
+fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     let (second, second_residual) = match measurement.view {
         View::Side => ("z_m", "residual_z_m"),
