@@ -38,7 +38,7 @@ impl ResultKey {
             "input_sha256": of_recording(&recording.video).ok()?,
             "calibration_sha256": of_bytes(calib),
             "settings": {
-                "accuracy": accuracy_name(accuracy),
+                "accuracy": accuracy.name(),
                 "spin_ratio": match changes.spin {
                     LaunchSpin::AsCalibrated => json!("as_calibrated"),
                     LaunchSpin::Ratio(ratio) => json!(ratio),
@@ -59,15 +59,6 @@ impl ResultKey {
         }
         whole["files_sha256"] = Value::Object(digests);
         Ok(whole)
-    }
-}
-
-/// The name of a level of accuracy.
-pub fn accuracy_name(accuracy: Accuracy) -> &'static str {
-    match accuracy {
-        Accuracy::Fast => "fast",
-        Accuracy::Standard => "standard",
-        Accuracy::Fine => "fine",
     }
 }
 

@@ -115,10 +115,7 @@ impl RecordingProcess<'_> {
         give("--out", self.work_dir.clone().into());
         give("--name", self.recording.name.clone().into());
         give("--calib", self.calib.into());
-        give(
-            "--accuracy",
-            super::key::accuracy_name(self.settings.accuracy).into(),
-        );
+        give("--accuracy", self.settings.accuracy.name().into());
         match spin {
             LaunchSpin::AsCalibrated => {}
             LaunchSpin::Ratio(ratio) => give("--spin-ratio", ratio.to_string().into()),

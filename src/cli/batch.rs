@@ -1,6 +1,6 @@
 //! `track batch PATH... --out DIR`: many recordings, and the process of a single one of them.
 
-use super::measure::AccuracyArg;
+use super::measure::accuracy_levels;
 use super::{Status, answer, say};
 use crate::batch::plan::{self, BatchPlan, BatchRequest};
 use crate::batch::process::{bind, machine_memory_bytes};
@@ -8,6 +8,7 @@ use crate::batch::{
     self, BatchEvent, BatchSettings, BatchSummary, CalibrationChanges, LaunchSpin, RecordingOutcome,
 };
 use crate::calibration::Calibration;
+use crate::detect::centre::Accuracy;
 use crate::pipeline::measure;
 use crate::report::formats::{FORMATS, write_recording};
 use crate::report::series_table;
@@ -38,8 +39,8 @@ pub struct BatchArgs {
     #[arg(long, value_name = "N")]
     pub jobs: Option<NonZeroUsize>,
     /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
-    #[arg(long, value_name = "LEVEL", default_value = "standard")]
-    pub accuracy: AccuracyArg,
+    #[arg(long, value_name = "LEVEL", default_value_t, value_parser = accuracy_levels())]
+    pub accuracy: Accuracy,
     /// Stop a recording that is not done after so many seconds.
     #[arg(long, value_name = "SECONDS", default_value = "1800", value_parser = seconds)]
     pub timeout_s: Duration,
@@ -77,8 +78,8 @@ pub struct RecordingArgs {
     #[arg(long)]
     pub calib: PathBuf,
     /// How centres are found.
-    #[arg(long)]
-    pub accuracy: AccuracyArg,
+    #[arg(long, value_parser = accuracy_levels())]
+    pub accuracy: Accuracy,
     /// In place of the calibration's.
     #[arg(long, value_parser = spin)]
     pub spin_ratio: Option<LaunchSpin>,
@@ -119,13 +120,7 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     };
     let calibration = changes.applied(Calibration::read(&args.calib)?);
     let name = args.calib.display().to_string();
-    let measurement = measure(
-        &args.video,
-        &calibration,
-        &name,
-        args.accuracy.into(),
-        &mut |_| {},
-    )?;
+    let measurement = measure(&args.video, &calibration, &name, args.accuracy, &mut |_| {})?;
     let formats = FORMATS.iter().filter(|format| !format.needs_frames());
     write_recording(&measurement, &args.out, &args.name, formats)?;
     Ok(match measurement.outcome {
@@ -149,7 +144,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
     let jobs = args.jobs.unwrap_or(cores);
     let share = |whole: u64| (whole / jobs.get() as u64).max(LEAST_MEMORY_BYTES);
     let settings = BatchSettings {
-        accuracy: args.accuracy.into(),
+        accuracy: args.accuracy,
         jobs,
         time_limit: args.timeout_s,
         memory_bytes: args

@@ -8,7 +8,8 @@ use crate::report::documents::json_text;
 use crate::report::documents::result::ResultDocument;
 use crate::report::formats::{FORMATS, write_recording};
 use crate::report::{table, write};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 
@@ -21,8 +22,8 @@ pub struct MeasureArgs {
     #[arg(long)]
     pub calib: PathBuf,
     /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
-    #[arg(long, value_name = "LEVEL", default_value = "standard")]
-    pub accuracy: AccuracyArg,
+    #[arg(long, value_name = "LEVEL", default_value_t, value_parser = accuracy_levels())]
+    pub accuracy: Accuracy,
     /// Write <name>.result.json, .points.csv, .report.html and .overlay.mp4 into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -31,25 +32,16 @@ pub struct MeasureArgs {
     pub json: bool,
 }
 
-/// The levels of accuracy by name.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum AccuracyArg {
-    /// A circle through edge points: for screening.
-    Fast,
-    /// A likelihood fit of the edge.
-    Standard,
-    /// The same of every pixel, learned twice.
-    Fine,
-}
-
-impl From<AccuracyArg> for Accuracy {
-    fn from(level: AccuracyArg) -> Self {
-        match level {
-            AccuracyArg::Fast => Self::Fast,
-            AccuracyArg::Standard => Self::Standard,
-            AccuracyArg::Fine => Self::Fine,
-        }
-    }
+/// Reads a level of accuracy by name.
+pub fn accuracy_levels() -> impl TypedValueParser<Value = Accuracy> {
+    let levels = Accuracy::ALL.map(|level| {
+        let words = level.method().words();
+        PossibleValue::new(words.name).help(words.help)
+    });
+    PossibleValuesParser::new(levels).map(|name| {
+        let named = |level: &Accuracy| level.name() == name;
+        Accuracy::ALL.into_iter().find(named).unwrap_or_default()
+    })
 }
 
 /// Measures and reports.
@@ -66,7 +58,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
         &args.video,
         &calibration,
         &args.calib.display().to_string(),
-        args.accuracy.into(),
+        args.accuracy,
         &mut |p| {
             show(&bar, p);
         },

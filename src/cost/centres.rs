@@ -57,30 +57,19 @@ pub enum ComparedMethod {
 
 impl ComparedMethod {
     /// All of them.
-    pub const ALL: [Self; 4] = [
-        Self::Moments,
-        Self::Level(Accuracy::Fast),
-        Self::Level(Accuracy::Standard),
-        Self::Level(Accuracy::Fine),
-    ];
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        let levels = Accuracy::ALL.into_iter().map(Self::Level);
+        std::iter::once(Self::Moments).chain(levels).collect()
+    }
 
     /// For people and files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Moments => "threshold, moments",
-            Self::Level(level) => level_name(level),
+            Self::Level(level) => level.name(),
         }
-    }
-}
-
-/// A level of accuracy as the command line says it.
-#[must_use]
-pub fn level_name(level: Accuracy) -> &'static str {
-    match level {
-        Accuracy::Fast => "fast",
-        Accuracy::Standard => "standard",
-        Accuracy::Fine => "fine",
     }
 }
 
@@ -207,7 +196,7 @@ fn find(method: ComparedMethod, recording: &Rendered) -> FoundCentres {
             if let Outcome::Rejected { reason } = m.outcome {
                 return Err(reason);
             }
-            if !m.track.method.starts_with(level_name(level)) {
+            if !m.track.method.starts_with(level.name()) {
                 return Err(format!("had to be left for {}", m.track.method));
             }
             let used = m
@@ -273,7 +262,7 @@ fn diagram(
     section: &mut Subject,
     stopwatch: &mut Stopwatch<'_>,
 ) -> Result<(), CostError> {
-    let mut curves: Vec<SettingCurve> = ComparedMethod::ALL
+    let mut curves: Vec<SettingCurve> = ComparedMethod::all()
         .iter()
         .map(|m| SettingCurve {
             name: m.name().to_owned(),
@@ -336,13 +325,13 @@ fn timed_methods(
     stopwatch: &mut Stopwatch<'_>,
 ) -> Result<Vec<Run>, CostError> {
     let mut decoding_s = Vec::new();
-    let mut totals_s = vec![Vec::new(); ComparedMethod::ALL.len()];
+    let mut totals_s = vec![Vec::new(); ComparedMethod::all().len()];
     let mut found: Vec<FoundCentres> = Vec::new();
     for repeat in 0..plan.repeats {
         let (decoded, took_s) = stopwatch.timed(|| decode(&recording.video));
         decoded?;
         decoding_s.push(took_s);
-        for (method, totals_s) in ComparedMethod::ALL.into_iter().zip(&mut totals_s) {
+        for (method, totals_s) in ComparedMethod::all().into_iter().zip(&mut totals_s) {
             let (centres, took_s) = stopwatch.timed(|| find(method, recording));
             totals_s.push(took_s);
             if repeat == 0 {
@@ -354,7 +343,7 @@ fn timed_methods(
     let frames = recording.frames as f64;
     let us = 1e6 / frames;
     let decode_s = Quartiles::of(&decoding_s).map_or(0.0, |s| s.median);
-    Ok(ComparedMethod::ALL
+    Ok(ComparedMethod::all()
         .into_iter()
         .zip(&totals_s)
         .zip(found)

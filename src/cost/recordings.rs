@@ -15,7 +15,6 @@
 //! The illuminance that a recording needs for the same grey levels, by the incident-light equation of ISO 2720,
 //! E = C N² / (t S) with C = 250 lx s: at f/2 and ISO 800, 1.25 lx s over the exposure.
 
-use super::centres::level_name;
 use super::recommendation::Requirement;
 use super::recording_metrics::{DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE};
 use super::rendering::{Rendered, decode, folder, render};
@@ -75,7 +74,7 @@ impl RecordingSetting {
 
     fn named(&self) -> Vec<(&'static str, String)> {
         vec![
-            ("accuracy", level_name(self.accuracy).to_owned()),
+            ("accuracy", self.accuracy.to_string()),
             ("frame_rate_hz", self.frame_rate_hz.to_string()),
             ("picture", self.picture().to_owned()),
             ("exposure_s", self.exposure_s.to_string()),
@@ -108,7 +107,7 @@ impl RecordingPlan {
     #[must_use]
     pub fn full() -> Self {
         Self {
-            accuracies: vec![Accuracy::Fast, Accuracy::Standard, Accuracy::Fine],
+            accuracies: Accuracy::ALL.to_vec(),
             frame_rates_hz: vec![30.0, 60.0, 120.0, 240.0, 480.0, 960.0],
             reductions: vec![1, 2, 4],
             exposures_s: vec![0.0001, 0.0005, 0.0025],
@@ -419,7 +418,7 @@ fn diagrams(plan: &RecordingPlan, settings: &[RecordingSetting]) -> Vec<Diagram>
                 ..RecordingSetting::DEFAULT
             };
             by_time.push(SettingCurve {
-                name: format!("{}, {}", like.picture(), level_name(accuracy)),
+                name: format!("{}, {}", like.picture(), accuracy),
                 runs: matching(&|s| {
                     s.accuracy == accuracy && s.reduction == reduction && s.exposure_s == exposure_s
                 }),

@@ -4,9 +4,12 @@
 //! is not part of it. The median runs as an odd-even merge network on whole rows, so that the compiler turns it into
 //! byte-wise minimum and maximum instructions: 15 frames of 1080p take a few milliseconds.
 
-use super::blobs;
 use super::camera_swing::SceneEdges;
-use super::registration::{Registrar, Registration};
+use super::noise::{
+    ROUNDING_STD_GREY, frame_noise_grey, interpolated_median, median_in_place, spatial_noise_grey,
+};
+use super::registrar::Registrar;
+use super::registration::Registration;
 use crate::frames::Luma;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -40,12 +43,9 @@ pub struct Background {
     pub block_threshold_grey: Vec<f32>,
     /// Follows the camera's drift and the light's flicker.
     pub registrar: Registrar,
-    /// Of a camera that stands still: what its swings are told by.
+    /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
     pub edges: Option<SceneEdges>,
 }
-
-/// Quantum of an 8-bit picture: rounding alone has this standard deviation, grey levels.
-pub(super) const ROUNDING_STD_GREY: f64 = 0.29;
 
 /// A block is moving where its mean departs by this many standard deviations. 5 keeps false alarms of white noise
 /// below one block in a million.
@@ -57,7 +57,8 @@ const LEAST_CHANGE_GREY: f64 = 1.5;
 /// Displacements in the survey below this are the estimator's own noise: the camera counts as fixed, px.
 const FIXED_CAMERA_PX: f64 = 0.35;
 
-/// And those below so many times what the parts of a faint scene disagree by: the largest of fifteen is 2.3 times the median.
+/// It also counts as fixed below so many times the standard uncertainty of a shift, which is large in a faint scene: the
+/// largest of fifteen shifts is 2.3 times their median.
 const DRIFT_SIGMAS: f64 = 4.0;
 
 impl Background {
@@ -110,7 +111,8 @@ impl Background {
         let mut background = Self {
             noise_grey,
             edges: fixed.then(|| {
-                SceneEdges::new(&scene_grey, luma.width, noise_grey).judged_by(survey, &registrations)
+                SceneEdges::new(&scene_grey, luma.width, noise_grey)
+                    .with_rest_shift_of(survey, &registrations)
             }),
             scene_grey,
             luma,
@@ -124,18 +126,8 @@ impl Background {
         Some(background)
     }
 
-    /// The light of `scene`, another picture of the same unmoved scene, against this one's; `None` where it shows a thing that
-    /// this one does not.
-    #[must_use]
-    pub fn light_of(&self, scene: &Luma) -> Option<Registration> {
-        let light = self.registrar.follow(scene, &Registration::IDENTITY);
-        let sums = sum_blocks(scene, self.block_px);
-        let shown = blobs::find(self, scene, &light, &self.block_changes(&sums, &light));
-        (light.is_still() && shown.is_empty()).then_some(light)
-    }
-
-    /// How the blocks of a frame, of which these are the `sums` (see [`sum_blocks`]), depart from the background seen as
-    /// `registration` says.
+    /// How the blocks of a frame, of which these are the `sums` (see [`sum_blocks`]), differ from the background shifted and
+    /// lit as `registration` says.
     #[must_use]
     pub fn block_changes<'a>(&'a self, sums: &'a [u16], registration: &Registration) -> BlockChanges<'a> {
         let scene = if registration.is_still() {
@@ -211,8 +203,9 @@ impl BlockChanges<'_> {
     }
 }
 
-/// The largest distance from where the camera mostly looks, px, but for swings, after which it looks there again. (From where the reference looks it would have the error of that
-/// one frame in all: a codec that draws a faint scene otherwise in each key frame moves it by half a pixel.)
+/// How far the camera drifts, px: the largest distance of a shift from the median one, swings left out, after which the camera
+/// looks where it did. (Distances from the reference frame would all have the error of that one frame: a codec that draws a
+/// faint scene differently in each key frame moves it by half a pixel.)
 fn drift_px(registrations: &[Registration]) -> f64 {
     let median = |of: fn(&Registration) -> f64| {
         let mut shifts: Vec<f64> = registrations.iter().map(of).collect();
@@ -221,7 +214,7 @@ fn drift_px(registrations: &[Registration]) -> f64 {
     let middle = (median(|r| r.shift_u_px), median(|r| r.shift_v_px));
     let off = |r: &Registration| (r.shift_u_px - middle.0).hypot(r.shift_v_px - middle.1);
     let all: Vec<f64> = registrations.iter().map(off).collect();
-    // A swing comes back: what is elsewhere for good, at the beginning or the end, is a drift, and so is being elsewhere often.
+    // A swing dies away: a camera that looks elsewhere at the beginning, at the end or often, drifts.
     let rests = |o: &f64| *o < FIXED_CAMERA_PX;
     let elsewhere = all.iter().filter(|o| !rests(o)).count();
     let (Some(first), Some(last)) = (all.iter().position(rests), all.iter().rposition(rests)) else {
@@ -285,49 +278,6 @@ fn sum_of_lanes(rows: [u32; 4]) -> u16 {
     ((lanes & 0xffff) + (lanes >> 16)) as u16
 }
 
-/// The lower median of `values`, which are reordered; 0 for none.
-pub fn median_in_place(values: &mut [f32]) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = (values.len() - 1) / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
-}
-
-/// Standard deviation of a pixel's noise by the differences of successive frames: the median of those is of pixels
-/// where nothing moves.
-fn frame_noise_grey(survey: &[&Luma]) -> f64 {
-    let mut histogram = [0_u64; 256];
-    for pair in survey.windows(2) {
-        let step = (pair[0].data.len() / 20_000).max(1);
-        for (a, b) in pair[0].data.iter().zip(&pair[1].data).step_by(step) {
-            histogram[usize::from(a.abs_diff(*b))] += 1;
-        }
-    }
-    (1.4826 * interpolated_median(&histogram) / std::f64::consts::SQRT_2).max(ROUNDING_STD_GREY)
-}
-
-/// Standard deviation of a pixel's noise within one picture, by the median of the mask 1 −2 1 / −2 4 −2 / 1 −2 1, which
-/// smooth scenes leave at 0 and white noise at 6 standard deviations (Immerkær 1996).
-fn spatial_noise_grey(luma: &Luma) -> f64 {
-    let mut histogram = [0_u64; 256];
-    let step = (luma.width * luma.height / 20_000).max(1);
-    let mut turn = 0;
-    for v in 1..luma.height.saturating_sub(1) {
-        let rows = [luma.row(v - 1), luma.row(v), luma.row(v + 1)];
-        for u in 1..luma.width.saturating_sub(1) {
-            turn += 1;
-            if turn % step != 0 {
-                continue;
-            }
-            let across = |row: &[u8]| i32::from(row[u - 1]) - 2 * i32::from(row[u]) + i32::from(row[u + 1]);
-            let mask = across(rows[0]) - 2 * across(rows[1]) + across(rows[2]);
-            histogram[mask.unsigned_abs().min(255) as usize] += 1;
-        }
-    }
-    (1.4826 * interpolated_median(&histogram) / 6.0).max(ROUNDING_STD_GREY)
-}
-
 /// Robust standard deviation of one pixel about the background: 1.4826 × median absolute difference, corrected for
 /// the median's own share and for rounding.
 fn pixel_noise_grey(background: &Luma, survey: &[&Luma], registrations: &[Registration]) -> f64 {
@@ -351,30 +301,6 @@ fn pixel_noise_grey(background: &Luma, survey: &[&Luma], registrations: &[Regist
         1.0
     };
     (1.4826 * interpolated_median(&histogram) / share.sqrt()).max(ROUNDING_STD_GREY)
-}
-
-/// Median of absolute integer differences, interpolated within its bin: a bin at `d` holds |difference| between
-/// d − ½ and d + ½ (the bin at 0: between 0 and ½).
-fn interpolated_median(histogram: &[u64; 256]) -> f64 {
-    let total: u64 = histogram.iter().sum();
-    if total == 0 {
-        return 0.0;
-    }
-    let half = total as f64 / 2.0;
-    let mut below = 0.0;
-    for (d, &n) in histogram.iter().enumerate() {
-        let n = n as f64;
-        if below + n >= half && n > 0.0 {
-            let share = (half - below) / n;
-            return if d == 0 {
-                0.5 * share
-            } else {
-                d as f64 - 0.5 + share
-            };
-        }
-        below += n;
-    }
-    255.0
 }
 
 /// Per-pixel median of frames of one size, of which there is at least one (the mean of the middle two for an even number is

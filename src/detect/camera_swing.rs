@@ -1,6 +1,6 @@
-//! Swings of a camera that otherwise stands still: a table that is bumped when the ball hits it.
+//! Swings of a camera that otherwise stands still, such as those of a table that is struck by the ball.
 //!
-//! The edges of the scene (floor line, bench, texture) are where the empty scene has them, unless the whole picture is shifted:
+//! The edges of the scene (floor line, bench, texture) are where the empty scene has them unless the whole picture is shifted:
 //! frame(p + s) = gain · scene(p) + offset. The shift s is found by least squares over the pixels that carry gradient g, first on
 //! whole pixels, then by Gauss-Newton between them (Lucas and Kanade 1981); what moves before the scene does not count (Tukey's
 //! weights, and the regions of the balls seen are left out).
@@ -11,6 +11,7 @@
 //! Assumed: the picture shifts as a whole (a swing of a degree's hundredth does), and by less than five pixels.
 
 use super::registration::Registration;
+use super::resample::cubic;
 use crate::frames::Luma;
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 use rayon::prelude::*;
@@ -36,12 +37,12 @@ const FOLLOWED_STD_PX: f64 = 0.1;
 pub struct ShiftThreshold {
     sigmas: f64,
     px: f64,
-    /// In what frames of a camera that stands still seem to be shifted by.
+    /// More than so many times the shift that frames of a camera at rest seem to have.
     rest_multiples: f64,
 }
 
 impl ShiftThreshold {
-    /// Of a camera that stood still so far: what is smaller is within a centre's own uncertainty, and a codec moves edges by
+    /// For a camera that stood still so far: a smaller shift is within a centre's own uncertainty, and a codec moves edges by
     /// as much.
     pub const ONSET: Self = Self {
         sigmas: 4.5,
@@ -49,7 +50,7 @@ impl ShiftThreshold {
         rest_multiples: 5.0,
     };
 
-    /// Of one that swings, while that dies away.
+    /// For a camera that swings, while that dies away.
     pub const DECAY: Self = Self {
         sigmas: 0.5,
         px: 0.0,
@@ -57,10 +58,10 @@ impl ShiftThreshold {
     };
 }
 
-/// Errors of a codec hang together from pixel to pixel: the noise is this many times worse than it looks.
+/// A codec's errors are correlated from pixel to pixel: the shift's standard uncertainty is so many times that of white noise.
 const NOISE_CORRELATION: f64 = 2.0;
 
-/// Steps between the pixels.
+/// Gauss-Newton steps at most.
 const STEPS: usize = 8;
 
 /// A pixel of the empty scene with its gradient.
@@ -77,7 +78,7 @@ struct EdgePixel {
 pub struct SceneEdges {
     pixels: Vec<EdgePixel>,
     noise_grey: f64,
-    /// What frames of a camera that stands still seem to be shifted by: a codec draws the scene's edges anew in each.
+    /// The median shift that frames of a camera at rest seem to have, px: a codec draws the scene's edges anew in each.
     rest_shift_px: f64,
     width: i32,
     height: i32,
@@ -128,9 +129,9 @@ impl SceneEdges {
         }
     }
 
-    /// The same with what most of `frames`, whose light is `lights`, seem to be shifted by where nothing swings.
+    /// The same with the median shift that `frames`, whose light is `lights`, seem to have: most of them are at rest.
     #[must_use]
-    pub fn judged_by(mut self, frames: &[&Luma], lights: &[Registration]) -> Self {
+    pub fn with_rest_shift_of(mut self, frames: &[&Luma], lights: &[Registration]) -> Self {
         let any = ShiftThreshold {
             sigmas: 0.0,
             px: 0.0,
@@ -140,7 +141,7 @@ impl SceneEdges {
             .par_iter()
             .zip(lights)
             .map(|(frame, light)| {
-                let shift = self.swing(frame, light, &[], any);
+                let shift = self.shift(frame, light, &[], any);
                 shift.map_or(0.0, |[u, v]| u.hypot(v))
             })
             .collect();
@@ -148,38 +149,40 @@ impl SceneEdges {
         self
     }
 
-    /// How far `frame`, whose light is `light`, is shifted as a whole, px, along the directions that the scene tells; `None` where
-    /// it is not. `balls` are regions that may be anything.
+    /// How far `frame`, whose light is `light`, is shifted as a whole, px, along the directions in which the scene has edges;
+    /// `None` where that is below the threshold. The regions `balls` are left out.
     #[must_use]
-    pub fn swing(
+    pub fn shift(
         &self,
         frame: &Luma,
         light: &Registration,
         balls: &[PixelRegion],
         least: ShiftThreshold,
     ) -> Option<[f64; 2]> {
-        let there = |e: &&EdgePixel| {
+        let is_scene = |e: &&EdgePixel| {
             let inside = |r: &std::ops::Range<usize>, x: i32| r.contains(&(x.max(0) as usize));
             !balls.iter().any(|(us, vs)| inside(us, e.u) && inside(vs, e.v))
         };
-        let pixels: Vec<EdgePixel> = self.pixels.iter().filter(there).copied().collect();
+        let pixels: Vec<EdgePixel> = self.pixels.iter().filter(is_scene).copied().collect();
         if pixels.len() < LEAST_PIXELS {
             return None;
         }
-        let wanted = |e: &EdgePixel| light.gain * e.grey + light.offset_grey;
+        let expected = |e: &EdgePixel| light.gain * e.grey + light.offset_grey;
         let whole = |s: (i32, i32)| {
-            move |e: &EdgePixel| f64::from(pixel(frame, self.width, e.u + s.0, e.v + s.1)) - wanted(e)
+            move |e: &EdgePixel| {
+                f64::from(frame.data[((e.v + s.1) * self.width + e.u + s.0) as usize]) - expected(e)
+            }
         };
-        // As it stands, one step tells whether there is anything to look for.
+        // Of most frames one step from no shift says that there is none to look for.
         let (still, _, _) = self.step(&pixels, light.gain, whole((0, 0)))?;
-        // What the edges tell of a frame in its place; one that is not has residuals beyond its noise.
+        // The information of a frame at rest; in a shifted one the residuals are not noise alone.
         let all: Matrix2<f64> = pixels.iter().map(|e| e.gradient * e.gradient.transpose()).sum();
-        let followed = ObservableAxes::new(&(light.gain.powi(2) * all), self.noise_grey);
+        let axes = ObservableAxes::new(&(light.gain.powi(2) * all), self.noise_grey);
         let least = ShiftThreshold {
             px: least.px.max(least.rest_multiples * self.rest_shift_px),
             ..least
         };
-        if !followed.stands_out(&still, least) {
+        if !axes.exceeds(&still, least) {
             return None;
         }
         let start = self.best_whole(&pixels, whole);
@@ -187,25 +190,20 @@ impl SceneEdges {
         let mut last = None;
         for _ in 0..STEPS {
             let between = |e: &EdgePixel| {
-                cubic(
-                    frame,
-                    self.width,
-                    f64::from(e.u) + shift.x,
-                    f64::from(e.v) + shift.y,
-                ) - wanted(e)
+                cubic(frame, f64::from(e.u) + shift.x, f64::from(e.v) + shift.y) - expected(e)
             };
             let (step, information, spread) = self.step(&pixels, light.gain, between)?;
-            let step = followed.along(&step);
+            let step = axes.project(&step);
             shift += step;
             last = Some((information, spread));
             if step.norm() < 1e-4 {
                 break;
             }
         }
-        let shift = followed.along(&shift);
+        let shift = axes.project(&shift);
         let sane = shift.amax() < f64::from(REACH_PX) && self.height > 0;
         let sure = last.is_some_and(|(information, spread)| {
-            ObservableAxes::new(&information, spread).stands_out(&shift, least)
+            ObservableAxes::new(&information, spread).exceeds(&shift, least)
         });
         (sane && sure).then_some([shift.x, shift.y])
     }
@@ -254,7 +252,7 @@ impl SceneEdges {
     }
 }
 
-/// The directions along which edges tell a shift.
+/// Two directions, with the standard uncertainty of a shift along each, px.
 struct ObservableAxes {
     axes: [(Vector2<f64>, f64); 2],
 }
@@ -271,7 +269,8 @@ impl ObservableAxes {
         }
     }
 
-    fn along(&self, v: &Vector2<f64>) -> Vector2<f64> {
+    /// The part of `v` along the directions in which shifts can be told.
+    fn project(&self, v: &Vector2<f64>) -> Vector2<f64> {
         let part = |(axis, std): &(Vector2<f64>, f64)| {
             if *std < FOLLOWED_STD_PX {
                 axis * axis.dot(v)
@@ -282,40 +281,11 @@ impl ObservableAxes {
         part(&self.axes[0]) + part(&self.axes[1])
     }
 
-    fn stands_out(&self, v: &Vector2<f64>, least: ShiftThreshold) -> bool {
+    fn exceeds(&self, v: &Vector2<f64>, least: ShiftThreshold) -> bool {
         self.axes.iter().any(|(axis, std)| {
             *std < FOLLOWED_STD_PX && axis.dot(v).abs() > (least.sigmas * std).max(least.px)
         })
     }
-}
-
-fn pixel(frame: &Luma, width: i32, u: i32, v: i32) -> u8 {
-    frame.data[(v * width + u) as usize]
-}
-
-/// The picture between pixels, by Catmull and Rom's cubic.
-fn cubic(frame: &Luma, width: i32, u: f64, v: f64) -> f64 {
-    let (iu, iv) = (u.floor(), v.floor());
-    let weights = |t: f64| {
-        [
-            ((-0.5 * t + 1.0) * t - 0.5) * t,
-            (1.5 * t - 2.5) * t * t + 1.0,
-            ((-1.5 * t + 2.0) * t + 0.5) * t,
-            (0.5 * t - 0.5) * t * t,
-        ]
-    };
-    let (wu, wv) = (weights(u - iu), weights(v - iv));
-    let (width_px, height_px) = (width, frame.height as i32);
-    let at = |i: i32, j: i32| {
-        let (u, v) = (
-            (iu as i32 + i - 1).clamp(0, width_px - 1),
-            (iv as i32 + j - 1).clamp(0, height_px - 1),
-        );
-        f64::from(pixel(frame, width, u, v))
-    };
-    (0..4)
-        .map(|j| wv[j as usize] * (0..4).map(|i| wu[i as usize] * at(i, j)).sum::<f64>())
-        .sum()
 }
 
 #[cfg(test)]
@@ -367,7 +337,7 @@ mod tests {
         {
             let frame = scene(s, true, 2.0, 7 + i as u64);
             let found = edges
-                .swing(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET)
+                .shift(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET)
                 .unwrap();
             assert!((found[0] - s[0]).abs() < 0.08, "{found:?} for {s:?}");
             assert!((found[1] - s[1]).abs() < 0.03, "{found:?} for {s:?}");
@@ -380,7 +350,7 @@ mod tests {
         for seed in 0..40 {
             let frame = scene([0.0; 2], true, 2.0, 100 + seed);
             assert_eq!(
-                edges.swing(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
+                edges.shift(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
                 None,
                 "{seed}"
             );
@@ -391,7 +361,7 @@ mod tests {
     fn along_a_line_nothing_is_followed() {
         let edges = edges(false);
         let found = edges
-            .swing(
+            .shift(
                 &scene([2.0, 1.2], false, 2.0, 3),
                 &Registration::IDENTITY,
                 &[],
@@ -404,7 +374,7 @@ mod tests {
         );
         let aside = scene([2.0, 0.0], false, 2.0, 4);
         assert_eq!(
-            edges.swing(&aside, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
+            edges.shift(&aside, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
             None
         );
     }
@@ -418,7 +388,7 @@ mod tests {
         }
         let ball: PixelRegion = (43..77, 118..152);
         assert_eq!(
-            edges.swing(&frame, &Registration::IDENTITY, &[ball], ShiftThreshold::ONSET),
+            edges.shift(&frame, &Registration::IDENTITY, &[ball], ShiftThreshold::ONSET),
             None
         );
     }

@@ -11,13 +11,18 @@ pub mod background;
 pub mod blobs;
 pub mod camera_swing;
 pub mod centre;
+pub mod crop;
+mod noise;
+mod registrar;
 pub mod registration;
+mod resample;
 
-use crate::frames::{Coded, Frame};
+use crate::frames::{Coded, Frame, Luma};
 use background::Background;
 use blobs::Blob;
 use camera_swing::ShiftThreshold;
 use centre::{Centre, Disc, Patch, outline};
+use crop::Crop;
 use registration::Registration;
 
 /// A moving thing in one frame.
@@ -56,8 +61,8 @@ pub struct Detector {
     pub background: Background,
     last_registration: Registration,
     last_sums: Option<Vec<u16>>,
-    /// When the camera last swung for sure, s.
-    bumped_s: Option<f64>,
+    /// When the camera last surely swung, s.
+    swung_s: Option<f64>,
 }
 
 /// A swing dies away within this, s.
@@ -71,7 +76,7 @@ impl Detector {
             background,
             last_registration: Registration::IDENTITY,
             last_sums: None,
-            bumped_s: None,
+            swung_s: None,
         }
     }
 
@@ -79,7 +84,7 @@ impl Detector {
     #[must_use]
     pub fn look(&mut self, frame: &Frame) -> FrameReading {
         let registrar = &self.background.registrar;
-        // Where the first frame looks nothing tells; a camera that drifts has it far from the reference.
+        // The first frame has none before it, and where the camera drifts it may be far from the reference.
         let first = self.last_sums.is_none() && !registrar.fixed;
         let registration = if first {
             registrar.locate_one(&frame.luma)
@@ -143,16 +148,16 @@ impl Detector {
             })
             .collect();
         let edges = self.background.edges.as_ref()?;
-        let of_least = |least| edges.swing(&frame.luma, registration, &balls, least);
+        let shift_above = |least| edges.shift(&frame.luma, registration, &balls, least);
         let swings = self
-            .bumped_s
-            .is_some_and(|bumped_s| (0.0..SWING_LASTS_S).contains(&(frame.time_s - bumped_s)));
-        let [shift_u_px, shift_v_px] = match of_least(ShiftThreshold::ONSET) {
+            .swung_s
+            .is_some_and(|swung_s| (0.0..SWING_LASTS_S).contains(&(frame.time_s - swung_s)));
+        let [shift_u_px, shift_v_px] = match shift_above(ShiftThreshold::ONSET) {
             Some(shift) => {
-                self.bumped_s = Some(frame.time_s);
+                self.swung_s = Some(frame.time_s);
                 shift
             }
-            None if swings => of_least(ShiftThreshold::DECAY)?,
+            None if swings => shift_above(ShiftThreshold::DECAY)?,
             None => return None,
         };
         Some(Registration {
@@ -163,7 +168,7 @@ impl Detector {
     }
 
     fn frame_change_grey(&self, last: &[u16], now: &[u16]) -> f32 {
-        /// So many sums of a block's differences fit in 32 bits.
+        /// The differences of so many blocks add up to no more than 32 bits hold.
         const PART: usize = 1 << 16;
         let area = (self.background.block_px * self.background.block_px) as f32;
         let part = |(a, b): (&[u16], &[u16])| {
@@ -176,7 +181,7 @@ impl Detector {
 
     /// The patch of a blob, ready for a centre method.
     #[must_use]
-    pub fn patch<'a>(&self, crop: &'a blobs::Crop, registration: &Registration) -> Patch<'a> {
+    pub fn patch<'a>(&self, crop: &'a Crop, registration: &Registration) -> Patch<'a> {
         let scene = &self.background.scene_grey;
         self.patch_before(scene, crop, registration)
     }
@@ -185,7 +190,7 @@ impl Detector {
     fn patch_before<'a, T: Copy + Into<f32>>(
         &self,
         scene: &[T],
-        crop: &'a blobs::Crop,
+        crop: &'a Crop,
         registration: &Registration,
     ) -> Patch<'a> {
         Patch {
@@ -194,6 +199,22 @@ impl Detector {
             noise_grey: self.background.noise_grey,
             affine: None,
         }
+    }
+
+    /// The light of `scene`, another picture of the same unmoved scene, against the background's; `None` where it shows a thing
+    /// that the background does not.
+    #[must_use]
+    pub fn light_of(&self, scene: &Luma) -> Option<Registration> {
+        let background = &self.background;
+        let light = background.registrar.follow(scene, &Registration::IDENTITY);
+        let sums = background::sum_blocks(scene, background.block_px);
+        let shown = blobs::find(
+            background,
+            scene,
+            &light,
+            &background.block_changes(&sums, &light),
+        );
+        (light.is_still() && shown.is_empty()).then_some(light)
     }
 
     /// A first centre, good to a few hundredths of the radius, where nothing is known of the ball yet: the circle

@@ -1,9 +1,9 @@
 //! Centres on synthetic balls drawn by brute force: 16 × 16 samples a pixel, nothing shared with the model.
 
-use super::blobs::Crop;
 use super::centre::appearance::{AppearanceFrame, AppearanceSettings, RadiusSource, estimate};
-use super::centre::known_ball::{self, Appearance, FitSettings};
-use super::centre::{Centre, Disc, Patch, fast, fine, outline, standard};
+use super::centre::edge_likelihood::{self, Appearance};
+use super::centre::{Accuracy, Centre, CentreInput, Disc, Patch, fine, outline, standard};
+use super::crop::Crop;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 
@@ -122,6 +122,9 @@ struct CentreTrial {
     sigma: f64,
 }
 
+const FINE: &AppearanceSettings = &fine::METHOD.appearance;
+const STANDARD: &AppearanceSettings = &standard::METHOD.appearance;
+
 /// Longest exposure in the trials, s, and how a sweep in px becomes a velocity.
 const EXPOSURE_S: f64 = 0.002;
 
@@ -164,7 +167,7 @@ impl CentreTrial {
 
     fn appearance(&self, settings: &AppearanceSettings) -> Appearance {
         let step = self.balls.len().div_ceil(settings.frames);
-        let examples: Vec<AppearanceFrame<'_>> = (0..self.balls.len())
+        let frames: Vec<AppearanceFrame<'_>> = (0..self.balls.len())
             .step_by(step)
             .map(|i| AppearanceFrame {
                 patch: patch(&self.crops[i], self.sigma.max(0.29)),
@@ -174,10 +177,10 @@ impl CentreTrial {
                 magnification: 1.0,
             })
             .collect();
-        estimate(&examples, 2.0 * EXPOSURE_S, settings, RadiusSource::Fitted).expect("an appearance")
+        estimate(&frames, 2.0 * EXPOSURE_S, settings, RadiusSource::Fitted).expect("an appearance")
     }
 
-    fn errors(&self, settings: &AppearanceSettings, fit: &FitSettings) -> CentreErrors {
+    fn errors(&self, settings: &AppearanceSettings) -> CentreErrors {
         let ball = self.appearance(settings);
         let found = (0..self.balls.len()).map(|i| {
             let start = Disc {
@@ -185,7 +188,7 @@ impl CentreTrial {
                 ..self.first(i)
             };
             let patch = patch(&self.crops[i], self.sigma.max(0.29));
-            known_ball::fit(&patch, &ball, &start, 1.0, fit)
+            edge_likelihood::fit(&patch, &ball, &start, 1.0, &settings.fit)
                 .expect("a centre")
                 .centre
         });
@@ -253,15 +256,12 @@ fn a_flat_disc_is_found_at_the_cramer_rao_bound() {
         let trial = CentreTrial::new(120, sigma, plain(radius, 0.0, 0.0));
         let bound = cramer_rao_px(radius, sigma);
         // A scatter from 2 · 120 errors is itself known to 5 %.
-        for (settings, fit, most) in [
-            (&fine::APPEARANCE, &fine::FIT, 1.15),
-            (&standard::APPEARANCE, &standard::FIT, 1.5),
-        ] {
-            let e = trial.errors(settings, fit);
+        for (settings, most) in [(FINE, 1.15), (STANDARD, 1.5)] {
+            let e = trial.errors(settings);
             println!("R {radius} noise {sigma} bound {bound:.4}: {e:?}");
             // What chance leaves in the mean of 120 errors, and in the shift that the appearance shares.
-            let doubt = bound * (1.0 / 120.0 + 1.0 / settings.frames as f64).sqrt();
-            assert!(e.worst_bias() < 0.005 + 3.0 * doubt, "bias {e:?}");
+            let chance = bound * (1.0 / 120.0 + 1.0 / settings.frames as f64).sqrt();
+            assert!(e.worst_bias() < 0.005 + 3.0 * chance, "bias {e:?}");
             assert!(
                 e.mean_scatter() < (most + 0.1) * bound,
                 "R {radius}: {e:?} against {bound}"
@@ -275,11 +275,8 @@ fn a_flat_disc_is_found_at_the_cramer_rao_bound() {
 fn shading_and_a_highlight_do_not_pull_the_centre() {
     for radius in [8.0, 15.0, 30.0] {
         let trial = CentreTrial::new(80, 2.0, plain(radius, 0.6, 60.0));
-        for (settings, fit, most) in [
-            (&fine::APPEARANCE, &fine::FIT, 0.015),
-            (&standard::APPEARANCE, &standard::FIT, 0.03),
-        ] {
-            let e = trial.errors(settings, fit);
+        for (settings, most) in [(FINE, 0.015), (STANDARD, 0.03)] {
+            let e = trial.errors(settings);
             println!("R {radius}: {e:?}");
             assert!(e.worst_bias() < most, "R {radius}: {e:?}");
             assert!(e.mean_scatter() < 0.03, "R {radius}: {e:?}");
@@ -296,7 +293,15 @@ fn a_circle_through_edge_points_screens() {
                 radius_px: radius,
                 ..trial.first(i)
             };
-            fast::centre(&patch(&trial.crops[i], 2.0), &start, 140.0).expect("a centre")
+            let input = CentreInput {
+                patch: &patch(&trial.crops[i], 2.0),
+                start,
+                appearance: None,
+                magnification: 1.0,
+                gain: 1.0,
+                contrast_grey: 140.0,
+            };
+            Accuracy::Fast.method().centre(&input).expect("a centre")
         });
         let e = trial.compare(found);
         println!("R {radius}: {e:?}");
@@ -310,7 +315,7 @@ fn a_circle_through_edge_points_screens() {
 #[test]
 fn a_small_ball_of_three_pixels() {
     let trial = CentreTrial::new(60, 2.0, plain(3.0, 0.3, 0.0));
-    let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
+    let e = trial.errors(STANDARD);
     println!("R 3: {e:?}");
     assert!(e.worst_bias() < 0.05 && e.mean_scatter() < 0.05, "{e:?}");
 }
@@ -325,8 +330,8 @@ fn a_smeared_ball_is_a_capsule_about_mid_exposure() {
                 ..plain(12.0, 0.4, 0.0)(noise)
             }
         });
-        let ball = trial.appearance(&standard::APPEARANCE);
-        let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
+        let ball = trial.appearance(STANDARD);
+        let e = trial.errors(STANDARD);
         println!(
             "L {most}: R {:.3} exposure {:.6} {e:?}",
             ball.radius_px, ball.exposure_s
@@ -349,7 +354,7 @@ fn a_ball_with_a_dark_side_is_found_to_a_tenth_of_a_pixel() {
             softened: false,
             ..plain(radius, 0.6, 60.0)(noise)
         });
-        let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
+        let e = trial.errors(STANDARD);
         println!("R {radius}: {e:?}");
         assert!(
             e.worst_bias() < 0.12 && e.mean_scatter() < 0.02,
@@ -365,11 +370,11 @@ fn a_light_that_differs_from_frame_to_frame_frees_the_tilt() {
         let shading = if noise.unit() < 0.5 { 0.0 } else { 0.7 };
         plain(12.0, shading, 0.0)(noise)
     });
-    let ball = trial.appearance(&standard::APPEARANCE);
-    let steady = CentreTrial::new(60, 2.0, plain(12.0, 0.35, 0.0)).appearance(&standard::APPEARANCE);
-    println!("{:?} against {:?}", ball.scatter, steady.scatter);
-    assert!(ball.scatter[1] > 5.0 * steady.scatter[1]);
-    let e = trial.errors(&standard::APPEARANCE, &standard::FIT);
+    let ball = trial.appearance(STANDARD);
+    let steady = CentreTrial::new(60, 2.0, plain(12.0, 0.35, 0.0)).appearance(STANDARD);
+    println!("{:?} against {:?}", ball.nuisance_std, steady.nuisance_std);
+    assert!(ball.nuisance_std[1] > 5.0 * steady.nuisance_std[1]);
+    let e = trial.errors(STANDARD);
     println!("{e:?}");
     assert!(e.worst_bias() < 0.05 && e.mean_scatter() < 0.1, "{e:?}");
 }
@@ -377,13 +382,13 @@ fn a_light_that_differs_from_frame_to_frame_frees_the_tilt() {
 #[test]
 fn a_shadow_below_is_left_out() {
     let mut trial = CentreTrial::new(40, 2.0, plain(12.0, 0.3, 0.0));
-    let ball = trial.appearance(&standard::APPEARANCE);
-    let clear = known_ball::fit(
+    let ball = trial.appearance(STANDARD);
+    let clear = edge_likelihood::fit(
         &patch(&trial.crops[0], 2.0),
         &ball,
         &trial.first(0),
         1.0,
-        &standard::FIT,
+        &STANDARD.fit,
     )
     .expect("a centre");
     let size = trial.crops[0].luma.width;
@@ -396,12 +401,12 @@ fn a_shadow_below_is_left_out() {
             }
         }
     }
-    let shaded = known_ball::fit(
+    let shaded = edge_likelihood::fit(
         &patch(&trial.crops[0], 2.0),
         &ball,
         &trial.first(0),
         1.0,
-        &standard::FIT,
+        &STANDARD.fit,
     )
     .expect("a centre");
     let error = shaded.centre.disc.centre.distance_px(PixelPoint::new(u0, v0));

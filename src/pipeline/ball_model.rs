@@ -8,8 +8,8 @@ use crate::calibration::{Optics, Silhouette, Silhouettes};
 use crate::detect::Sighting;
 use crate::detect::centre::affine_patch::AffinePatch;
 use crate::detect::centre::appearance::{self, AppearanceFrame, AppearanceSettings, RadiusSource};
-use crate::detect::centre::known_ball::{Appearance, FitSettings};
-use crate::detect::centre::{Accuracy, Disc, Patch, ball, fine, standard};
+use crate::detect::centre::edge_likelihood::Appearance;
+use crate::detect::centre::{Accuracy, Disc, Patch, ball};
 use crate::flight::Flight;
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::{
@@ -55,15 +55,6 @@ pub fn common_std_px(ball: Option<&BallModel>, displaced_px: f64) -> f64 {
             .hypot(LASTING_PART * displaced_px)
             .hypot(FADED_STD_PX * ball.faded)
     })
-}
-
-/// What is learned of the ball, and how hard each centre is looked for.
-pub fn method(accuracy: Accuracy) -> Option<(&'static AppearanceSettings, &'static FitSettings)> {
-    match accuracy {
-        Accuracy::Fast => None,
-        Accuracy::Standard => Some((&standard::APPEARANCE, &standard::FIT)),
-        Accuracy::Fine => Some((&fine::APPEARANCE, &fine::FIT)),
-    }
 }
 
 /// The pixels of a recording as its camera draws a ball in them.
@@ -137,8 +128,10 @@ pub fn learned(
     radius: RadiusSource,
 ) -> Option<BallModel> {
     let outlines = outline_radius(pictures, &tracked.flight)?;
-    let (appearance, behind_grey) = method(accuracy)
-        .map(|(settings, _)| {
+    let (appearance, behind_grey) = accuracy
+        .method()
+        .appearance()
+        .map(|settings| {
             let examples = examples(pictures, tracked, settings);
             let behind = examples.iter().filter_map(|e| e.patch.background.first());
             let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());

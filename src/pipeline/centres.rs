@@ -2,10 +2,10 @@
 //! held. Frames in which the ball's outline was not found at first (it touched its shadow, a hand, another thing) are looked
 //! at again there.
 
-use super::ball_model::{BallModel, BallPictures, method};
+use super::ball_model::{BallModel, BallPictures};
 use super::spots::{BallCentre, FrameTimes, with_id};
 use crate::detect::LEAST_AGREEMENT;
-use crate::detect::centre::{Accuracy, Centre, Disc, fast, known_ball, outline};
+use crate::detect::centre::{Accuracy, Centre, CentreInput, Disc, outline};
 use crate::flight::Flight;
 use crate::geometry::PixelPoint;
 use rayon::prelude::*;
@@ -129,14 +129,16 @@ impl CentreSearch<'_> {
         let s = &self.pictures.decoded.sightings[id];
         let patch = self.pictures.patch(s, start);
         let round = patch.affine.map_or(*start, |d| d.disc_in_patch(start));
-        let centre = match (&self.ball.appearance, method(self.accuracy)) {
-            (Some(appearance), Some((_, effort))) => {
-                let magnification = start.radius_px / self.ball.radius_px.value;
-                let ball = appearance.magnified(magnification, effort);
-                known_ball::fit(&patch, &ball, &round, s.registration.gain, effort)?.centre
-            }
-            _ => fast::centre(&patch, &round, s.blob.contrast_grey)?,
-        };
+        let appearance = self.ball.appearance.as_ref();
+        let method = self.accuracy.possible(appearance.is_some()).method();
+        let centre = method.centre(&CentreInput {
+            patch: &patch,
+            start: round,
+            appearance,
+            magnification: start.radius_px / self.ball.radius_px.value,
+            gain: s.registration.gain,
+            contrast_grey: s.blob.contrast_grey,
+        })?;
         let centre = patch.affine.map_or(centre, |d| d.centre_in_frame(&centre));
         Some(BallCentre::new(id, s, centre))
     }

@@ -10,7 +10,7 @@ use super::measurement::Warning;
 use super::warnings::of_file::of_file;
 use crate::calibration::Calibration;
 use crate::detect::background::{self, Background};
-use crate::detect::blobs::Crop;
+use crate::detect::crop::Crop;
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
 use crate::frames::{self, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth};
@@ -296,7 +296,7 @@ impl DecodingPass {
         let scene = self.spread_so_far().filter(|lumas| !lumas.is_empty());
         scene.is_some_and(|lumas| {
             let so_far = background::median_of(&lumas);
-            self.detector.background.light_of(&so_far).is_some()
+            self.detector.light_of(&so_far).is_some()
         })
     }
 
@@ -305,7 +305,7 @@ impl DecodingPass {
     fn scene_of_the_whole(&self) -> Option<(Background, Registration)> {
         let whole = Background::from_survey(&self.spread_so_far()?)?;
         let fixed = !whole.registrar.follows_shifts();
-        let light = self.detector.background.light_of(&whole.luma).filter(|_| fixed)?;
+        let light = self.detector.light_of(&whole.luma).filter(|_| fixed)?;
         Some((whole, light))
     }
 

@@ -6,7 +6,7 @@ use super::measurement::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
 use super::spots::{BallCentre, with_id};
 use super::world_frame::WorldFrame;
 use crate::calibration::Rectification;
-use crate::detect::blobs::Crop;
+use crate::detect::crop::Crop;
 use crate::flight::{Flight, FlightPoint, SpotUse};
 use crate::frames::{Luma, LumaRange};
 use crate::geometry::{PlanePoint, WorldPoint};

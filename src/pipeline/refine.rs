@@ -69,13 +69,10 @@ pub fn refined(recording: &Refinement<'_>, first: Tracked) -> Result<Refined, No
     let attempts = [
         (asked, RadiusSource::Fitted),
         (asked, RadiusSource::Outlines),
-        (Accuracy::Fast, RadiusSource::Outlines),
+        (asked.possible(false), RadiusSource::Outlines),
     ];
-    let attempts = if asked == Accuracy::Fast {
-        &attempts[2..]
-    } else {
-        &attempts[..]
-    };
+    let needs_appearance = asked.method().appearance().is_some();
+    let attempts = &attempts[if needs_appearance { 0 } else { 2 }..];
     let mut stands = false;
     let mut refused = None;
     for &(accuracy, radius) in attempts {
@@ -106,7 +103,7 @@ impl Refinement<'_> {
         let Self { camera, clocked, .. } = *self;
         // Seen from above, a better flight is a better size of the ball in every frame.
         let above = first.flight.fit.model.resolves_height();
-        let learns_again = accuracy == Accuracy::Fine || above;
+        let learns_again = accuracy.method().appearance().is_some_and(|a| a.again) || above;
         let mut best: Option<(Tracked, BallModel)> = None;
         for _ in 0..MOST_ROUNDS {
             let (now, ball) = match &best {
@@ -205,7 +202,7 @@ impl Refinement<'_> {
 
     fn with_warnings(&self, tracked: Tracked, ball: Option<BallModel>) -> Refined {
         let learned = ball.as_ref().is_some_and(|b| b.appearance.is_some());
-        let method = if learned { self.accuracy } else { Accuracy::Fast };
+        let method = self.accuracy.possible(learned);
         let flight = &tracked.flight;
         let flown: Vec<usize> = flight.used_points().map(|p| p.spot.frame).collect();
         let warnings = [

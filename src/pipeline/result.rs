@@ -91,7 +91,7 @@ pub fn rejected(
         view: camera.calibration.view,
         outcome: Outcome::Rejected { reason },
         track: Track {
-            method: method_name(asked).to_owned(),
+            method: asked.method().words().description.to_owned(),
             detected: 0,
             centre_std_px: None,
             radius_px: None,
@@ -133,19 +133,10 @@ fn track(camera: &CalibratedCamera<'_>, refined: &Refined, impacts: &Impacts) ->
     let used = points.iter().filter(|p| matches!(p.use_, PointUse::Used(_)));
     let mut stds: Vec<f64> = used.filter_map(|p| p.std_px).collect();
     Track {
-        method: method_name(refined.method).to_owned(),
+        method: refined.method.method().words().description.to_owned(),
         detected: points.len(),
         centre_std_px: median(&mut stds),
         radius_px: impacts.radius_px,
         points,
-    }
-}
-
-/// Name of the centre method.
-fn method_name(accuracy: Accuracy) -> &'static str {
-    match accuracy {
-        Accuracy::Fast => "fast: circle through edge points",
-        Accuracy::Standard => "standard: likelihood of the edge, learned appearance",
-        Accuracy::Fine => "fine: likelihood of every edge pixel, learned appearance",
     }
 }

@@ -113,7 +113,7 @@ fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSettin
         let _ = write!(
             text,
             "| {} | {} | {} | {} |",
-            centres::level_name(setting.accuracy),
+            setting.accuracy,
             setting.frame_rate_hz,
             setting.picture(),
             significant(1e3 * setting.exposure_s)

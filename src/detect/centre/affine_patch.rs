@@ -1,58 +1,57 @@
-//! A ball off the optical axis has an outline drawn out by perspective and by the lens: an ellipse. Seen in a picture that is
-//! drawn together again about some point, it is a circle and can be fitted as one.
+//! The affine patch: coordinates in which the ellipse that perspective and lens make of a ball is a circle.
 //!
-//! With S the stretch and c the point that stays, what the round picture has at w the frame has at c + S (w − c). Only the
-//! places of pixels are changed, none is computed anew, so that their noise stays what it is. (The blur is then an ellipse
-//! the other way, which pulls no centre.)
+//! With S the stretch and c a fixed point, the place w of the patch is the place c + S (w − c) of the frame. Only the places
+//! of pixels change, no pixel is interpolated, so that their noise stays what it is. (The blur becomes an ellipse the other
+//! way, which pulls no centre.)
 
-use super::{Centre, Disc};
+use super::disc::{Centre, Disc};
 use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Vector2};
 
-/// How round things are drawn out around a point.
+/// The stretch of the picture around a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AffinePatch {
     fixed: Vector2<f64>,
     stretch: Matrix2<f64>,
-    back: Matrix2<f64>,
+    inverse: Matrix2<f64>,
 }
 
 impl AffinePatch {
-    /// By `stretch` about `fixed`; `None` where that cannot be undone.
+    /// The frame is the patch stretched by `stretch` about `fixed`; `None` where that has no inverse.
     #[must_use]
     pub fn new(fixed: PixelPoint, stretch: Matrix2<f64>) -> Option<Self> {
         Some(Self {
             fixed: Vector2::new(fixed.u_px, fixed.v_px),
             stretch,
-            back: stretch.try_inverse()?,
+            inverse: stretch.try_inverse()?,
         })
     }
 
-    /// How many times farther than in the round picture a thing may reach.
+    /// How many times longer than in the patch a length in the frame may be.
     #[must_use]
     pub fn largest_stretch(&self) -> f64 {
         self.stretch.norm()
     }
 
-    /// Where a point of the frame is in the round picture.
+    /// The place in the patch of a point of the frame.
     #[must_use]
     pub fn patch_from_frame(&self, u: f64, v: f64) -> (f64, f64) {
-        let w = self.fixed + self.back * (Vector2::new(u, v) - self.fixed);
+        let w = self.fixed + self.inverse * (Vector2::new(u, v) - self.fixed);
         (w.x, w.y)
     }
 
-    /// Where a point of the round picture is in the frame.
+    /// The place in the frame of a point of the patch.
     #[must_use]
     pub fn frame_from_patch(&self, w: PixelPoint) -> PixelPoint {
         let p = self.fixed + self.stretch * (Vector2::new(w.u_px, w.v_px) - self.fixed);
         PixelPoint::new(p.x, p.y)
     }
 
-    /// The circle that `disc`, drawn out, is in the round picture.
+    /// A `disc` of the frame, whose radius is that of the circle, in the patch.
     #[must_use]
     pub fn disc_in_patch(&self, disc: &Disc) -> Disc {
         let (u, v) = self.patch_from_frame(disc.centre.u_px, disc.centre.v_px);
-        let swept = self.back * Vector2::from(disc.swept_px);
+        let swept = self.inverse * Vector2::from(disc.swept_px);
         Disc {
             centre: PixelPoint::new(u, v),
             swept_px: [swept.x, swept.y],
@@ -60,22 +59,18 @@ impl AffinePatch {
         }
     }
 
-    /// A centre of the round picture in the frame; its radius stays that of the circle.
+    /// A centre found in the patch, in the frame; its radius stays that of the circle.
     #[must_use]
     pub fn centre_in_frame(&self, found: &Centre) -> Centre {
         let swept = self.stretch * Vector2::from(found.disc.swept_px);
-        let [[uu, uv], [vu, vv]] = found.covariance_px2;
-        let covariance = self.stretch * Matrix2::new(uu, uv, vu, vv) * self.stretch.transpose();
+        let covariance = self.stretch * Matrix2::from(found.covariance_px2) * self.stretch.transpose();
         Centre {
             disc: Disc {
                 centre: self.frame_from_patch(found.disc.centre),
                 swept_px: [swept.x, swept.y],
                 ..found.disc
             },
-            covariance_px2: [
-                [covariance[(0, 0)], covariance[(0, 1)]],
-                [covariance[(1, 0)], covariance[(1, 1)]],
-            ],
+            covariance_px2: covariance.into(),
             ..*found
         }
     }
@@ -84,12 +79,12 @@ impl AffinePatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detect::blobs::Crop;
     use crate::detect::centre::appearance::{AppearanceFrame, RadiusSource, estimate};
-    use crate::detect::centre::{Patch, known_ball, standard};
+    use crate::detect::centre::{Patch, edge_likelihood, standard};
+    use crate::detect::crop::Crop;
     use crate::frames::Luma;
 
-    /// A disc of `radius` drawn out by `stretch`, brighter on one side, on a grey ground, by 16 × 16 samples over 2.4 px.
+    /// A disc of `radius` stretched by `stretch`, brighter on one side, on a grey ground, by 16 × 16 samples over 2.4 px.
     fn picture(centre: Vector2<f64>, radius: f64, stretch: Matrix2<f64>) -> Crop {
         let (width, height) = (120, 110);
         let back = stretch.try_inverse().unwrap();
@@ -116,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn balls_of_many_sizes_drawn_out_are_found_as_one() {
+    fn stretched_balls_of_many_sizes_are_found_as_one() {
         let d = Vector2::new(0.8_f64, -0.6);
         let stretch = Matrix2::identity() + 0.12 * d * d.transpose();
         let balls: Vec<(Vector2<f64>, f64)> = (0..8)
@@ -142,7 +137,7 @@ mod tests {
             noise_grey: 0.5,
             affine: AffinePatch::new(disc.centre, stretch),
         };
-        let examples: Vec<AppearanceFrame<'_>> = (0..balls.len())
+        let frames: Vec<AppearanceFrame<'_>> = (0..balls.len())
             .map(|i| AppearanceFrame {
                 patch: patch(i, &start(i, -0.5)),
                 disc: start(i, -0.5),
@@ -151,14 +146,15 @@ mod tests {
                 magnification: balls[i].1,
             })
             .collect();
-        let ball = estimate(&examples, 0.01, &standard::APPEARANCE, RadiusSource::Fitted).unwrap();
+        let ball = estimate(&frames, 0.01, &standard::METHOD.appearance, RadiusSource::Fitted).unwrap();
         assert!((ball.radius_px - radius_px).abs() < 0.05, "{}", ball.radius_px);
         let mut squares = 0.0;
         for (i, &(at, m)) in balls.iter().enumerate() {
-            let sized = ball.magnified(m, &standard::FIT);
+            let sized = ball.magnified(m, &standard::METHOD.appearance.fit);
             let start = start(i, 0.0);
             let patch = patch(i, &start);
-            let found = known_ball::fit(&patch, &sized, &start, 1.0, &standard::FIT).unwrap();
+            let found =
+                edge_likelihood::fit(&patch, &sized, &start, 1.0, &standard::METHOD.appearance.fit).unwrap();
             let centre = patch.affine.unwrap().centre_in_frame(&found.centre);
             let off = centre
                 .disc
@@ -172,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_round_picture_and_back_is_the_same_place() {
+    fn the_patch_and_back_is_the_same_place() {
         let stretch = Matrix2::new(1.1, 0.05, 0.05, 1.02);
         let d = AffinePatch::new(PixelPoint::new(300.0, 200.0), stretch).unwrap();
         let (u, v) = d.patch_from_frame(317.0, 180.5);

@@ -1,4 +1,4 @@
-//! The picture of a ball: what each pixel near its outline holds, as a function of where the centre is.
+//! The model of a ball's pixels: what each pixel near the outline holds, as a function of where the centre is.
 //!
 //! Seen from the centre a pixel stands at (x, y) = r (cos φ, sin φ). With B the background behind it,
 //!
@@ -12,14 +12,15 @@
 //!
 //! (ρ cos φ, ρ sin φ, ζ = √(1 - ρ²)) is the normal of the sphere, so the first four terms hold the half-Lambert
 //! shading of a distant lamp exactly, all eight hold a matt sphere under any distant light to 1 % (Ramamoorthi and
-//! Hanrahan 2001). More terms would follow a highlight's skirts, and with noise they follow anything: they pulled
-//! the centre by three times what they mended. R' is where a blurred disc of radius R has half its height. The terms
+//! Hanrahan 2001). More terms would fit the skirts of a highlight, but also noise: tried, they shifted the centre by three
+//! times the error that they removed. R' is where a blurred disc of radius R has half its height. The terms
 //! are blurred with the disc: the steep fall of ζ at the rim would otherwise pass for a shift of the edge. The
 //! background behind each pixel is known, so texture does not pull the centre.
 //!
 //! Limits: R below about 1.5 px (no inside is left to tell brightness from size); a swept path above 4 R.
 
-use super::{Disc, Patch};
+use super::disc::Disc;
+use super::patch::Patch;
 use crate::geometry::PixelPoint;
 
 /// Radial functions in a row of a table.
@@ -204,12 +205,12 @@ pub struct PixelModel {
     pub lengthening: [f64; 2],
 }
 
-/// A ball on its way: how a table is to be read.
+/// A ball that moves while the shutter is open.
 #[derive(Debug, Clone, Copy)]
 pub struct SweptBall {
     /// The table's radius, px.
     pub radius_px: f64,
-    /// How much larger this frame's ball is, px.
+    /// How much larger than the table's the ball is, px.
     pub larger_px: f64,
     /// Displacement during the exposure, px.
     pub swept_px: [f64; 2],
@@ -217,7 +218,7 @@ pub struct SweptBall {
     pub points: usize,
 }
 
-/// The ball as a pixel `offset` from the middle of its path sees it. `table` by [`RadialTable::of_ball`].
+/// The model of a pixel `offset` from the middle of the ball's path. `table` by [`RadialTable::of_ball`].
 #[inline]
 #[must_use]
 pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -> PixelModel {
@@ -272,8 +273,8 @@ pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -
     }
 }
 
-/// The covered part and the light by each of `tables` ([`RadialTable::of_ball`]) of a pixel `offset` from the middle of the
-/// path, averaged over it; and, in `terms`, each term's share by `profiles` ([`RadialTable::profiles`]).
+/// The covered part and the light of a pixel `offset` from the middle of the path, averaged over it, by each of `tables`
+/// ([`RadialTable::of_ball`]); and, in `terms`, the share of each term of the light by `profiles` ([`RadialTable::profiles`]).
 pub fn shares<const N: usize>(
     tables: [&RadialTable; N],
     profiles: &RadialTable,
@@ -330,11 +331,11 @@ pub struct BandPixel {
     pub background: f64,
     /// The part of the outline it belongs to.
     pub sector: u16,
-    /// Within a blur or so of the edge, or beyond: what tells whether the outline is spoilt here.
+    /// Within a blur or so of the edge, or beyond: these pixels tell whether the sector is an outlier.
     pub at_edge: bool,
 }
 
-/// How far a band reaches from the outline, and how many pixels it may have.
+/// How far a band extends from the outline, and how many pixels it may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BandLimits {
     /// Inwards, px.
@@ -351,9 +352,9 @@ pub fn sector_count(radius_px: f64) -> usize {
     ((std::f64::consts::TAU * radius_px / 3.0) as usize).clamp(8, 48)
 }
 
-/// The slope of an edge, from its middle, in blurs: beyond it lies 0.5 % of what the pixels tell of the place.
+/// Half width of an edge's slope in blurs: beyond it lies 0.5 % of the information on the centre.
 const SLOPE_BLURS: f64 = 2.0;
-/// Its part of a thinned band's pixels, at most.
+/// The largest part of a thinned band's pixels that is on the slope.
 const SLOPE_PART: f64 = 0.6;
 
 /// The pixels of the band around `disc`, whose outline is counted in so many `sectors`.
@@ -362,13 +363,13 @@ pub fn band(
     patch: &Patch<'_>,
     disc: &Disc,
     blur_px: f64,
-    reach: BandLimits,
+    limits: BandLimits,
     sectors: usize,
 ) -> Vec<BandPixel> {
     let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
     let (u0, v0) = (patch.crop.u as f64, patch.crop.v as f64);
-    let beyond = disc.radius_px + reach.outside_px;
-    // In the frame, whose pixels are gone through, the disc may be drawn out.
+    let beyond = disc.radius_px + limits.outside_px;
+    // The rows and columns gone through are the frame's, in which the disc may be an ellipse.
     let (middle, most) = patch.affine.map_or((disc.centre, 1.0), |d| {
         (d.frame_from_patch(disc.centre), d.largest_stretch())
     });
@@ -389,16 +390,16 @@ pub fn band(
         most * (beyond + 0.5 * along(disc.swept_px[0])),
         w,
     );
-    let round_px = std::f64::consts::TAU * disc.radius_px + 2.0 * length;
-    let wide = reach.inside_px + reach.outside_px;
-    // Pixels on the slope of the edge tell the place, the others only the light: they are thinned first.
+    let outline_px = std::f64::consts::TAU * disc.radius_px + 2.0 * length;
+    let wide = limits.inside_px + limits.outside_px;
+    // Pixels on the slope of the edge tell the centre, the others only the light: those are thinned first.
     let slope_px = SLOPE_BLURS * blur_px;
-    let (on_slope, off_slope) = (2.0 * slope_px * round_px, (wide - 2.0 * slope_px) * round_px);
-    let budget = reach.most_pixels as f64;
+    let (on_slope, off_slope) = (2.0 * slope_px * outline_px, (wide - 2.0 * slope_px) * outline_px);
+    let budget = limits.most_pixels as f64;
     let slope_share = (budget * SLOPE_PART / on_slope).max(budget / (on_slope + off_slope));
     let share = (budget - (slope_share * on_slope).min(on_slope)) / off_slope;
     let (inner, outer) = (
-        (disc.radius_px - reach.inside_px).max(0.0).powi(2),
+        (disc.radius_px - limits.inside_px).max(0.0).powi(2),
         beyond * beyond,
     );
     let (slope_from, slope_to) = (
@@ -406,7 +407,7 @@ pub fn band(
         (disc.radius_px + slope_px).powi(2),
     );
     let edge2 = (disc.radius_px - 2.0 * blur_px).max(0.0).powi(2);
-    let mut pixels = Vec::with_capacity((rows.len() * columns.len()).min(reach.most_pixels) + 16);
+    let mut pixels = Vec::with_capacity((rows.len() * columns.len()).min(limits.most_pixels) + 16);
     // An even share of a large band: a golden-ratio sequence over the pixels' order.
     let mut turns = [0.0, 0.0];
     for row in rows {

@@ -4,9 +4,11 @@
 //! them little; their distances to the circle are made least with Tukey's weights. Error: about 0.05 to 0.1 px (half of
 //! that for balls above R 20 px); smear and uneven light add to it. Cost: 0.03 ms a frame.
 
-use super::known_ball::LEAST_OUTLINE;
+use super::disc::{Centre, Disc};
+use super::edge_likelihood::LEAST_OUTLINE;
+use super::method::{CentreInput, CentreMethod, MethodWords};
 use super::outline::{self, RAYS};
-use super::{Centre, Disc, Patch};
+use super::patch::Patch;
 use crate::geometry::PixelPoint;
 use crate::quantity::median;
 use nalgebra::{Matrix2, Vector2};
@@ -20,10 +22,26 @@ const TUKEY: f64 = 4.685;
 /// Edge points scatter by this at least, px: pixels are that coarse.
 const LEAST_SCATTER_PX: f64 = 0.03;
 
-/// The centre near `start`, whose radius is the ball's; both are of the round picture where the patch has one. `None` where
-/// too little of the outline is seen.
-#[must_use]
-pub fn centre(patch: &Patch<'_>, start: &Disc, contrast_grey: f64) -> Option<Centre> {
+/// The method.
+#[derive(Debug)]
+pub struct EdgeCircle;
+
+impl CentreMethod for EdgeCircle {
+    fn words(&self) -> MethodWords {
+        MethodWords {
+            name: "fast",
+            help: "A circle through edge points: for screening",
+            description: "fast: circle through edge points",
+        }
+    }
+
+    fn centre(&self, input: &CentreInput<'_>) -> Option<Centre> {
+        centre(input.patch, &input.start, input.contrast_grey)
+    }
+}
+
+/// The centre near `start`, whose radius is the ball's. `None` where too little of the outline is seen.
+fn centre(patch: &Patch<'_>, start: &Disc, contrast_grey: f64) -> Option<Centre> {
     let radius_px = start.radius_px;
     let change = outline::smoothed_change(patch);
     let mut at = start.centre;
@@ -93,10 +111,7 @@ fn circle_of(edges: &[PixelPoint], start: PixelPoint, radius_px: f64) -> Option<
     let finite = centre.u_px.is_finite() && centre.v_px.is_finite();
     finite.then_some(CircleFit {
         centre,
-        covariance_px2: [
-            [variance * inverse[(0, 0)], variance * inverse[(0, 1)]],
-            [variance * inverse[(1, 0)], variance * inverse[(1, 1)]],
-        ],
+        covariance_px2: (variance * inverse).into(),
         scatter_px,
         points,
     })

@@ -1,26 +1,34 @@
 //! The ball's centre in one frame.
 //!
-//! | file | |
+//! | file | what it holds |
 //! |---|---|
-//! | [`outline`] | a first circle where nothing is known yet |
-//! | [`ball`] | what a ball looks like: the model that the likelihood fits share |
-//! | [`appearance`] | what this recording's ball looks like, learned from many frames |
-//! | [`known_ball`] | the likelihood fit of a centre once that is known |
-//! | [`affine_patch`] | the ellipse that perspective and lens make of a ball, as a circle |
+//! | [`disc`] | the outline of a ball, and a centre with its covariance |
+//! | [`patch`], [`affine_patch`] | the pixels around a ball; the ellipse that perspective and lens make of it, as a circle |
+//! | [`outline`] | a first circle where nothing is known of the ball yet |
+//! | [`ball`] | the model of a ball's pixels that the likelihood fits share |
+//! | [`appearance`] | what this recording's ball looks like, estimated from many frames |
+//! | [`edge_likelihood`] | the likelihood fit of a centre once that is known |
+//! | [`method`] | what a centre method has to offer |
 //! | [`fast`], [`standard`], [`fine`] | the methods behind `--accuracy`, each with its cost and error |
+//!
+//! To add a method: a file with a [`CentreMethod`], and its lines in [`Accuracy`]. The command line, its help, the batch, the
+//! comparison of costs and the results take names and words from there.
 
 pub mod affine_patch;
 pub mod appearance;
 pub mod ball;
+pub mod disc;
+pub mod edge_likelihood;
 pub mod fast;
 pub mod fine;
-pub mod known_ball;
+pub mod method;
 pub mod outline;
+pub mod patch;
 pub mod standard;
 
-use super::blobs::Crop;
-use crate::geometry::PixelPoint;
-use affine_patch::AffinePatch;
+pub use disc::{Centre, Disc};
+pub use method::{CentreInput, CentreMethod, MethodWords};
+pub use patch::Patch;
 
 /// How much time to spend on accuracy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,50 +42,42 @@ pub enum Accuracy {
     Fine,
 }
 
-/// A cut-out of a frame beside the background that it covers.
-#[derive(Debug, Clone)]
-pub struct Patch<'a> {
-    /// The pixels and where they stand in the frame.
-    pub crop: &'a Crop,
-    /// The background behind each pixel, grey levels.
-    pub background: Vec<f32>,
-    /// Standard deviation of a pixel's noise, grey levels.
-    pub noise_grey: f64,
-    /// How perspective and lens draw the ball out here; `None` where it is as round as can be seen. The centre methods then
-    /// have their discs and centres in the round picture.
-    pub affine: Option<AffinePatch>,
-}
+impl Accuracy {
+    /// All levels, the quickest first.
+    pub const ALL: [Self; 3] = [Self::Fast, Self::Standard, Self::Fine];
 
-/// The outline of a ball that moves by `swept` while the shutter is open: a disc, or a capsule.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disc {
-    /// Centre at mid-exposure, in the frame's picture.
-    pub centre: PixelPoint,
-    /// RadiusSource, px.
-    pub radius_px: f64,
-    /// Displacement during the exposure, px (u, v); its sign does not matter.
-    pub swept_px: [f64; 2],
-}
+    /// The method that works where the ball's appearance is not known.
+    pub const WITHOUT_APPEARANCE: Self = Self::Fast;
 
-/// A refined centre.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Centre {
-    /// The outline found.
-    pub disc: Disc,
-    /// Covariance of (u, v), px², from the fit's own residuals.
-    pub covariance_px2: [[f64; 2]; 2],
-    /// Part of the outline that was used, 0..1; the rest is hidden, spoilt or outside the picture.
-    pub outline_used: f64,
-    /// Typical residual, grey levels.
-    pub residual_grey: f64,
-    /// Mean brightness step across the edge, grey levels (negative: darker than the background).
-    pub contrast_grey: f64,
-}
-
-impl Centre {
-    /// Root mean square of the two coordinates' standard uncertainties, px.
+    /// The method behind it: the only place that tells the levels apart.
     #[must_use]
-    pub fn std_px(&self) -> f64 {
-        (0.5 * (self.covariance_px2[0][0] + self.covariance_px2[1][1])).sqrt()
+    pub fn method(self) -> &'static dyn CentreMethod {
+        match self {
+            Self::Fast => &fast::EdgeCircle,
+            Self::Standard => &standard::METHOD,
+            Self::Fine => &fine::METHOD,
+        }
+    }
+
+    /// Its name on the command line and in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.method().words().name
+    }
+
+    /// The level that can be had: without the appearance that its method needs, another has to do.
+    #[must_use]
+    pub fn possible(self, appearance_known: bool) -> Self {
+        if appearance_known || self.method().appearance().is_none() {
+            self
+        } else {
+            Self::WITHOUT_APPEARANCE
+        }
+    }
+}
+
+impl std::fmt::Display for Accuracy {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
     }
 }

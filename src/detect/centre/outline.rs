@@ -5,7 +5,8 @@
 //! fitted geometrically. A highlight, a seam or a shadow gives candidates too, but not on one circle; a centre of
 //! mass would follow them.
 
-use super::{Disc, Patch};
+use super::disc::Disc;
+use super::patch::Patch;
 use crate::geometry::PixelPoint;
 use nalgebra::{Matrix3, Vector3};
 
@@ -103,8 +104,8 @@ fn sample(change: &[f32], w: usize, h: usize, u: f64, v: f64) -> Option<f64> {
     )
 }
 
-/// On each ray from `from` the edge nearest to `radius_px`, within `gate_px` of it. Points are of the frame, or of the round
-/// picture where the patch has one. `change` by [`smoothed_change`].
+/// On each ray from `from` the edge nearest to `radius_px`, within `gate_px` of it. Points are of the frame, or of the affine
+/// patch where there is one. `change` by [`smoothed_change`].
 #[must_use]
 pub fn edges_near(
     patch: &Patch<'_>,

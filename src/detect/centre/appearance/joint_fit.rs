@@ -1,33 +1,37 @@
-//! One fit of what all frames share: radius, blur, exposure, light, and a shift of all centres, by damped Gauss-Newton steps
-//! (Levenberg and Marquardt: radius, blur and the light's fall towards the rim can hardly be told apart in a small ball, and
-//! undamped steps ran away).
+//! One fit of what all frames share: radius, blur, exposure, the terms of the light, and a shift of all centres.
+//!
+//! Levenberg-Marquardt ([`least_squares`]) with Tukey's weights: in a small ball radius, blur and the light's fall towards the
+//! rim can hardly be told apart, and undamped steps ran away. Jᵀ W J is summed frame by frame, in the frames' order, so that
+//! every run gives the same sums.
 
-use super::{AppearanceSettings, FrameEstimate, LEAST_FRAMES, OUTLINE_STD_PX, SharedParameters};
-use crate::detect::background::{ROUNDING_STD_GREY, median_in_place};
-use crate::detect::centre::ball::{self, BandPixel, PixelModel, RadialTable, SweptBall, norm};
-use crate::detect::centre::known_ball::SIZE;
+use super::parameters::{AppearanceSettings, FrameEstimate, LEAST_FRAMES, OUTLINE_STD_PX, SharedParameters};
+use crate::detect::centre::ball::{self, BandLimits, BandPixel, PixelModel, RadialTable, SweptBall, norm};
+use crate::detect::centre::edge_likelihood::SIZE;
+use crate::detect::noise::ROUNDING_STD_GREY;
 use crate::geometry::PixelPoint;
+use crate::numeric::least_squares::{Acceptance, Damping, Easing, Problem, Termination, Trial, minimise};
+use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, tukey_cost, tukey_weight};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What was fitted.
 pub struct JointFit {
-    /// Covariance of the light's terms, grey levels²; `None` where the equations do not tell.
-    light: Option<DMatrix<f64>>,
+    pub shared: SharedParameters,
     /// Shift that all centres share, px.
     pub shift: [f64; 2],
     /// Its standard uncertainty, root mean square of the two coordinates, px.
     pub shift_std_px: f64,
-    /// Of all pixels, grey levels.
-    pub residuals: Vec<f64>,
-    /// Robust standard deviation of the residuals, grey levels.
-    pub scale: f64,
-    /// Standard uncertainty of the radius.
     pub radius_std_px: Option<f64>,
+    /// Robust standard deviation of the residuals, grey levels.
+    pub residual_std_grey: f64,
+    /// Of all pixels, grey levels.
+    residuals: Vec<f64>,
+    /// Covariance of the light's terms, grey levels²; `None` where the equations do not tell.
+    light_covariance: Option<DMatrix<f64>>,
 }
 
-/// Places in the vector of unknowns.
+/// Places in the vector of unknowns; the shift is at 0 and 1.
 const RADIUS: usize = 2;
 const BLUR: usize = 3;
 const EXPOSURE: usize = 4;
@@ -36,34 +40,46 @@ const TERMS: usize = 5;
 /// Steps at most, those that led nowhere among them.
 const STEPS: usize = 24;
 
-/// The pixels are chosen anew after this step, which is near the place.
-const NEAR: usize = 3;
+/// The pixels are chosen anew after so many steps, which lead near the minimum.
+const STEPS_BEFORE_NEW_PIXELS: usize = 3;
 
 /// Converged when radius, blur and shift move by less, px.
 const CONVERGED_PX: f64 = 5e-4;
 
-/// Damping of the scaled normal equations: the least (terms that a small ball cannot tell apart must not run away), that of the
-/// start, and where the search has nowhere to go.
-const LEAST_DAMPING: f64 = 1e-7;
-const DAMPING: f64 = 1e-4;
-const STUCK: f64 = 1e3;
+/// Damping of the normal equations, whose columns are scaled to one. It never vanishes: terms that a small ball cannot tell
+/// apart must not run away.
+const DAMPING: Damping = Damping {
+    first: 1e-4,
+    least: 1e-7,
+    most: 1e3,
+    easing: Easing::Factor(0.1),
+    growth: 10.0,
+    least_after_failure: 1e-4,
+    acceptance: Acceptance::NotHigher(0.0),
+    ..Damping::NONE
+};
 
-/// Of a shift whose uncertainty the equations do not tell, px.
+/// Standard uncertainty of a shift whose own the equations do not tell, px.
 const UNKNOWN_SHIFT_STD_PX: f64 = 0.1;
-
-const TUKEY: f64 = 4.685;
 
 /// A frame and its pixels around the outline.
 pub type FrameBand<'a> = (&'a FrameEstimate<'a>, Vec<BandPixel>);
 
-/// Where a fit stands.
+/// The parameters where a search stands.
 #[derive(Debug, Clone)]
-struct Iterate {
+struct JointParameters {
     shared: SharedParameters,
     shift: [f64; 2],
 }
 
-impl Iterate {
+impl JointParameters {
+    fn new(shared: &SharedParameters) -> Self {
+        Self {
+            shared: shared.clone(),
+            shift: [0.0; 2],
+        }
+    }
+
     /// Moved by a step; `None` where that is no ball any more.
     fn moved(&self, change: &DVector<f64>, begin_radius_px: f64) -> Option<Self> {
         let mut to = self.clone();
@@ -87,43 +103,35 @@ impl Iterate {
 }
 
 impl JointFit {
-    /// Fits `shared` (and a common shift) to the frames.
+    /// Fits what the frames share, and a common shift, from `start` on.
     pub fn of_frames(
         frames: &[FrameEstimate<'_>],
-        shared: &mut SharedParameters,
+        start: &SharedParameters,
         settings: &AppearanceSettings,
     ) -> Option<Self> {
-        let rough = gather_bands(frames, shared, settings);
-        let mut iterate = Iterate {
-            shared: shared.clone(),
-            shift: [0.0; 2],
-        };
-        descend(&rough, &mut iterate, settings, NEAR)?;
+        let rough = gather_bands(frames, start, settings);
+        let start = JointParameters::new(start);
+        let (near, _) = descend(&rough, start, settings, STEPS_BEFORE_NEW_PIXELS)?;
         // Pixels are chosen around the frames' own centres; the common shift is small beside the band.
-        let near = gather_bands(frames, &iterate.shared, settings);
-        let equations = descend(&near, &mut iterate, settings, STEPS)?;
-        Some(Self::of(equations, iterate, shared))
+        let bands = gather_bands(frames, &near.shared, settings);
+        let (parameters, equations) = descend(&bands, near, settings, STEPS)?;
+        Some(Self::at(parameters, equations))
     }
 
     /// The same on these pixels.
-    pub fn on_pixels(
+    pub fn of_pixels(
         bands: &[FrameBand<'_>],
-        shared: &mut SharedParameters,
+        start: &SharedParameters,
         settings: &AppearanceSettings,
     ) -> Option<Self> {
-        let mut iterate = Iterate {
-            shared: shared.clone(),
-            shift: [0.0; 2],
-        };
-        let equations = descend(bands, &mut iterate, settings, STEPS)?;
-        Some(Self::of(equations, iterate, shared))
+        let (parameters, equations) = descend(bands, JointParameters::new(start), settings, STEPS)?;
+        Some(Self::at(parameters, equations))
     }
 
-    fn of(equations: NormalEquations, iterate: Iterate, shared: &mut SharedParameters) -> Self {
-        *shared = iterate.shared;
+    fn at(JointParameters { shared, shift }: JointParameters, equations: JointEquations) -> Self {
         Self {
-            light: equations.light_covariance(),
-            shift: iterate.shift,
+            light_covariance: equations.light_covariance(),
+            shift,
             shift_std_px: equations
                 .std(0)
                 .zip(equations.std(1))
@@ -134,98 +142,105 @@ impl JointFit {
             } else {
                 equations.std(RADIUS)
             },
-            scale: equations.scale,
+            residual_std_grey: equations.residual_std_grey,
             residuals: equations.residuals,
+            shared,
         }
     }
 
-    /// What it costs to do with the first `left` of the `terms` that were fitted alone, in noise variances, to first order: the
-    /// others over their uncertainty, squared (Wald's test). 0 where there are no others, or their uncertainty is unknown.
+    /// What it costs to do with the first `count` of the light's terms alone, in noise variances, to first order: the others
+    /// over their uncertainty, squared (Wald's test). 0 where there are no others, or their uncertainty is unknown.
     #[must_use]
-    pub fn cost_without(&self, terms: &[f64], left: usize) -> f64 {
-        let others = terms.get(left..).unwrap_or_default();
+    pub fn cost_without(&self, count: usize) -> f64 {
+        let others = self.shared.terms.get(count..).unwrap_or_default();
         let cost = |light: &DMatrix<f64>| {
-            let block = light.view((left, left), (others.len(), others.len()));
+            let block = light.view((count, count), (others.len(), others.len()));
             let others = DVector::from_row_slice(others);
             Some(others.dot(&block.into_owned().cholesky()?.solve(&others)))
         };
-        self.light
+        self.light_covariance
             .as_ref()
             .filter(|_| !others.is_empty())
             .and_then(cost)
             .unwrap_or(0.0)
     }
 
-    /// The biweight's cost at `scale`: squared residuals in variances, levelling off for outliers.
+    /// The biweight's cost where residuals have this standard deviation: their squares in variances, levelling off for outliers.
     #[must_use]
-    pub fn cost(&self, scale: f64) -> f64 {
-        cost(&self.residuals, scale)
+    pub fn cost(&self, std_grey: f64) -> f64 {
+        cost(&self.residuals, std_grey)
     }
 }
 
-fn root_mean_square(residuals: &[f64]) -> f64 {
-    let sum: f64 = residuals.iter().map(|r| r * r).sum();
-    (sum / residuals.len().max(1) as f64)
-        .sqrt()
-        .max(ROUNDING_STD_GREY)
+fn cost(residuals: &[f64], std_grey: f64) -> f64 {
+    let cut = TUKEY * std_grey;
+    residuals.iter().map(|&r| tukey_cost(r, cut)).sum()
 }
 
-fn cost(residuals: &[f64], scale: f64) -> f64 {
-    let cut = TUKEY * scale;
-    let cost = |r: f64| {
-        let x = 1.0 - (r / cut).powi(2).min(1.0);
-        TUKEY * TUKEY / 3.0 * (1.0 - x * x * x)
-    };
-    residuals.iter().map(|&r| cost(r)).sum()
+/// The search for the minimum on these pixels.
+struct JointProblem<'a> {
+    bands: &'a [FrameBand<'a>],
+    settings: &'a AppearanceSettings,
+    begin_radius_px: f64,
 }
 
-/// Up to `steps` steps downhill from `iterate`; the equations there. `None` where that
-/// leads away from any ball.
+impl Problem for JointProblem<'_> {
+    type State = (JointParameters, JointEquations);
+    type Step = DVector<f64>;
+
+    fn step(&mut self, (_, equations): &Self::State, damping: f64) -> Option<DVector<f64>> {
+        equations.solve(damping)
+    }
+
+    fn moved(&mut self, (here, equations): &Self::State, step: &DVector<f64>) -> Option<Self::State> {
+        let to = here.moved(step, self.begin_radius_px)?;
+        let equations = JointEquations::build(self.bands, &to, self.settings, equations.residual_std_grey);
+        Some((to, equations))
+    }
+
+    fn cost(&self, (_, of): &Self::State, (_, here): &Self::State) -> f64 {
+        cost(&of.residuals, here.weighed_at)
+    }
+
+    fn is_settled(&self, _here: &Self::State, trial: &Trial<'_, DVector<f64>>) -> bool {
+        let px = [0, 1, RADIUS, BLUR].map(|i| trial.step[i].abs());
+        px.into_iter().fold(0.0, f64::max) < CONVERGED_PX
+    }
+}
+
+/// Up to `steps` steps downhill from `start`; the parameters there and their equations. `None` where that leads away from any
+/// ball.
 fn descend(
     bands: &[FrameBand<'_>],
-    iterate: &mut Iterate,
+    mut start: JointParameters,
     settings: &AppearanceSettings,
     steps: usize,
-) -> Option<NormalEquations> {
+) -> Option<(JointParameters, JointEquations)> {
     if bands.len() < LEAST_FRAMES {
         return None;
     }
-    let begin_radius_px = iterate.shared.radius_px;
-    if iterate.shared.terms.iter().all(|&t| t == 0.0) {
+    let begin_radius_px = start.shared.radius_px;
+    if start.shared.terms.iter().all(|&t| t == 0.0) {
         // Without a brightness the edge has no sign: the first step finds the light alone.
-        let mut light = NormalEquations::build(bands, iterate, settings, f64::INFINITY);
+        let mut light = JointEquations::build(bands, &start, settings, f64::INFINITY);
         light.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
-        *iterate = iterate.moved(&light.solve(LEAST_DAMPING)?, begin_radius_px)?;
+        start = start.moved(&light.solve(DAMPING.least)?, begin_radius_px)?;
     }
-    // The first step is led by what the median of the residuals would call outliers.
-    let scale = root_mean_square(&residuals(bands, iterate, settings));
-    let mut now = NormalEquations::build(bands, iterate, settings, scale);
-    let mut damping = DAMPING;
-    for _ in 0..steps {
-        now.hold_fixed_parameters(&iterate.shared);
-        let change = now.solve(damping)?;
-        let before = cost(&now.residuals, now.weighed_at);
-        let better = iterate.moved(&change, begin_radius_px).and_then(|to| {
-            let next = NormalEquations::build(bands, &to, settings, now.scale);
-            (cost(&next.residuals, now.weighed_at) <= before).then_some((to, next))
-        });
-        let px = [0, 1, RADIUS, BLUR].map(|i| change[i].abs());
-        match better {
-            Some((to, next)) => {
-                (*iterate, now) = (to, next);
-                damping = (0.1 * damping).max(LEAST_DAMPING);
-            }
-            None => damping = (10.0 * damping).max(DAMPING),
-        }
-        if px.into_iter().fold(0.0, f64::max) < CONVERGED_PX || damping > STUCK {
-            break;
-        }
-    }
-    now.hold_fixed_parameters(&iterate.shared);
-    Some(now)
+    // Weights of the first step by the root mean square: what the median would call outliers is what leads there.
+    let residuals = residuals(bands, &start, settings);
+    let sum: f64 = residuals.iter().map(|r| r * r).sum();
+    let rms_grey = (sum / residuals.len().max(1) as f64).sqrt();
+    let equations = JointEquations::build(bands, &start, settings, rms_grey.max(ROUNDING_STD_GREY));
+    let mut problem = JointProblem {
+        bands,
+        settings,
+        begin_radius_px,
+    };
+    let (found, end) = minimise(&mut problem, (start, equations), &DAMPING, steps);
+    (end != Termination::Singular).then_some(found)
 }
 
-/// The pixels of every good frame's band.
+/// The pixels around the outline, of every frame that could be fitted.
 pub fn gather_bands<'a, 'b>(
     frames: &'b [FrameEstimate<'a>],
     shared: &SharedParameters,
@@ -236,20 +251,22 @@ where
 {
     frames
         .iter()
-        .filter(|f| f.good)
+        .filter(|f| f.fitted)
         .map(|f| {
             let disc = f.disc_with(shared);
             let radius_px = shared.radius_px * f.input.magnification;
-            let mut reach = settings.fit.reach(radius_px, shared.blur_px, 1);
-            reach.most_pixels = settings.most_pixels;
-            let pixels = ball::band(&f.input.patch, &disc, shared.blur_px, reach, 1);
+            let limits = BandLimits {
+                most_pixels: settings.most_pixels,
+                ..settings.fit.band_limits(radius_px, shared.blur_px, 1)
+            };
+            let pixels = ball::band(&f.input.patch, &disc, shared.blur_px, limits, 1);
             (f, pixels)
         })
         .filter(|(_, pixels)| pixels.len() > 20)
         .collect()
 }
 
-/// The ball's picture at one magnification, and what it is with a slightly larger radius or blur.
+/// The ball's model at one magnification, and the same with a slightly larger radius or blur.
 struct ProfileTables {
     magnification: f64,
     profiles: RadialTable,
@@ -301,29 +318,31 @@ impl ProfileTables {
 }
 
 /// The normal equations of one step.
-struct NormalEquations {
+struct JointEquations {
+    /// Jᵀ W J.
     normal: DMatrix<f64>,
+    /// Jᵀ W r.
     right: DVector<f64>,
     residuals: Vec<f64>,
-    /// The scale that the weights were made for.
+    /// The standard deviation of residuals that the weights are for.
     weighed_at: f64,
-    /// The residuals' own.
-    scale: f64,
-    /// Each frame's pull, for the uncertainty: residuals of a frame are not independent.
-    pulls: Vec<DVector<f64>>,
+    /// That of these residuals.
+    residual_std_grey: f64,
+    /// Each frame's share of the right side, for the uncertainty: residuals of a frame are not independent.
+    right_of_frames: Vec<DVector<f64>>,
     /// The column of a radius that is held.
-    by_radius: Option<DVector<f64>>,
+    radius_column: Option<DVector<f64>>,
 }
 
-/// One frame's share in them.
+/// One frame's share of them.
 struct FrameEquations {
     /// Row by row.
     normal: Vec<f64>,
-    pull: Vec<f64>,
+    right: Vec<f64>,
     residuals: Vec<f64>,
 }
 
-/// How one frame sees the ball where the fit stands.
+/// The model of one frame's pixels.
 struct FrameModel {
     centre: PixelPoint,
     swept: SweptBall,
@@ -332,11 +351,11 @@ struct FrameModel {
 }
 
 impl FrameModel {
-    fn new(frame: &FrameEstimate<'_>, iterate: &Iterate, tables_magnification: f64) -> Self {
-        let shared = &iterate.shared;
+    fn new(frame: &FrameEstimate<'_>, parameters: &JointParameters, tables_magnification: f64) -> Self {
+        let shared = &parameters.shared;
         let mut disc = frame.disc_with(shared);
-        disc.centre.u_px += iterate.shift[0];
-        disc.centre.v_px += iterate.shift[1];
+        disc.centre.u_px += parameters.shift[0];
+        disc.centre.v_px += parameters.shift[1];
         let magnification = frame.input.magnification;
         Self {
             centre: disc.centre,
@@ -351,16 +370,20 @@ impl FrameModel {
         }
     }
 
-    /// What a pixel that holds the ball's light `l` has beyond that, grey levels.
+    /// What pixel `p` has beyond its model, grey levels.
     fn residual(&self, p: &BandPixel, l: &PixelModel) -> f64 {
         let tilt = self.tilt[0] * l.dipole[0] + self.tilt[1] * l.dipole[1];
         p.grey - (p.background * (1.0 - l.cover) + self.strength * l.ball + tilt)
     }
 }
 
-/// The residuals where the fit stands, grey levels.
-fn residuals(bands: &[FrameBand<'_>], iterate: &Iterate, settings: &AppearanceSettings) -> Vec<f64> {
-    let shared = &iterate.shared;
+/// The residuals alone, grey levels.
+fn residuals(
+    bands: &[FrameBand<'_>],
+    parameters: &JointParameters,
+    settings: &AppearanceSettings,
+) -> Vec<f64> {
+    let shared = &parameters.shared;
     let tables = by_class(bands, |times| {
         let profiles = settings.fit.profiles(times * shared.radius_px, shared.blur_px);
         (times, profiles.of_ball(&shared.terms))
@@ -369,9 +392,9 @@ fn residuals(bands: &[FrameBand<'_>], iterate: &Iterate, settings: &AppearanceSe
         let Some((times, table)) = tables.get(&size_class(frame.input.magnification)) else {
             return Vec::new();
         };
-        let view = FrameModel::new(frame, iterate, *times);
-        let light = |p| ball::pixel_model(table, &view.swept, ball::offset(view.centre, p));
-        pixels.iter().map(|p| view.residual(p, &light(p))).collect()
+        let model = FrameModel::new(frame, parameters, *times);
+        let light = |p| ball::pixel_model(table, &model.swept, ball::offset(model.centre, p));
+        pixels.iter().map(|p| model.residual(p, &light(p))).collect()
     };
     let each: Vec<Vec<f64>> = bands.par_iter().map(of_band).collect();
     each.concat()
@@ -381,32 +404,31 @@ impl FrameEquations {
     fn build(
         frame: &FrameEstimate<'_>,
         pixels: &[BandPixel],
-        iterate: &Iterate,
+        parameters: &JointParameters,
         tables: &ProfileTables,
         step_px: f64,
-        scale: f64,
+        std_grey: f64,
     ) -> Self {
-        let shared = &iterate.shared;
-        let view = FrameModel::new(frame, iterate, tables.magnification);
-        let FrameModel { swept, strength, .. } = view;
+        let shared = &parameters.shared;
+        let model = FrameModel::new(frame, parameters, tables.magnification);
+        let FrameModel { swept, strength, .. } = model;
         let n = TERMS + shared.terms.len();
-        let mut part = Self {
+        let mut sums = Self {
             normal: vec![0.0; n * n],
-            pull: vec![0.0; n],
+            right: vec![0.0; n],
             residuals: Vec::with_capacity(pixels.len()),
         };
-        let cut = TUKEY * scale;
+        let cut = TUKEY * std_grey;
         let mut row = vec![0.0; n];
         for p in pixels {
-            let at = ball::offset(view.centre, p);
+            let at = ball::offset(model.centre, p);
             let l = ball::pixel_model(&tables.table, &swept, at);
-            let residual = view.residual(p, &l);
-            part.residuals.push(residual);
-            let x = residual / cut;
-            if x.abs() >= 1.0 {
+            let residual = model.residual(p, &l);
+            sums.residuals.push(residual);
+            let weight = tukey_weight(residual, cut);
+            if weight == 0.0 {
                 continue;
             }
-            let weight = (1.0 - x * x).powi(2);
             row[0] = p.background * l.cover_slope[0] - strength * l.ball_slope[0];
             row[1] = p.background * l.cover_slope[1] - strength * l.ball_slope[1];
             let others = ball::shares(
@@ -428,16 +450,16 @@ impl FrameEquations {
             for share in &mut row[TERMS..] {
                 *share *= strength;
             }
-            part.add(&row, weight, residual);
+            sums.add(&row, weight, residual);
         }
-        part
+        sums
     }
 
     fn add(&mut self, row: &[f64], weight: f64, residual: f64) {
         let lines = self.normal.chunks_exact_mut(row.len());
-        for ((&x, pull), line) in row.iter().zip(&mut self.pull).zip(lines) {
+        for ((&x, right), line) in row.iter().zip(&mut self.right).zip(lines) {
             let wx = weight * x;
-            *pull += wx * residual;
+            *right += wx * residual;
             // Whole lines rather than half of them: the compiler takes several numbers at once.
             for (sum, &y) in line.iter_mut().zip(row) {
                 *sum += wx * y;
@@ -446,67 +468,69 @@ impl FrameEquations {
     }
 }
 
-impl NormalEquations {
-    /// The equations where the fit stands, weighed for residuals of this scale.
-    fn build(bands: &[FrameBand<'_>], iterate: &Iterate, settings: &AppearanceSettings, scale: f64) -> Self {
-        let n = TERMS + iterate.shared.terms.len();
-        let step_px = 1e-3 * iterate.shared.radius_px.min(1.0);
+impl JointEquations {
+    /// The equations at `parameters`, weighed for residuals of this standard deviation; what is not fitted is held.
+    fn build(
+        bands: &[FrameBand<'_>],
+        parameters: &JointParameters,
+        settings: &AppearanceSettings,
+        std_grey: f64,
+    ) -> Self {
+        let n = TERMS + parameters.shared.terms.len();
+        let step_px = 1e-3 * parameters.shared.radius_px.min(1.0);
         let tables = by_class(bands, |times| {
-            ProfileTables::new(times, &iterate.shared, step_px, settings)
+            ProfileTables::new(times, &parameters.shared, step_px, settings)
         });
-        // In the frames' order, whichever core is first: sums are then the same in every run.
-        let parts: Vec<FrameEquations> = bands
+        let frames: Vec<FrameEquations> = bands
             .par_iter()
             .filter_map(|(frame, pixels)| {
                 let tables = tables.get(&size_class(frame.input.magnification))?;
                 Some(FrameEquations::build(
-                    frame, pixels, iterate, tables, step_px, scale,
+                    frame, pixels, parameters, tables, step_px, std_grey,
                 ))
             })
             .collect();
         let mut normal = DMatrix::zeros(n, n);
         let mut right = DVector::zeros(n);
-        let mut residuals = Vec::with_capacity(parts.iter().map(|p| p.residuals.len()).sum());
-        let mut pulls = Vec::with_capacity(parts.len());
-        for part in parts {
-            normal += DMatrix::from_row_slice(n, n, &part.normal);
-            let pull = DVector::from_vec(part.pull);
-            right += &pull;
-            residuals.extend(part.residuals);
-            pulls.push(pull);
+        let mut residuals = Vec::with_capacity(frames.iter().map(|f| f.residuals.len()).sum());
+        let mut right_of_frames = Vec::with_capacity(frames.len());
+        for frame in frames {
+            normal += DMatrix::from_row_slice(n, n, &frame.normal);
+            let share = DVector::from_vec(frame.right);
+            right += &share;
+            residuals.extend(frame.residuals);
+            right_of_frames.push(share);
         }
         let mut magnitudes: Vec<f32> = residuals.iter().map(|r: &f64| r.abs() as f32).collect();
-        let own_scale = 1.4826 * f64::from(median_in_place(&mut magnitudes));
-        Self {
+        let residual_std_grey = STD_OF_MEDIAN * f64::from(lower_median(&mut magnitudes));
+        let mut equations = Self {
             normal,
             right,
             residuals,
-            weighed_at: scale,
-            scale: own_scale.max(ROUNDING_STD_GREY),
-            pulls,
-            by_radius: None,
+            weighed_at: std_grey,
+            residual_std_grey: residual_std_grey.max(ROUNDING_STD_GREY),
+            right_of_frames,
+            radius_column: None,
+        };
+        if parameters.shared.exposure_s == 0.0 {
+            equations.hold(&[EXPOSURE]);
         }
+        if parameters.shared.radius_held {
+            equations.radius_column = Some(equations.normal.column(RADIUS).clone_owned());
+            equations.hold(&[RADIUS]);
+        }
+        equations
     }
 
-    fn hold_fixed_parameters(&mut self, shared: &SharedParameters) {
-        if shared.exposure_s == 0.0 {
-            self.hold(&[EXPOSURE]);
-        }
-        if shared.radius_held && self.by_radius.is_none() {
-            self.by_radius = Some(self.normal.column(RADIUS).clone_owned());
-            self.hold(&[RADIUS]);
-        }
-    }
-
-    /// What the held radius' own doubt does to the shift, px, root mean square of the two coordinates: where the ball's far
-    /// side does not stand out from the wall, the near one places the centre at the radius' distance.
+    /// What the standard uncertainty of a held radius adds to that of the shift, px, root mean square of the two coordinates:
+    /// where the ball's far side does not stand out from the wall, the near side places the centre one radius away.
     fn shift_std_by_radius(&self) -> f64 {
-        let Some(column) = &self.by_radius else {
+        let Some(column) = &self.radius_column else {
             return 0.0;
         };
         let mut column = column.clone();
         column[RADIUS] = 0.0;
-        let response = self.inverse(LEAST_DAMPING).map(|inverse| inverse * column);
+        let response = self.inverse(DAMPING.least).map(|inverse| inverse * column);
         response.map_or(UNKNOWN_SHIFT_STD_PX, |r| {
             OUTLINE_STD_PX * (0.5 * (r[0] * r[0] + r[1] * r[1])).sqrt()
         })
@@ -522,7 +546,7 @@ impl NormalEquations {
         }
     }
 
-    /// Columns scaled to one, damped.
+    /// Of the normal equations with columns scaled to one, damped.
     fn inverse(&self, damping: f64) -> Option<DMatrix<f64>> {
         let n = self.normal.nrows();
         let scale: Vec<f64> = (0..n).map(|i| self.normal[(i, i)].max(1e-30).sqrt()).collect();
@@ -542,18 +566,21 @@ impl NormalEquations {
 
     /// Covariance of the light's terms, the residuals taken for independent.
     fn light_covariance(&self) -> Option<DMatrix<f64>> {
-        let inverse = self.inverse(LEAST_DAMPING)?;
+        let inverse = self.inverse(DAMPING.least)?;
         let n = inverse.nrows() - TERMS;
-        Some(inverse.view((TERMS, TERMS), (n, n)) * self.scale.powi(2))
+        Some(inverse.view((TERMS, TERMS), (n, n)) * self.residual_std_grey.powi(2))
     }
 
-    /// Standard uncertainty of an unknown, the residuals of a frame taken as one.
+    /// Standard uncertainty of an unknown, allowing for residuals of a frame that are correlated.
     fn std(&self, unknown: usize) -> Option<f64> {
-        let inverse = self.inverse(LEAST_DAMPING)?;
+        let inverse = self.inverse(DAMPING.least)?;
         let row = inverse.row(unknown);
-        let n = self.pulls.len() as f64;
-        let variance: f64 =
-            self.pulls.iter().map(|p| (row * p)[(0, 0)].powi(2)).sum::<f64>() * n / (n - 1.0).max(1.0);
+        let n = self.right_of_frames.len() as f64;
+        let squares = self
+            .right_of_frames
+            .iter()
+            .map(|right| (row * right)[(0, 0)].powi(2));
+        let variance = squares.sum::<f64>() * n / (n - 1.0).max(1.0);
         (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
     }
 }

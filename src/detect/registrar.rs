@@ -1,0 +1,685 @@
+//! Finds where the camera looks and how bright the light is, frame by frame, against the reference picture.
+//!
+//! A camera held by hand drifts by pixels and a lamp flickers by percents. Both are read off a few thousand pixels of the
+//! scene that carry gradient: the frame is modelled as `frame(p + s) = gain · reference(p) + offset`, and the shift s, the
+//! gain and the offset are found by robust Gauss-Newton (Lucas and Kanade 1981, with Tukey weights so that whatever moves
+//! does not count). Large first shifts are found on reduced pictures.
+//!
+//! Assumed: the picture shifts as a whole (no turn, no zoom). Where the scene has no gradient in a direction, the shift along
+//! it stays what it was.
+
+use super::noise::{ROUNDING_STD_GREY, median_in_place};
+use super::registration::Registration;
+use super::resample::{bilinear, reduced};
+use crate::frames::Luma;
+use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+use rayon::prelude::*;
+
+/// A reference pixel with what is needed to compare it.
+#[derive(Debug, Clone, Copy)]
+struct ReferencePixel {
+    u: f64,
+    v: f64,
+    value: f64,
+    gradient: Vector2<f64>,
+}
+
+impl ReferencePixel {
+    /// The pixel of `reference` at column `u`, row `v`, which is not on its rim.
+    fn of(reference: &Luma, u: usize, v: usize) -> Self {
+        let half = |after: u8, before: u8| (f64::from(after) - f64::from(before)) / 2.0;
+        let row = reference.row(v);
+        Self {
+            u: u as f64,
+            v: v as f64,
+            value: f64::from(row[u]),
+            gradient: Vector2::new(
+                half(row[u + 1], row[u - 1]),
+                half(reference.row(v + 1)[u], reference.row(v - 1)[u]),
+            ),
+        }
+    }
+}
+
+/// Compares frames with a reference picture.
+#[derive(Debug, Clone)]
+pub struct Registrar {
+    reference: Luma,
+    /// Frames are compared at one part in this many of their size: 1 where single pixels show the scene's gradients, more
+    /// where only their means stand out from the noise.
+    factor: usize,
+    samples: Vec<ReferencePixel>,
+    /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
+    sees_shift: bool,
+    /// The scene has contrast enough to tell an offset of the brightness from its gain.
+    tells_offset: bool,
+    noise_grey: f64,
+    /// The camera does not move: only brightness is followed.
+    pub fixed: bool,
+}
+
+/// Samples over the whole picture; 3000 pixels of gradient 10 grey/px and noise 2 fix the shift to 0.005 px.
+const SAMPLES: usize = 3000;
+
+/// Sum of squared gradients below which a shift is not determined: noise of 2 grey levels would move it by 0.06 px.
+const LEAST_INFORMATION: f64 = 1e3;
+
+/// A gradient must exceed this many noise deviations to say where it is: chance gives 4 to one pixel in 1e4.
+const GRADIENT_SIGMAS: f64 = 4.0;
+
+/// Cells of the grid in which something must carry gradient; a ball, its shadow and a hand fill fewer.
+const LEAST_CELLS: usize = 16;
+
+/// Gauss-Newton steps; from a start within a pixel, four suffice.
+const STEPS: usize = 12;
+
+/// Steps where only the light changes, which is almost linear.
+const LIGHT_STEPS: usize = 3;
+
+/// Fewer samples than this say nothing.
+const LEAST_SAMPLES: usize = 50;
+
+/// Brightness has to differ by so many noise deviations for the offset to be told from the gain.
+const OFFSET_CONTRAST: f64 = 5.0;
+
+/// The median of a normal variable's magnitude over its standard deviation.
+const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// A place far away has to leave this part of what the nearest one leaves.
+const MUCH_BETTER: f64 = 0.8;
+
+/// A shift below this may be none, px.
+const CLOSE_PX: f64 = 0.3;
+
+/// A light that changes by more than this is another scene.
+const SANE_GAIN: std::ops::Range<f64> = 0.3..3.0;
+
+impl Registrar {
+    /// A registrar for `reference`, whose pixels have noise of `noise_grey`.
+    #[must_use]
+    pub fn new(reference: &Luma, noise_grey: f64) -> Self {
+        let full = Self::at_full_size(reference, noise_grey);
+        if full.sees_shift {
+            return full;
+        }
+        // A faint scene: means of four or sixteen pixels have its gradients and a half or a quarter of the noise.
+        [2, 4]
+            .into_iter()
+            .filter_map(|factor| full.at(factor))
+            .find(|r| r.sees_shift)
+            .unwrap_or(full)
+    }
+
+    /// A registrar for a camera that does not move: only brightness is followed.
+    #[must_use]
+    pub fn of_fixed(reference: &Luma, noise_grey: f64) -> Self {
+        Self {
+            fixed: true,
+            ..Self::at_full_size(reference, noise_grey)
+        }
+    }
+
+    /// A registrar that compares single pixels, whether they show shifts or not.
+    #[must_use]
+    pub fn at_full_size(reference: &Luma, noise_grey: f64) -> Self {
+        let (samples, cells) = choose_samples(reference, noise_grey, 1);
+        Self {
+            tells_offset: tell_offset(&samples, noise_grey),
+            samples,
+            factor: 1,
+            sees_shift: cells >= LEAST_CELLS,
+            noise_grey,
+            reference: reference.clone(),
+            fixed: false,
+        }
+    }
+
+    /// Whether the scene shows shifts of the camera.
+    #[must_use]
+    pub fn sees_shift(&self) -> bool {
+        self.sees_shift
+    }
+
+    /// Whether frames are followed where they shift.
+    #[must_use]
+    pub fn follows_shifts(&self) -> bool {
+        self.sees_shift && !self.fixed
+    }
+
+    /// The same comparing at one part in `factor` of the size; `None` where a picture cannot be reduced to that.
+    fn at(&self, factor: usize) -> Option<Self> {
+        let small = reduced(&self.reference, factor)?;
+        // Averaging lowers the noise by the side of what is averaged, down to that of rounding.
+        let noise_grey = (self.noise_grey / factor as f64).max(ROUNDING_STD_GREY);
+        let (samples, cells) = choose_samples(&small, noise_grey, factor);
+        Some(Self {
+            tells_offset: tell_offset(&samples, noise_grey),
+            samples,
+            factor,
+            sees_shift: cells >= LEAST_CELLS,
+            ..self.clone()
+        })
+    }
+
+    /// Where each of `frames` looks, with no idea of it beforehand (within a quarter of the picture).
+    #[must_use]
+    pub fn locate(&self, frames: &[&Luma]) -> Vec<Registration> {
+        let near: Vec<(Registration, f64)> = frames.par_iter().map(|f| self.located_near(f)).collect();
+        if near.iter().all(|found| self.is_there(found)) {
+            return near.into_iter().map(|(r, _)| r).collect();
+        }
+        let coarser = self.coarser();
+        let all = frames.par_iter().zip(near);
+        all.map(|(f, near)| self.located(f, near, &coarser)).collect()
+    }
+
+    /// How unsure the shifts `found` of `frames` are, px, from the two colours of a chessboard over the scene, each taken by
+    /// itself, and near by from no shift on: half of what they are apart, or what their middle is off. A camera's motion is
+    /// the same in both; noise, also a codec's, which hangs together, is not. Infinite where the halves do not tell.
+    #[must_use]
+    pub fn shift_std_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
+        let halves = [0, 1].map(|colour| self.half(colour));
+        let mut stds_px: Vec<f64> = frames
+            .par_iter()
+            .zip(found)
+            .map(|(frame, r)| {
+                let near = r.shift_px() < NEAR_PX * self.factor as f64;
+                let start = if near { Registration::IDENTITY } else { *r };
+                let place = |half: &Self| {
+                    let at = half.refine(frame, start, true).0;
+                    Vector2::new(at.shift_u_px, at.shift_v_px)
+                };
+                let [a, b] = halves.each_ref().map(place);
+                let still = Vector2::new(start.shift_u_px, start.shift_v_px);
+                if a == still || b == still {
+                    return f64::INFINITY;
+                }
+                let whole = Vector2::new(r.shift_u_px, r.shift_v_px);
+                (0.5 * (a - b).norm()).max((0.5 * (a + b) - whole).norm())
+            })
+            .collect();
+        crate::quantity::median(&mut stds_px).unwrap_or(f64::INFINITY)
+    }
+
+    /// The same on the fields of one colour.
+    fn half(&self, colour: usize) -> Self {
+        let (w, h) = (
+            self.reference.width / self.factor,
+            self.reference.height / self.factor,
+        );
+        let field = |at: f64, of: usize| (at * CELLS as f64 / of.max(1) as f64) as usize;
+        let mut half = self.clone();
+        half.samples
+            .retain(|s| (field(s.u, w) + field(s.v, h)) % 2 == colour);
+        half
+    }
+
+    /// Where `frame` looks, with no idea of it beforehand.
+    #[must_use]
+    pub fn locate_one(&self, frame: &Luma) -> Registration {
+        let near = self.located_near(frame);
+        if self.is_there(&near) {
+            return near.0;
+        }
+        self.located(frame, near, &self.coarser())
+    }
+
+    /// From no shift on, with the median absolute residual, grey levels.
+    fn located_near(&self, frame: &Luma) -> (Registration, f64) {
+        self.refine(frame, Registration::IDENTITY, true)
+    }
+
+    /// Whether what is left is the noise of two frames, and hardly a shift: then no other place is better.
+    fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
+        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_grey;
+        *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
+    }
+
+    /// Near by or anywhere, whichever fits.
+    fn located(&self, frame: &Luma, near: (Registration, f64), coarser: &[Self]) -> Registration {
+        if coarser.is_empty() || self.is_there(&near) {
+            return near.0;
+        }
+        let far = self.refine(frame, coarse_place(frame, coarser), true);
+        // A moving hand can lead astray; the scene as a whole decides.
+        if far.1 < MUCH_BETTER * near.1 || !near.1.is_finite() {
+            far.0
+        } else {
+            near.0
+        }
+    }
+
+    /// The same comparing at an eighth, a quarter and a half, where the scene shows shifts at all.
+    fn coarser(&self) -> Vec<Self> {
+        if !self.sees_shift {
+            return Vec::new();
+        }
+        [8, 4, 2]
+            .into_iter()
+            .filter_map(|factor| self.at(factor))
+            .collect()
+    }
+
+    /// Where `frame` looks, close to where `previous` looked. A fixed camera's shift is exactly zero.
+    #[must_use]
+    pub fn follow(&self, frame: &Luma, previous: &Registration) -> Registration {
+        if self.fixed {
+            let start = Registration {
+                shift_u_px: 0.0,
+                shift_v_px: 0.0,
+                ..*previous
+            };
+            return self.refine(frame, start, false).0;
+        }
+        self.refine(frame, *previous, true).0
+    }
+
+    /// Robust Gauss-Newton from `start`; the second value is the median absolute residual, grey levels.
+    fn refine(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
+        if self.factor == 1 {
+            return self.refine_at_size(frame, start, moving);
+        }
+        let Some(small) = reduced(frame, self.factor) else {
+            return (start, f64::INFINITY);
+        };
+        let scale = self.factor as f64;
+        let (found, spread) = self.refine_at_size(&small, start.scaled(1.0 / scale), moving);
+        (found.scaled(scale), spread)
+    }
+
+    fn refine_at_size(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
+        let moving = moving && self.sees_shift;
+        let mut now = start;
+        let mut spread = f64::INFINITY;
+        if self.samples.len() < LEAST_SAMPLES {
+            return (start, spread);
+        }
+        if !moving && start.is_still() {
+            return self.refine_light(frame, start);
+        }
+        let steps = if moving { STEPS } else { LIGHT_STEPS };
+        let mut residuals = Vec::with_capacity(self.samples.len());
+        for _ in 0..steps {
+            residuals.clear();
+            for s in &self.samples {
+                residuals.push(
+                    bilinear(
+                        &frame.data,
+                        frame.width,
+                        s.u + now.shift_u_px,
+                        s.v + now.shift_v_px,
+                    )
+                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32),
+                );
+            }
+            let mut magnitudes: Vec<f32> = residuals
+                .iter()
+                .filter(|r| r.is_finite())
+                .map(|r| r.abs())
+                .collect();
+            if magnitudes.len() < LEAST_SAMPLES {
+                return (start, f64::INFINITY);
+            }
+            spread = f64::from(median_in_place(&mut magnitudes));
+            let Some(step) = self.step(&residuals, spread, now.gain, moving) else {
+                break;
+            };
+            now.shift_u_px += step[0];
+            now.shift_v_px += step[1];
+            now.gain += step[2];
+            now.offset_grey += step[3];
+            if step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5 {
+                break;
+            }
+        }
+        // A shift beyond a quarter of the picture is a cut.
+        let sane = SANE_GAIN.contains(&now.gain)
+            && now.shift_u_px.abs() < 0.25 * frame.width as f64
+            && now.shift_v_px.abs() < 0.25 * frame.height as f64;
+        if sane {
+            (now, spread)
+        } else {
+            (start, f64::INFINITY)
+        }
+    }
+
+    /// The light alone, of a frame that is not shifted: what [`refine_at_size`](Self::refine_at_size) finds then, for a
+    /// tenth of its time, since every pixel is where the reference has it.
+    fn refine_light(&self, frame: &Luma, start: Registration) -> (Registration, f64) {
+        let seen: Vec<(f64, f64)> = self
+            .samples
+            .iter()
+            .filter_map(|s| {
+                let at = s.v as usize * frame.width + s.u as usize;
+                Some((s.value, f64::from(*frame.data.get(at)?)))
+            })
+            .collect();
+        if seen.len() < LEAST_SAMPLES {
+            return (start, f64::INFINITY);
+        }
+        let (mut now, mut spread) = (start, f64::INFINITY);
+        let mut magnitudes = vec![0.0; seen.len()];
+        for _ in 0..LIGHT_STEPS {
+            let residual = |value: f64, grey: f64| grey - now.gain * value - now.offset_grey;
+            for (m, &(value, grey)) in magnitudes.iter_mut().zip(&seen) {
+                *m = residual(value, grey).abs() as f32;
+            }
+            spread = f64::from(median_in_place(&mut magnitudes));
+            let cut = tukey_cut(spread);
+            let [mut ones, mut values, mut squares, mut right, mut right_values] = [0.0; 5];
+            for &(value, grey) in &seen {
+                let r = residual(value, grey);
+                let weight = (1.0 - (r / cut).powi(2)).max(0.0).powi(2);
+                ones += weight;
+                values += weight * value;
+                squares += weight * value * value;
+                right += weight * r;
+                right_values += weight * r * value;
+            }
+            let ones = slowed(ones);
+            let determinant = squares * ones - values * values;
+            let (gain_step, offset_step) = if !self.tells_offset && squares > 0.0 {
+                (right_values / squares, 0.0)
+            } else if determinant > 0.0 {
+                (
+                    (ones * right_values - values * right) / determinant,
+                    (squares * right - values * right_values) / determinant,
+                )
+            } else {
+                break;
+            };
+            now.gain += gain_step;
+            now.offset_grey += offset_step;
+            if gain_step.abs() < 1e-5 {
+                break;
+            }
+        }
+        if SANE_GAIN.contains(&now.gain) {
+            (now, spread)
+        } else {
+            (start, f64::INFINITY)
+        }
+    }
+
+    fn step(&self, residuals: &[f32], spread: f64, gain: f64, moving: bool) -> Option<Vector4<f64>> {
+        let cut = tukey_cut(spread);
+        let mut normal = Matrix4::zeros();
+        let mut right = Vector4::zeros();
+        for (s, &r) in self.samples.iter().zip(residuals) {
+            let r = f64::from(r);
+            if r.is_finite() && r.abs() < cut {
+                let weight = (1.0 - (r / cut).powi(2)).powi(2);
+                let j = Vector4::new(-gain * s.gradient.x, -gain * s.gradient.y, s.value, 1.0);
+                normal += weight * j * j.transpose();
+                right += weight * r * j;
+            }
+        }
+        if self.tells_offset {
+            normal[(3, 3)] = slowed(normal[(3, 3)]);
+        } else {
+            hold(3, &mut normal, &mut right);
+        }
+        // A scene without gradient in one direction cannot tell the shift along it: stay.
+        let block: Matrix2<f64> = normal.fixed_view::<2, 2>(0, 0).into_owned();
+        if !moving || block.symmetric_eigenvalues().min() < LEAST_INFORMATION {
+            for i in 0..2 {
+                hold(i, &mut normal, &mut right);
+            }
+        }
+        normal.cholesky().map(|c| c.solve(&right))
+    }
+}
+
+/// Residuals beyond this have no weight, for those of the median magnitude `spread`, grey levels.
+fn tukey_cut(spread: f64) -> f64 {
+    4.685 * (1.4826 * spread).max(0.5)
+}
+
+/// The weight of a step of the offset: where gain and offset can hardly be told apart, the gain takes more of the change.
+fn slowed(weight: f64) -> f64 {
+    1.1 * weight + 1.0
+}
+
+/// Keeps an unknown as it is.
+fn hold(i: usize, normal: &mut Matrix4<f64>, right: &mut Vector4<f64>) {
+    normal.row_mut(i).fill(0.0);
+    normal.column_mut(i).fill(0.0);
+    normal[(i, i)] = 1.0;
+    right[i] = 0.0;
+}
+
+/// Whether the samples differ in brightness by so much more than noise that gain and offset can be told apart. Where they do
+/// not, a fit of both takes the noise of the reference for contrast that the frames do not have: gain falls, offset rises.
+fn tell_offset(samples: &[ReferencePixel], noise_grey: f64) -> bool {
+    let count = samples.len().max(1) as f64;
+    let mean = samples.iter().map(|s| s.value).sum::<f64>() / count;
+    let variance = samples.iter().map(|s| (s.value - mean).powi(2)).sum::<f64>() / count;
+    variance > (OFFSET_CONTRAST * noise_grey).powi(2)
+}
+
+/// A first shift from reduced pictures, where a far shift is a near one.
+fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
+    let mut found = Registration::IDENTITY;
+    for registrar in coarser {
+        let (r, spread) = registrar.refine(frame, found, true);
+        if spread.is_finite() {
+            found = r;
+        }
+    }
+    found
+}
+
+/// The pixels of strongest gradient in each cell of a coarse grid, so that they spread over the picture.
+///
+/// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value counts the
+/// cells that hold real gradients.
+///
+/// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
+fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<ReferencePixel>, usize) {
+    let least_grey = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY / factor as f64);
+    let (w, h) = (reference.width, reference.height);
+    let per_cell = SAMPLES / (CELLS * CELLS);
+    let of_cell = |cell: usize| {
+        let (cu, cv) = (cell % CELLS, cell / CELLS);
+        let us = (cu * w / CELLS).max(2)..((cu + 1) * w / CELLS).min(w.saturating_sub(2));
+        let vs = (cv * h / CELLS).max(2)..((cv + 1) * h / CELLS).min(h.saturating_sub(2));
+        // Twice the gradient's components are whole numbers: a pixel is its squared gradient and its place.
+        let mut here: Vec<(u32, u32)> = Vec::with_capacity(us.len() * vs.len());
+        for v in vs {
+            let (above, row, below) = (reference.row(v - 1), reference.row(v), reference.row(v + 1));
+            for u in us.clone() {
+                let square = |a: u8, b: u8| u32::from(a.abs_diff(b)).pow(2);
+                here.push((
+                    square(row[u + 1], row[u - 1]) + square(below[u], above[u]),
+                    (v * w + u) as u32,
+                ));
+            }
+        }
+        if here.len() > per_cell {
+            here.select_nth_unstable_by(per_cell, |a, b| b.0.cmp(&a.0));
+            here.truncate(per_cell);
+        }
+        let mut here: Vec<ReferencePixel> = here
+            .iter()
+            .map(|&(_, at)| ReferencePixel::of(reference, at as usize % w, at as usize / w))
+            .collect();
+        let mut strong = 0;
+        for s in &mut here {
+            if s.gradient.norm() < least_grey {
+                s.gradient = Vector2::zeros();
+            } else {
+                strong += 1;
+            }
+        }
+        (here, strong >= if factor > 4 { 2 } else { 4 })
+    };
+    let (samples, strong): (Vec<Vec<ReferencePixel>>, Vec<bool>) =
+        (0..CELLS * CELLS).into_par_iter().map(of_cell).unzip();
+    (samples.concat(), strong.into_iter().filter(|&s| s).count())
+}
+
+/// A shift below this is found from no shift on, in pixels of the size compared.
+const NEAR_PX: f64 = 2.0;
+
+/// Fields of the scene along each side.
+const CELLS: usize = 12;
+
+/// Rounding and the codec's ringing make gradients of this size, grey levels a pixel.
+const LEAST_GRADIENT_GREY: f64 = 3.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn textured(shift: (f64, f64), gain: f64) -> Luma {
+        let value = |u: f64, v: f64| {
+            let (u, v) = (u - shift.0, v - shift.1);
+            // Waves of many lengths and directions: no shift but the true one makes them agree.
+            let waves: f64 = (1..=12)
+                .map(|k| {
+                    let (k, turn) = (f64::from(k), 2.4 * f64::from(k));
+                    let number = 0.012 + 0.018 * k;
+                    (number * (u * turn.cos() + v * turn.sin()) + k * k).sin() * 0.4
+                })
+                .sum();
+            gain * (100.0 + 30.0 * waves)
+        };
+        Luma::from_fn(480, 360, |u, v| {
+            value(u as f64, v as f64).round().clamp(0.0, 255.0) as u8
+        })
+    }
+
+    #[test]
+    fn shift_and_gain_are_found() {
+        let registrar = Registrar::new(&textured((0.0, 0.0), 1.0), 0.3);
+        for (shift, gain) in [((0.3, -0.2), 1.0), ((7.25, -4.5), 1.05), ((-20.0, 12.0), 0.95)] {
+            let r = registrar.locate(&[&textured(shift, gain)])[0];
+            assert!((r.shift_u_px - shift.0).abs() < 0.03, "{r:?} for {shift:?}");
+            assert!((r.shift_v_px - shift.1).abs() < 0.03, "{r:?} for {shift:?}");
+            assert!(
+                (r.gain * 100.0 + r.offset_grey - gain * 100.0).abs() < 0.5,
+                "{r:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_scene_fainter_than_the_noise_of_a_pixel_is_followed() {
+        // Waves of 1.5 grey levels or so under noise of 2.
+        let mut seed = 7_u64;
+        let mut noisy = |shift: (f64, f64)| {
+            let mut faint = textured(shift, 1.0);
+            for p in &mut faint.data {
+                let sum: u64 = (0..6)
+                    .map(|_| {
+                        seed = seed
+                            .wrapping_mul(6_364_136_223_846_793_005)
+                            .wrapping_add(1_442_695_040_888_963_407);
+                        seed >> 40
+                    })
+                    .sum();
+                // Six uniform ones have a variance of a half.
+                let noise = (sum as f64 / f64::from(1_u32 << 24) - 3.0) * 2.0 * std::f64::consts::SQRT_2;
+                *p = (100.0 + 0.15 * (f64::from(*p) - 100.0) + noise)
+                    .round()
+                    .clamp(0.0, 255.0) as u8;
+            }
+            faint
+        };
+        let registrar = Registrar::new(&noisy((0.0, 0.0)), 2.0);
+        for shift in [(0.0, 0.0), (2.3, -1.2), (-12.0, 9.0)] {
+            let r = registrar.locate(&[&noisy(shift)])[0];
+            let off = (r.shift_u_px - shift.0).hypot(r.shift_v_px - shift.1);
+            assert!(off < 0.3, "{r:?} for {shift:?}");
+        }
+    }
+
+    #[test]
+    fn the_light_alone_is_what_the_whole_comparison_finds_of_it() {
+        let reference = textured((0.0, 0.0), 1.0);
+        let registrar = Registrar::of_fixed(&reference, 0.3);
+        let mut frame = textured((0.0, 0.0), 0.93);
+        // Something moves through a tenth of it.
+        frame.data[40_000..57_000].fill(220);
+        let r = registrar.follow(&frame, &Registration::IDENTITY);
+        assert!(r.is_still());
+        assert!((r.gain - 0.93).abs() < 2e-3 && r.offset_grey.abs() < 0.2, "{r:?}");
+        // A start that is shifted by next to nothing takes the other way.
+        let start = Registration {
+            shift_u_px: 1e-9,
+            ..Registration::IDENTITY
+        };
+        let by_all = registrar.refine(&frame, start, false).0;
+        assert!((r.gain - by_all.gain).abs() < 1e-6, "{r:?} {by_all:?}");
+        assert!(
+            (r.offset_grey - by_all.offset_grey).abs() < 1e-4,
+            "{r:?} {by_all:?}"
+        );
+    }
+
+    #[test]
+    fn brightness_against_another_reference_says_the_same() {
+        let of = |gain: f64, offset_grey: f64| Registration {
+            gain,
+            offset_grey,
+            ..Registration::IDENTITY
+        };
+        let (frame, other) = (of(1.04, -2.0), of(0.97, 1.5));
+        let grey = 120.0;
+        let against = frame.relative_to(&other);
+        let by_other = against.gain * (other.gain * grey + other.offset_grey) + against.offset_grey;
+        assert!((by_other - (frame.gain * grey + frame.offset_grey)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_light_of_a_plain_wall_does_not_drift() {
+        let mut seed = 5_u64;
+        let mut wall = || {
+            let mut noise = || {
+                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (seed >> 60) as u8
+            };
+            Luma::from_fn(320, 240, |_, _| 60 + noise())
+        };
+        let registrar = Registrar::of_fixed(&wall(), 4.6);
+        let mut r = Registration::IDENTITY;
+        for _ in 0..300 {
+            r = registrar.follow(&wall(), &r);
+        }
+        assert!((r.gain - 1.0).abs() < 0.01 && r.offset_grey.abs() < 0.5, "{r:?}");
+    }
+
+    #[test]
+    fn an_even_scene_stays_where_it_is() {
+        let flat = Luma {
+            width: 64,
+            height: 64,
+            data: vec![80; 64 * 64],
+        };
+        let brighter = Luma {
+            data: vec![84; 64 * 64],
+            ..flat.clone()
+        };
+        let r = Registrar::new(&flat, 0.3).locate(&[&brighter])[0];
+        assert!(r.is_still());
+        assert!((r.gain - 1.05).abs() < 0.01, "{r:?}");
+    }
+
+    #[test]
+    fn aligned_undoes_the_shift() {
+        let reference = textured((0.0, 0.0), 1.0);
+        let moved = textured((3.5, -2.25), 1.0);
+        let r = Registration {
+            shift_u_px: 3.5,
+            shift_v_px: -2.25,
+            ..Registration::IDENTITY
+        };
+        let back = r.aligned(&moved);
+        for v in 20..340 {
+            for u in 20..460 {
+                let d = i32::from(back.row(v)[u]) - i32::from(reference.row(v)[u]);
+                assert!(d.abs() <= 2, "{u},{v}: {d}"); // bilinear on waves of 27 px
+            }
+        }
+    }
+}
