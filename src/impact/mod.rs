@@ -31,7 +31,7 @@ use crate::rebound::model::BounceReading;
 use crate::rebound::{ModelName, Preferred, Regime};
 
 /// Velocity of the centre just before or after an impact.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CentreVelocity {
     /// Along the launch, m/s.
     pub vx_m_s: Option<Quantity>,
@@ -89,7 +89,7 @@ pub struct Correlation {
 }
 
 /// An impact on the floor. What does not apply or could not be measured is `None`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bounce {
     /// Time, s.
     pub time_s: Option<Quantity>,

@@ -52,18 +52,9 @@ impl MeasuredMotion<'_> {
             x_m: out.quantity(1),
             incident: flat(2),
             rebound: flat(3),
-            restitution: None,
             tangential_ratio: moving.then(|| out.quantity(4)).flatten(),
-            slip: None,
-            friction: None,
-            friction_at_least: None,
-            tangential_restitution: None,
-            spin_in_m_s: None,
-            spin_out_m_s: None,
             azimuth_rad: moving.then(|| out.quantity(5)).flatten(),
-            correlations: Vec::new(),
-            along_floor: None,
-            impossible: None,
+            ..Bounce::default()
         }
     }
 

@@ -175,9 +175,9 @@ impl<'a> CalibratedCamera<'a> {
     pub fn warnings(&self) -> Option<Warning> {
         let c = self.calibration;
         (c.view == View::Top && c.distance_m.is_none()).then(|| {
-            warning(
+            warning!(
                 "perspective_uncorrected",
-                "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor.".to_owned(),
+                "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor."
             )
         })
     }

@@ -2,9 +2,9 @@
 //! points.
 
 use super::decode::Decoded;
+use super::in_metres::WorldFrame;
 use super::measurement::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
 use super::spots::{BallCentre, with_id};
-use super::world_frame::WorldFrame;
 use crate::calibration::Rectification;
 use crate::detect::crop::Crop;
 use crate::flight::{Flight, FlightPoint, SpotUse};

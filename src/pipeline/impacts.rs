@@ -4,10 +4,10 @@ use super::ball_model::{self, BallModel};
 use super::calibration_uncertainty;
 use super::camera::CalibratedCamera;
 use super::clock::Clocked;
-use super::measurement::{UpSource, UpTilt, Warning};
+use super::in_metres::{Impacts, WorldFrame};
+use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
-use super::world_frame::WorldFrame;
 use crate::calibration::CalibrationError;
 use crate::flight::motion_model::VerticalPrior;
 use crate::flight::{Flight, shake};
@@ -15,37 +15,8 @@ use crate::impact::error_budget::{LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
 use crate::impact::motion::{ImpactKind, MeasuredMotion};
 use crate::impact::spin_lift::SpinLift;
-use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings, reading};
+use crate::impact::{Bounce, reading};
 use crate::quantity::Quantity;
-
-/// What the flight says in metres.
-#[derive(Debug)]
-pub struct Impacts {
-    /// The flight under everything that is not known of it.
-    pub flight: Flight,
-    /// From the plane to the world.
-    pub frame: WorldFrame,
-    /// The ball's radius, px.
-    pub radius_px: Option<Quantity>,
-    /// Magnitude of the acceleration, where it can be checked.
-    pub gravity_m_s2: Option<Quantity>,
-    /// How far "up" is from where the calibration has it.
-    pub up: Option<UpTilt>,
-    /// The floor's slope.
-    pub floor: Option<FloorSlope>,
-    /// Where the ball left a bench.
-    pub launch: Option<BenchLaunch>,
-    /// Impacts on the floor, in time order.
-    pub bounces: Vec<Bounce>,
-    /// Impacts on something upright.
-    pub walls: usize,
-    /// x0 and x.
-    pub distances: Distances,
-    /// Both models' readings of the first bounce.
-    pub readings: Option<Readings>,
-    /// What does not fit the calibration, or is doubtful.
-    pub warnings: Vec<Warning>,
-}
 
 /// The impacts of `refined`.
 ///
@@ -75,51 +46,35 @@ pub fn impacts(
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
     let motion = scaled.motion(&free, lift);
-    let indexed = motion.bounces();
-    let distances = motion.distances(&indexed);
-    let (floor, launch) = (motion.floor(), motion.bench_launch());
-    let up = up(&motion, calibration.upright_std_rad());
-    let gravity_m_s2 = motion.gravity_m_s2();
-    let radius_units = radius_px.map(|r| r.value * camera.ball_units_per_px());
-    let radius_seen_m = || Some(radius_units? * metres_per_unit.value);
+    let bounces = motion.bounces();
+    let radius_seen_m = || Some(radius_px?.value * camera.ball_units_per_px() * metres_per_unit.value);
     let radius_m = calibration.ball.radius_m.or_else(radius_seen_m);
-    let walls = (0..flight.impacts.len())
-        .filter(|&k| motion.kind(k) == Some(ImpactKind::Wall))
-        .count();
-    let warnings = of_impacts(&WarningContext {
-        calibration,
-        flight: &flight,
-        motion: &motion,
-        bounces: &indexed,
-        gravity: gravity_m_s2,
-        radius_m,
-        radius_units,
-        walls,
-        shake,
-        impossible: motion.impossible(&indexed),
-        x0_missing: distances.x0_m.is_none(),
-        up,
-        floor,
-        launch,
-        units_per_px: camera.units_per_px(),
-        interval_s: clocked.base.interval_s.unwrap_or(flight.interval_s),
-    });
-    let frame = WorldFrame::new(&motion, &indexed, metres_per_unit, radius_m, calibration);
-    let bounces: Vec<Bounce> = indexed.into_iter().map(|(_, b)| b).collect();
-    Ok(Impacts {
-        frame,
+    let firsts: Vec<Bounce> = bounces.iter().map(|(_, b)| b.clone()).collect();
+    let walls = (0..flight.impacts.len()).filter(|&k| motion.kind(k) == Some(ImpactKind::Wall));
+    let impacts = Impacts {
+        frame: WorldFrame::new(&motion, &bounces, metres_per_unit, radius_m, calibration),
         radius_px,
-        gravity_m_s2,
-        up,
-        floor,
-        launch,
-        readings: camera.falls().then(|| reading::read(&bounces)).flatten(),
+        radius_m,
+        shake,
+        gravity_m_s2: motion.gravity_m_s2(),
+        up: up(&motion, calibration.upright_std_rad()),
+        floor: motion.floor(),
+        launch: motion.bench_launch(),
+        readings: camera.falls().then(|| reading::read(&firsts)).flatten(),
+        walls: walls.count(),
+        distances: motion.distances(&bounces),
         bounces,
-        walls,
-        distances,
-        warnings,
         flight,
-    })
+        warnings: Vec::new(),
+    };
+    let context = WarningContext {
+        camera,
+        motion: &motion,
+        interval_s: clocked.base.interval_s.unwrap_or(impacts.flight.interval_s),
+        impacts: &impacts,
+    };
+    let warnings = of_impacts(&context);
+    Ok(Impacts { warnings, ..impacts })
 }
 
 /// The flight under everything that is not known of it: how "up" leans by what the calibration knows alone, and the drag of a

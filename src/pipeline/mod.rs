@@ -6,7 +6,7 @@
 //! | [`clock`] | when each frame was taken; duplicate and missing frames | [`clock::Clocked`] |
 //! | [`track`] | the ball among all that moves, by first centres or given ones | [`track::Tracked`] |
 //! | [`refine`] | appearance, centres, scale and flight in turn | [`refine::Refined`] |
-//! | [`impacts`] | metres: bounces, distances, the checks | [`impacts::Impacts`] |
+//! | [`impacts`] | metres: bounces, distances, the checks | [`in_metres::Impacts`] |
 //! | [`result`] | all of it put together | [`Measurement`] |
 //!
 //! A stage takes values and gives a value, with its warnings. From [`track`] on none needs pixels but [`refine`], so centres
@@ -21,13 +21,13 @@ mod decode;
 mod drawing;
 mod error;
 mod impacts;
+mod in_metres;
 mod measurement;
 mod refine;
 mod result;
 mod spots;
 mod track;
 mod warnings;
-mod world_frame;
 
 pub use decode::Progress;
 pub use error::MeasureError;

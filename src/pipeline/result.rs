@@ -3,7 +3,7 @@
 use super::camera::CalibratedCamera;
 use super::clock::Clocked;
 use super::drawing;
-use super::impacts::Impacts;
+use super::in_metres::Impacts;
 use super::measurement::{
     Measurement, Outcome, PointUse, Strobe, TimeSource, Track, TrackPoint, VideoFacts, Warning,
 };
@@ -70,7 +70,7 @@ pub fn measured(
         launch: impacts.launch,
         distances: impacts.distances,
         readings: impacts.readings,
-        bounces: impacts.bounces,
+        bounces: impacts.bounces.into_iter().map(|(_, b)| b).collect(),
         arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame),
         strobe,
         warnings: [before, new, refined.warnings.clone()].concat(),

@@ -7,12 +7,14 @@ pub mod of_impacts;
 pub mod of_track;
 pub mod rejection;
 
-use super::measurement::Warning;
-
-/// A warning with its stable code.
-pub fn warning(code: &'static str, message: String) -> Warning {
-    Warning { code, message }
+/// A warning: its stable code, and a message as `format!` takes it.
+macro_rules! warning {
+    ($code:literal, $($message:tt)+) => {
+        $crate::pipeline::measurement::Warning { code: $code, message: format!($($message)+) }
+    };
 }
+
+pub(super) use warning;
 
 /// Up to four digits without trailing zeros.
 pub fn rounded(x: f64) -> String {

@@ -17,15 +17,17 @@ pub fn of_clock(
     let mut out = Vec::new();
     out.extend(duplicated(seen, base, duplicates, calibration));
     if base.gaps > 0 {
-        out.push(warning(
+        out.push(warning!(
             "dropped_frames",
-            format!("the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.", base.missing, base.gaps),
+            "the time stamps leave out {} frame(s) in {} place(s): the camera or an editor dropped them. The stamps of the others were used as they are.",
+            base.missing, base.gaps
         ));
     }
     if base.skipped > 0 {
-        out.push(warning(
+        out.push(warning!(
             "frames_skipped",
-            format!("{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.", base.skipped),
+            "{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.",
+            base.skipped
         ));
     }
     out.extend(moved_camera(
@@ -60,12 +62,10 @@ fn duplicated(
         };
         format!(" Distinct pictures come at {:.4} Hz {clock}.", 1.0 / i)
     });
-    Some(warning(
+    Some(warning!(
         "repeated_frames",
-        format!(
-            "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
-            duplicates.len()
-        ),
+        "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
+        duplicates.len()
     ))
 }
 
@@ -86,13 +86,10 @@ fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
         .first()
         .filter(|_| seen.detector.background.registrar.fixed)?;
     let most = shaken.iter().map(|s| s.1).fold(0.0, f64::max);
-    (most > WORTH_SAYING_PX).then(|| warning(
+    (most > WORTH_SAYING_PX).then(|| warning!(
         "camera_shaken",
-        format!(
-            "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
-            shaken.len(),
-            seen.registrations.len(),
-        ),
+        "the whole picture swings by up to {most:.2} px in {} of {} frames, first at {first:.3} s: the table, or what the camera stands on, is bumped. It was followed by the edges of the scene (floor line, bench), along the directions that these tell; along others it is not seen. Put the camera on a stand of its own.",
+        shaken.len(), seen.registrations.len()
     ))
 }
 
@@ -102,9 +99,9 @@ fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> 
         .map(Registration::shift_px)
         .fold(0.0, f64::max);
     (!fixed && most > WORTH_SAYING_PX).then(|| {
-        warning(
+        warning!(
             "camera_moved",
-            format!("the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."),
+            "the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
         )
     })
 }

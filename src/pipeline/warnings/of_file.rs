@@ -9,45 +9,45 @@ pub fn of_file(health: &StreamHealth) -> Vec<Warning> {
     let mut out: Vec<Warning> = health
         .notes
         .iter()
-        .map(|n| warning(n.code, n.message.clone()))
+        .map(|n| Warning {
+            code: n.code,
+            message: n.message.clone(),
+        })
         .collect();
     let read = health.frames_read;
     if let Some(why) = &health.ended_early {
         let of = health
             .frames_expected
             .map_or(String::new(), |n| format!(" of {n}"));
-        out.push(warning(
+        out.push(warning!(
             "file_cut_short",
-            format!("the file ends early: {read}{of} frames were read, then: {why}. What is there was measured; copy the file from the camera again to have the rest."),
+            "the file ends early: {read}{of} frames were read, then: {why}. What is there was measured; copy the file from the camera again to have the rest."
         ));
     } else if let Some(expected) = health.frames_expected.filter(|&n| n > read) {
-        out.push(warning(
+        out.push(warning!(
             "frames_missing",
-            format!("the file announces {expected} frames, {read} could be read."),
+            "the file announces {expected} frames, {read} could be read."
         ));
     }
     if health.damaged > 0 {
-        out.push(warning(
+        out.push(warning!(
             "damaged_frames",
-            format!(
-                "{} of {read} frames are damaged; centres in them are less sure or missing.",
-                health.damaged
-            ),
+            "{} of {read} frames are damaged; centres in them are less sure or missing.",
+            health.damaged
         ));
     }
     if health.interlaced > 0 {
-        out.push(warning(
+        out.push(warning!(
             "interlaced",
-            format!("{} of {read} frames are interlaced: odd and even rows show different moments, which blurs a moving ball. Record progressively, or deinterlace to double rate first (ffmpeg -vf bwdif).", health.interlaced),
+            "{} of {read} frames are interlaced: odd and even rows show different moments, which blurs a moving ball. Record progressively, or deinterlace to double rate first (ffmpeg -vf bwdif).",
+            health.interlaced
         ));
     }
     if health.stamps_repaired > 0 {
-        out.push(warning(
+        out.push(warning!(
             "time_stamps_repaired",
-            format!(
-                "{} frames had no usable time stamp; their times were interpolated.",
-                health.stamps_repaired
-            ),
+            "{} frames had no usable time stamp; their times were interpolated.",
+            health.stamps_repaired
         ));
     }
     out

@@ -1,14 +1,14 @@
 //! What does not fit together of what was measured and what the calibration gives, or is doubtful.
 
 use super::{rounded, warning};
-use crate::calibration::{Calibration, View};
-use crate::flight::Flight;
+use crate::calibration::View;
 use crate::flight::shake::Shake;
 use crate::impact::contact::SoftBall;
 use crate::impact::error_budget::READ_STD_PX;
 use crate::impact::motion::MeasuredMotion;
-use crate::impact::{BenchLaunch, Bounce, FloorSlope, Impossible};
-use crate::pipeline::measurement::UpTilt;
+use crate::impact::{Bounce, Impossible};
+use crate::pipeline::camera::CalibratedCamera;
+use crate::pipeline::in_metres::Impacts;
 use crate::pipeline::measurement::Warning;
 use crate::quantity::Quantity;
 
@@ -24,68 +24,65 @@ const LASTING: f64 = 3.0;
 
 /// Everything to judge a measured flight by.
 pub struct WarningContext<'a> {
-    pub calibration: &'a Calibration,
-    pub flight: &'a Flight,
+    /// By what it was seen.
+    pub camera: &'a CalibratedCamera<'a>,
+    /// In metres.
     pub motion: &'a MeasuredMotion<'a>,
-    pub bounces: &'a [(usize, Bounce)],
-    pub gravity: Option<Quantity>,
-    pub radius_m: Option<f64>,
-    pub radius_units: Option<f64>,
-    pub walls: usize,
-    pub shake: Option<Shake>,
-    pub impossible: usize,
-    pub x0_missing: bool,
-    pub up: Option<UpTilt>,
-    pub floor: Option<FloorSlope>,
-    pub launch: Option<BenchLaunch>,
-    pub units_per_px: f64,
+    /// What follows from that.
+    pub impacts: &'a Impacts,
+    /// Time between distinct frames, s.
     pub interval_s: f64,
 }
 
 /// Oddities of the measured flight.
 pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
+    let (impacts, flight, calibration) = (j.impacts, &j.impacts.flight, j.camera.calibration);
     let mut out = Vec::new();
-    out.extend(j.gravity.map(|g| gravity(g, j)).unwrap_or_default());
+    out.extend(impacts.gravity_m_s2.map(|g| gravity(g, j)).unwrap_or_default());
     out.extend(up_tilted(j));
-    out.extend(j.shake.map(|s| shaken_ball(&s, j)));
+    out.extend(impacts.shake.map(|s| shaken_ball(&s, j)));
     out.extend(floor_slope(j));
     out.extend(bench(j));
-    out.extend(impossible_tangential(j.bounces));
+    out.extend(impossible_tangential(&impacts.bounces));
     out.extend(distance_against_fall(j));
     out.extend(j.motion.bend().map(bent));
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
     out.extend(different_heights(j));
-    if j.x0_missing && j.calibration.launch.edge_x_m.is_some() && !j.bounces.is_empty() {
-        out.push(warning(
+    let x0_missing = impacts.distances.x0_m.is_none() && calibration.launch.edge_x_m.is_some();
+    if x0_missing && !impacts.bounces.is_empty() {
+        out.push(warning!(
             "first_impact_unsure",
-            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out, and so are spins and e_x, which need the spin at the launch.".to_owned(),
+            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out, and so are spins and e_x, which need the spin at the launch."
         ));
     }
-    if j.impossible > 0 {
-        out.push(warning(
+    let gains = j.motion.impossible(&impacts.bounces);
+    if gains > 0 {
+        out.push(warning!(
             "impossible_impact",
-            format!("{} impact(s) would have sent the ball up faster than it came down: on one side of them something else was followed (a shadow, a reflection, a hand). They are not among the bounces; x0 counts from the first that is.", j.impossible),
+            "{gains} impact(s) would have sent the ball up faster than it came down: on one side of them something else was followed (a shadow, a reflection, a hand). They are not among the bounces; x0 counts from the first that is."
         ));
     }
-    if j.walls > 0 {
-        out.push(warning(
+    if impacts.walls > 0 {
+        out.push(warning!(
             "not_a_floor",
-            format!("{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.", j.walls),
+            "{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.",
+            impacts.walls
         ));
     }
-    if j.flight.scatter_ratio() > LARGE_SCATTER_RATIO && j.flight.fit.autocorrelation_inflation > LASTING {
-        out.push(warning(
+    let ratio = flight.scatter_ratio();
+    if ratio > LARGE_SCATTER_RATIO && flight.fit.autocorrelation_inflation > LASTING {
+        out.push(warning!(
             "not_a_parabola",
-            format!("the centres scatter {:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more.", j.flight.scatter_ratio()),
+            "the centres scatter {ratio:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more."
         ));
     }
     out.extend(j.motion.may_be_soft().map(soft));
     if j.motion.metres_per_unit.std_uncertainty.is_none() {
-        let key = j.calibration.scale.uncertainty_key();
-        out.push(warning(
+        let key = calibration.scale.uncertainty_key();
+        out.push(warning!(
             "scale_uncertainty_unknown",
-            format!("the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"{key}\"."),
+            "the calibration's scale has no uncertainty, so those of lengths and speeds hold the tracking's part only. Set \"{key}\"."
         ));
     }
     out
@@ -93,23 +90,21 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
 
 /// That the ball may be softer than its times and restitution are for.
 fn soft(ball: SoftBall) -> Warning {
-    warning(
+    warning!(
         "contact_time_unknown",
-        format!(
-            "a ball of {:.2} g/cm³ may be soft, and nothing tells how long it stays on the floor. Times, restitution and their uncertainties are those of a ball as hard as metal or glass; one as soft as a superball touches {:.1} ms earlier than said, and its restitution is off by up to {:.1} %.",
-            ball.density_kg_m3 / 1000.0,
-            1000.0 * ball.earlier_s,
-            100.0 * ball.restitution_part,
-        ),
+        "a ball of {:.2} g/cm³ may be soft, and nothing tells how long it stays on the floor. Times, restitution and their uncertainties are those of a ball as hard as metal or glass; one as soft as a superball touches {:.1} ms earlier than said, and its restitution is off by up to {:.1} %.",
+        ball.density_kg_m3 / 1000.0,
+        1000.0 * ball.earlier_s,
+        100.0 * ball.restitution_part
     )
 }
 
 /// The self-check: gravity as the flight shows it, and what would explain another.
 fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
-    let expected = j.calibration.gravity_m_s2;
+    let expected = j.camera.calibration.gravity_m_s2;
     let off = (g.value - expected).abs();
     let std = g.std_uncertainty.unwrap_or(0.0);
-    let local = j.calibration.gravity_uncertainty_m_s2();
+    let local = j.camera.calibration.gravity_uncertainty_m_s2();
     if !(off > CONTRADICTS_SIGMAS * std.hypot(local)) {
         return Vec::new();
     }
@@ -142,25 +137,21 @@ fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
             (1.0 / ratio).acos().to_degrees()
         ));
     }
-    if j.calibration.ball.mass_kg.is_none() || j.calibration.ball.radius_m.is_none() {
+    if j.camera.calibration.ball.mass_kg.is_none() || j.camera.calibration.ball.radius_m.is_none() {
         causes.push("air: drag on a light ball, if \"ball\" had its radius and mass".to_owned());
     }
-    let mut out = vec![warning(
+    let mut out = vec![warning!(
         "gravity_mismatch",
-        format!(
-            "the flight falls with {:.4} ± {:.4} m/s², not {expected} ± {local:.4}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
-            g.value,
-            std,
-            causes.join("; ")
-        ),
+        "the flight falls with {:.4} ± {:.4} m/s², not {expected} ± {local:.4}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
+        g.value,
+        std,
+        causes.join("; ")
     )];
     if j.motion.metres_per_unit.std_uncertainty.is_none() {
-        out.push(warning(
+        out.push(warning!(
             "refuted_calibration",
-            format!(
-                "scale and frame rate are stated as exact, and the fall refutes them: together they are off by {:.2} % in g. Give the scale's \"std_uncertainty\", or measure it again.",
-                100.0 * (1.0 / ratio - 1.0)
-            ),
+            "scale and frame rate are stated as exact, and the fall refutes them: together they are off by {:.2} % in g. Give the scale's \"std_uncertainty\", or measure it again.",
+            100.0 * (1.0 / ratio - 1.0)
         ));
     }
     out
@@ -171,41 +162,38 @@ const UPRIGHT_RAD: f64 = 0.0175;
 
 /// That the fall has another "up" than the calibration.
 fn up_tilted(j: &WarningContext<'_>) -> Option<Warning> {
-    let up = j.up?;
-    let given = j.calibration.has_up();
+    let up = j.impacts.up?;
+    let given = j.camera.calibration.has_up();
     let degrees = |rad: f64| rad.to_degrees();
-    let (tilt, std) = (up.tilt_rad.value, j.flight.fit.lean_std_rad());
+    let (tilt, std) = (up.tilt_rad.value, j.impacts.flight.fit.lean_std_rad());
     let (prior, word) = (
-        j.calibration.upright_std_rad(),
+        j.camera.calibration.upright_std_rad(),
         if tilt > 0.0 { "right" } else { "left" },
     );
     // What contradicts the calibration is in the fit without it.
     let alone = j
+        .impacts
         .flight
         .fit
         .model
         .vertical_prior()
         .is_some_and(|u| u.std_rad.is_infinite());
     if given && alone {
-        return Some(warning(
+        return Some(warning!(
             "up_tilted",
-            format!(
-                "the ball falls {:.2} ± {:.2} degrees to the {word} of \"up_px\", which is stated to {:.2} degrees: the direction of the fall was used. Check \"up_px\" (a plumb line in the picture), or leave it out.",
-                degrees(tilt.abs()),
-                degrees(std),
-                degrees(prior),
-            ),
+            "the ball falls {:.2} ± {:.2} degrees to the {word} of \"up_px\", which is stated to {:.2} degrees: the direction of the fall was used. Check \"up_px\" (a plumb line in the picture), or leave it out.",
+            degrees(tilt.abs()),
+            degrees(std),
+            degrees(prior)
         ));
     }
     let seen = up.tilt_rad.value.abs();
     let shows = seen > UPRIGHT_RAD && seen > CONTRADICTS_SIGMAS * up.tilt_rad.std_uncertainty.unwrap_or(0.0);
     (!given && shows).then(|| {
-        warning(
+        warning!(
             "up_tilted",
-            format!(
-                "\"up\" is {:.2} degrees to the {word} of the picture's, as the fall shows: x, z and angles are along and against the fall. If the camera stood level, the plane of motion is seen at a slant, or something pushes the ball sideways.",
-                degrees(seen),
-            ),
+            "\"up\" is {:.2} degrees to the {word} of the picture's, as the fall shows: x, z and angles are along and against the fall. If the camera stood level, the plane of motion is seen at a slant, or something pushes the ball sideways.",
+            degrees(seen)
         )
     })
 }
@@ -215,67 +203,67 @@ const STEEP_RAD: f64 = 0.0087;
 
 /// That the floor slopes, or is said to do otherwise than it does.
 fn floor_slope(j: &WarningContext<'_>) -> Option<Warning> {
-    let slope = j.floor?.slope_rad;
+    let slope = j.impacts.floor?.slope_rad;
     let (value, std) = (slope.value, slope.std_uncertainty.unwrap_or(0.0));
     let found = format!("{:.2} ± {:.2} degrees", value.to_degrees(), std.to_degrees());
-    if let Some((said, std)) = j.motion.floor_contradicts().filter(|_| j.calibration.floor.given) {
-        return Some(warning(
+    if let Some((said, std)) = j
+        .motion
+        .floor_contradicts()
+        .filter(|_| j.camera.calibration.floor.given)
+    {
+        return Some(warning!(
             "floor_contradicts",
-            format!(
-                "the floor slopes by {found} along x as the picture shows it, and by {:.2} ± {:.2} degrees by \"floor.slope_deg\": the first was used. Check that the impacts are on one floor, and the calibration's sign (positive where the floor rises along the launch).",
-                said.to_degrees(),
-                std.to_degrees(),
-            ),
+            "the floor slopes by {found} along x as the picture shows it, and by {:.2} ± {:.2} degrees by \"floor.slope_deg\": the first was used. Check that the impacts are on one floor, and the calibration's sign (positive where the floor rises along the launch).",
+            said.to_degrees(),
+            std.to_degrees()
         ));
     }
     (value.abs() > STEEP_RAD && value.abs() > CONTRADICTS_SIGMAS * std).then(|| {
-        warning(
+        warning!(
             "floor_slopes",
-            format!("the floor slopes by {found} along x, if the impacts are on one plane floor: restitution, friction and angles are along it and its normal. If it is level, the impacts are at different heights (a step, a mat), and these numbers are off by the slope."),
+            "the floor slopes by {found} along x, if the impacts are on one plane floor: restitution, friction and angles are along it and its normal. If it is level, the impacts are at different heights (a step, a mat), and these numbers are off by the slope."
         )
     })
 }
 
 /// What a bench that is seen says against the calibration.
 fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
-    let Some(launch) = &j.launch else {
+    let Some(launch) = &j.impacts.launch else {
         return Vec::new();
     };
     let mut out = Vec::new();
     let Some(edge) = launch.edge_x_m else {
         let gap = launch.gap_m.map_or(0.0, |g| 1e3 * g.value);
-        out.push(warning(
+        out.push(warning!(
             "launch_unclear",
-            format!("the ball moves along a bench for {:.3} s, but its flight does not begin where that ends: followed back, it is {gap:.2} mm above the bench (below, if negative). It tipped round the edge, went over a step, or was pushed: the edge is not told.", launch.rolled_s),
+            "the ball moves along a bench for {:.3} s, but its flight does not begin where that ends: followed back, it is {gap:.2} mm above the bench (below, if negative). It tipped round the edge, went over a step, or was pushed: the edge is not told.",
+            launch.rolled_s
         ));
         return out;
     };
     if let Some(said) = j
+        .camera
         .calibration
         .launch
         .edge_x_m
-        .filter(|_| j.calibration.has_origin())
+        .filter(|_| j.camera.calibration.has_origin())
     {
-        let metre = j.motion.metres_per_unit.value * j.units_per_px;
-        let read = j.calibration.origin_std_px.unwrap_or(READ_STD_PX) * metre;
+        let metre = j.motion.metres_per_unit.value * j.camera.units_per_px();
+        let read = j.camera.calibration.origin_std_px.unwrap_or(READ_STD_PX) * metre;
         let std = edge.std_uncertainty.unwrap_or(0.0);
         if (edge.value - said).abs() > CONTRADICTS_SIGMAS * std.hypot(read) {
-            out.push(warning(
+            out.push(warning!(
                 "edge_mismatch",
-                format!(
-                    "the ball leaves its bench at x = {:.2} ± {:.2} mm, the calibration has the edge at {:.2} ± {:.2} mm: x0 counts from the latter. Check \"origin_px\" and \"launch.edge_x_m\", or leave origin_px out: then x = 0 is where the bench ends.",
-                    1e3 * edge.value,
-                    1e3 * std,
-                    1e3 * said,
-                    1e3 * read,
-                ),
+                "the ball leaves its bench at x = {:.2} ± {:.2} mm, the calibration has the edge at {:.2} ± {:.2} mm: x0 counts from the latter. Check \"origin_px\" and \"launch.edge_x_m\", or leave origin_px out: then x = 0 is where the bench ends.",
+                1e3 * edge.value, 1e3 * std, 1e3 * said, 1e3 * read
             ));
         }
     }
-    if j.calibration.launch.spin_ratio == Some(0.0) {
-        out.push(warning(
+    if j.camera.calibration.launch.spin_ratio == Some(0.0) {
+        out.push(warning!(
             "rolling_unsaid",
-            format!("the ball is seen moving along its bench for {:.3} s, and \"launch.spin_ratio\" is 0: if it rolled, e_x, spins and regimes are wrong. Set \"spin_ratio\": \"rolling\" (with \"track_width_m\" on a track), or null where nobody knows.", launch.rolled_s),
+            "the ball is seen moving along its bench for {:.3} s, and \"launch.spin_ratio\" is 0: if it rolled, e_x, spins and regimes are wrong. Set \"spin_ratio\": \"rolling\" (with \"track_width_m\" on a track), or null where nobody knows.",
+            launch.rolled_s
         ));
     }
     out
@@ -283,13 +271,11 @@ fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
 
 /// A swing that the ball alone shows.
 fn shaken_ball(shake: &Shake, j: &WarningContext<'_>) -> Warning {
-    warning(
+    warning!(
         "camera_shaken",
-        format!(
-            "after the impact at {:.3} s the ball seems to leave its arc by up to {:.2} px and comes back within some hundredths of a second: the table or the camera is bumped, and nothing in the picture tells by how much. The centres after each impact count for as little as that makes them sure. Put the camera on a stand of its own, or have an edge in the picture (the floor, the bench).",
-            shake.impact_s,
-            shake.size / j.units_per_px,
-        ),
+        "after the impact at {:.3} s the ball seems to leave its arc by up to {:.2} px and comes back within some hundredths of a second: the table or the camera is bumped, and nothing in the picture tells by how much. The centres after each impact count for as little as that makes them sure. Put the camera on a stand of its own, or have an edge in the picture (the floor, the bench).",
+        shake.impact_s,
+        shake.size / j.camera.units_per_px()
     )
 }
 
@@ -315,18 +301,19 @@ fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
         })
         .collect();
     (!found.is_empty()).then(|| {
-        warning(
+        warning!(
             "impossible_tangential",
-            format!("no contact does that ({}), so e_x, spins and friction are left out there. Possible: the ball spun before (\"launch.spin_ratio\": a number, \"rolling\" or null), it moves out of the plane, the floor slopes, or two things were taken for one.", found.join("; ")),
+            "no contact does that ({}), so e_x, spins and friction are left out there. Possible: the ball spun before (\"launch.spin_ratio\": a number, \"rolling\" or null), it moves out of the plane, the floor slopes, or two things were taken for one.",
+            found.join("; ")
         )
     })
 }
 
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.
 fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
-    let distance_m = j.calibration.distance_m?;
-    let seen = j.flight.fall_ratio()?;
-    let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
+    let distance_m = j.camera.calibration.distance_m?;
+    let seen = j.impacts.flight.fall_ratio()?;
+    let given = j.camera.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
     let std = seen.std_uncertainty? / seen.value;
     let off = seen.value.ln().abs();
     if !(off > DISTANCE_SIGMAS * std.hypot(given) && off > DISTANCE_PART) {
@@ -336,25 +323,21 @@ fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
         let (given, meant) = (rounded(1.0 / j.interval_s), rounded(n / j.interval_s));
         format!(" Or the clock is wrong: it fits a capture rate of {meant} Hz in place of {given} Hz (\"frame_rate_hz\").")
     });
-    Some(warning(
+    Some(warning!(
         "distance_mismatch",
-        format!(
-            "the ball's path bends as for a camera {:.2} ± {:.2} m above the floor, not {distance_m} m: directions and speeds are not to be trusted before this is explained. Check \"distance_m\": from the lens to the floor, in metres, along the line of sight.{time}",
-            distance_m / seen.value,
-            distance_m / seen.value * std,
-        ),
+        "the ball's path bends as for a camera {:.2} ± {:.2} m above the floor, not {distance_m} m: directions and speeds are not to be trusted before this is explained. Check \"distance_m\": from the lens to the floor, in metres, along the line of sight.{time}",
+        distance_m / seen.value,
+        distance_m / seen.value * std
     ))
 }
 
 /// A path that is no straight line, where it is taken for one.
 fn bent(part: f64) -> Warning {
-    warning(
+    warning!(
         "paths_bend",
-        format!(
-            "seen from above, the ball's path bends by {:.0} % of its speed within one flight (up to {:.0} degrees), as a near camera shows it: directions and speeds may be off by as much, so their uncertainties are left out. Set \"distance_m\" to the distance from the lens to the floor, and this is corrected.",
-            100.0 * part,
-            part.atan().to_degrees()
-        ),
+        "seen from above, the ball's path bends by {:.0} % of its speed within one flight (up to {:.0} degrees), as a near camera shows it: directions and speeds may be off by as much, so their uncertainties are left out. Set \"distance_m\" to the distance from the lens to the floor, and this is corrected.",
+        100.0 * part,
+        part.atan().to_degrees()
     )
 }
 
@@ -378,18 +361,18 @@ fn time_factor(ratio: f64) -> Option<f64> {
 
 /// A ball of known size is a second ruler.
 fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
-    if j.calibration.scale.rests_on_ball() {
+    if j.camera.calibration.scale.rests_on_ball() {
         return None;
     }
     let (known, seen) = (
-        j.calibration.ball.radius_m?,
-        j.radius_units? * j.motion.metres_per_unit.value,
+        j.camera.calibration.ball.radius_m?,
+        j.impacts.radius_px?.value * j.camera.ball_units_per_px() * j.motion.metres_per_unit.value,
     );
     let ratio = seen / known;
     if (ratio - 1.0).abs() < 0.1 {
         return None;
     }
-    let time = if j.calibration.scale.rests_on_fall() {
+    let time = if j.camera.calibration.scale.rests_on_fall() {
         let n = time_factor(1.0 / ratio).map_or(String::new(), |n| {
             let rate = rounded(n / j.interval_s);
             format!(" It fits a capture rate of {rate} Hz: set \"frame_rate_hz\": {rate}.")
@@ -398,49 +381,50 @@ fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
     } else {
         String::new()
     };
-    Some(warning(
+    Some(warning!(
         "ball_size_mismatch",
-        format!(
-            "by the scale the ball's radius is {:.2} mm, by the calibration {:.2} mm (factor {ratio:.3}).{time}",
-            1e3 * seen,
-            1e3 * known
-        ),
+        "by the scale the ball's radius is {:.2} mm, by the calibration {:.2} mm (factor {ratio:.3}).{time}",
+        1e3 * seen,
+        1e3 * known
     ))
 }
 
 /// With an origin on the floor, the ball's centre must touch at its radius.
 fn floor_height(j: &WarningContext<'_>) -> Option<Warning> {
-    let radius_m = j.radius_m?;
-    if !j.calibration.has_origin() || j.calibration.view == View::Top {
+    let radius_m = j.impacts.radius_m?;
+    if !j.camera.calibration.has_origin() || j.camera.calibration.view == View::Top {
         return None;
     }
-    let (k, first) = j.bounces.first()?;
+    let (k, first) = j.impacts.bounces.first()?;
     let (_, height_m) = j.motion.place_m(*k, first.time_s?.value);
     let off = height_m - radius_m;
     (off.abs() > 0.5 * radius_m + 3.0 * j.motion.metres_per_unit.value).then(|| {
-        warning(
+        warning!(
             "floor_mismatch",
-            format!("the ball touches with its centre {:.1} mm above the calibration's floor; its radius is {:.1} mm. Check \"origin_px\": its row is the floor where the ball bounces.", 1e3 * height_m, 1e3 * radius_m),
+            "the ball touches with its centre {:.1} mm above the calibration's floor; its radius is {:.1} mm. Check \"origin_px\": its row is the floor where the ball bounces.",
+            1e3 * height_m, 1e3 * radius_m
         )
     })
 }
 
 /// x is a distance on one floor.
 fn different_heights(j: &WarningContext<'_>) -> Option<Warning> {
-    if j.calibration.view == View::Top {
+    if j.camera.calibration.view == View::Top {
         return None;
     }
     let heights: Vec<f64> = j
+        .impacts
         .bounces
         .iter()
         .filter_map(|(k, b)| Some(j.motion.place_m(*k, b.time_s?.value).1))
         .collect();
     let (first, second) = (heights.first()?, heights.get(1)?);
-    let radius_m = j.radius_m.unwrap_or(0.01);
+    let radius_m = j.impacts.radius_m.unwrap_or(0.01);
     ((first - second).abs() > radius_m).then(|| {
-        warning(
+        warning!(
             "floors_differ",
-            format!("the second impact is {:.0} mm {} than the first: x is the distance between them, not one on a level floor, and the relation of x to x0 does not hold.", 1e3 * (first - second).abs(), if second < first { "lower" } else { "higher" }),
+            "the second impact is {:.0} mm {} than the first: x is the distance between them, not one on a level floor, and the relation of x to x0 does not hold.",
+            1e3 * (first - second).abs(), if second < first { "lower" } else { "higher" }
         )
     })
 }

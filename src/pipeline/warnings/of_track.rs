@@ -23,9 +23,10 @@ pub fn light(seen: &Decoded, flown: &[usize]) -> Option<Warning> {
     let least = *brightness.get(tenth)?;
     let most = *brightness.get(brightness.len() - 1 - tenth)?;
     (least > 0.0 && most > LIGHT_CHANGES * least).then(|| {
-        warning(
+        warning!(
             "light_changed",
-            format!("the light changes by a factor of {:.2} while the ball flies: where a side of it is saturated or dark in one light and not in the other, its centre is displaced by some hundredths of its radius, which is not in the uncertainties. Use a steady light.", most / least),
+            "the light changes by a factor of {:.2} while the ball flies: where a side of it is saturated or dark in one light and not in the other, its centre is displaced by some hundredths of its radius, which is not in the uncertainties. Use a steady light.",
+            most / least
         )
     })
 }
@@ -50,9 +51,10 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
     let most = spots().step_by(step).map(|s| covers(s.place)).max()?;
     let part = most as f64 / frames.max(1) as f64;
     (part > LINGERS_PART).then(|| {
-        warning(
+        warning!(
             "ball_lingers",
-            format!("the ball covers one place in {:.0} % of the frames, so the empty scene behind it is not known for sure there: centres may be off by more than their uncertainties. Record the scene without the ball for as long as the flight lasts, before or after it.", 100.0 * part),
+            "the ball covers one place in {:.0} % of the frames, so the empty scene behind it is not known for sure there: centres may be off by more than their uncertainties. Record the scene without the ball for as long as the flight lasts, before or after it.",
+            100.0 * part
         )
     })
 }
@@ -60,9 +62,9 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
 /// That another method had to be used than was asked for.
 pub fn not_learned(asked: Accuracy, used: Accuracy) -> Option<Warning> {
     (asked != used).then(|| {
-        warning(
+        warning!(
             "appearance_not_learned",
-            "the ball looks too different from frame to frame (noise, smear, light) to learn its appearance: centres are circles through edge points, which shading pulls by up to a tenth of a pixel. More light, a shorter exposure or a plainer background helps.".to_owned(),
+            "the ball looks too different from frame to frame (noise, smear, light) to learn its appearance: centres are circles through edge points, which shading pulls by up to a tenth of a pixel. More light, a shorter exposure or a plainer background helps."
         )
     })
 }

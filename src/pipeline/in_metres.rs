@@ -1,10 +1,46 @@
-//! From the plane to the world, for points and drawing.
+//! What the flight says in metres, and the frame of the world that points are drawn in.
 
+use super::measurement::{UpTilt, Warning};
 use crate::calibration::{Calibration, View};
+use crate::flight::Flight;
+use crate::flight::shake::Shake;
 use crate::geometry::{PlanePoint, WorldPoint};
-use crate::impact::Bounce;
 use crate::impact::motion::MeasuredMotion;
+use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
+
+/// What the flight says in metres.
+#[derive(Debug)]
+pub struct Impacts {
+    /// The flight under everything that is not known of it.
+    pub flight: Flight,
+    /// From the plane to the world.
+    pub frame: WorldFrame,
+    /// The ball's radius, px.
+    pub radius_px: Option<Quantity>,
+    /// The same as given or as seen, m.
+    pub radius_m: Option<f64>,
+    /// A swing that the ball alone shows.
+    pub shake: Option<Shake>,
+    /// Magnitude of the acceleration, where it can be checked.
+    pub gravity_m_s2: Option<Quantity>,
+    /// How far "up" is from where the calibration has it.
+    pub up: Option<UpTilt>,
+    /// The floor's slope.
+    pub floor: Option<FloorSlope>,
+    /// Where the ball left a bench.
+    pub launch: Option<BenchLaunch>,
+    /// Impacts on the floor, in time order, with the arc before each.
+    pub bounces: Vec<(usize, Bounce)>,
+    /// Impacts on something upright.
+    pub walls: usize,
+    /// x0 and x.
+    pub distances: Distances,
+    /// Both models' readings of the first bounce.
+    pub readings: Option<Readings>,
+    /// What does not fit the calibration, or is doubtful.
+    pub warnings: Vec<Warning>,
+}
 
 /// From the plane to the world, for points and drawing (values only; uncertainties are [`MeasuredMotion`]'s).
 #[derive(Debug, Clone, Copy)]
