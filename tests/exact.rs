@@ -17,7 +17,7 @@ use track::flight::drag::DragLaw;
 use track::flight::planar::{ARCS, DRAG, GRAVITY, PlanarArcs};
 use track::geometry::PixelPoint;
 use track::impact::relations::ImpactVelocities;
-use track::rebound::{Motion, Regime, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
+use track::rebound::{Regime, RigidMotion, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e};
 
 /// Evaluations a relation; more with TRACK_EXACT.
 fn times() -> usize {
@@ -113,8 +113,8 @@ fn any_motion(dice: &mut Dice) -> [f64; 5] {
     [vx, vy, -dice.size(), -dice.near(vy), dice.near(vx)]
 }
 
-fn to_motion(m: &[f64]) -> Motion {
-    Motion {
+fn to_motion(m: &[f64]) -> RigidMotion {
+    RigidMotion {
         velocity_m_s: Vector3::new(m[0], m[1], m[2]),
         surface_spin_m_s: Vector3::new(m[3], m[4], 0.0),
     }
@@ -130,7 +130,7 @@ fn balance(x: &[N], (px, py): (N, N), k: &N) -> [N; 4] {
     [&x[0] + &px, &x[1] + &py, &x[3] + &(py / k), &x[4] - &(px / k)]
 }
 
-fn outcome(m: &Motion) -> [f64; 4] {
+fn outcome(m: &RigidMotion) -> [f64; 4] {
     let (v, w) = (m.velocity_m_s, m.surface_spin_m_s);
     [v.x, v.y, w.x, w.y]
 }

@@ -383,7 +383,7 @@ fn e_e_needs_rows_with_two_spins_where_the_columns_hold_only_a_product() {
 mod independent {
     use nalgebra::{DMatrix, DVector, Vector3};
     use track::rebound::fit::{Column, ColumnSet, Row, Series};
-    use track::rebound::{Motion, SOLID_SPHERE, grip_slide};
+    use track::rebound::{RigidMotion, SOLID_SPHERE, grip_slide};
 
     /// e, e_x, μ of grip-slide; `free` tells which of them move. μ-e with μ_o = μ is e_x = 0.
     pub fn solve(series: &Series, start: [f64; 3], free: [bool; 3]) -> ([f64; 3], f64) {
@@ -455,7 +455,7 @@ mod independent {
             };
             let ratio = row.value(Column::SpinRatio).unwrap_or(0.0);
             let impact = |vx: f64, vz: f64, spin: f64| {
-                let incoming = Motion {
+                let incoming = RigidMotion {
                     velocity_m_s: Vector3::new(vx, 0.0, vz),
                     surface_spin_m_s: Vector3::new(0.0, spin, 0.0),
                 };

@@ -8,7 +8,7 @@ use flown::{Film, G, Measured, quantities, sound, truths};
 use nalgebra::{Matrix3, Vector3};
 use track::calibration::{Calibration, Lens, MetresPerPixel, Ruler, Scale, ScaleEvidence};
 use track::geometry::{PixelPoint, PlanePoint};
-use track::rebound::{Motion, SOLID_SPHERE, mu_e};
+use track::rebound::{RigidMotion, SOLID_SPHERE, mu_e};
 
 const STEEL: mu_e::Parameters = mu_e::Parameters {
     restitution: 0.78,
@@ -19,7 +19,7 @@ const STEEL: mu_e::Parameters = mu_e::Parameters {
 /// A fall of 180 px at `metres_per_px`, at 45 degrees.
 fn film(metres_per_px: f64) -> Film {
     let fall_s = (2.0 * 180.0 * metres_per_px / G).sqrt();
-    let before = Motion {
+    let before = RigidMotion {
         velocity_m_s: Vector3::new(G * fall_s, 0.0, -G * fall_s),
         surface_spin_m_s: Vector3::zeros(),
     };

@@ -9,17 +9,17 @@ use flown::{Film, Measured, quantities, sound, truths};
 use nalgebra::Vector3;
 use track::impact::Bounce;
 use track::quantity::Quantity;
-use track::rebound::{ModelName, Motion, Regime, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
+use track::rebound::{ModelName, Regime, RigidMotion, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
 
-fn moving(vx: f64, vz: f64, spin: f64) -> Motion {
-    Motion {
+fn moving(vx: f64, vz: f64, spin: f64) -> RigidMotion {
+    RigidMotion {
         velocity_m_s: Vector3::new(vx, 0.0, vz),
         surface_spin_m_s: Vector3::new(0.0, spin, 0.0),
     }
 }
 
 /// A ball that comes at `angle_deg` with 1.5 m/s downwards, but no faster along the floor than `fastest_m_s`.
-fn coming(angle_deg: f64, spin_ratio: f64, fastest_m_s: f64) -> Motion {
+fn coming(angle_deg: f64, spin_ratio: f64, fastest_m_s: f64) -> RigidMotion {
     let tangent = angle_deg.to_radians().tan();
     let down = (fastest_m_s / tangent).min(1.5);
     moving(down * tangent, -down, spin_ratio * down * tangent)
@@ -49,7 +49,7 @@ const fn grip_slide(restitution: f64, e_x: f64, friction: f64) -> grip_slide::Pa
     }
 }
 
-fn finite(m: &Motion, what: &str) {
+fn finite(m: &RigidMotion, what: &str) {
     let all = m.velocity_m_s.iter().chain(&m.surface_spin_m_s);
     assert!(all.clone().all(|x| x.is_finite()), "{what}: {m:?}");
 }
@@ -302,7 +302,7 @@ fn exactly_at_the_transition_and_one_ulp_beside_it() {
 #[test]
 fn tangential_restitution_from_minus_1_to_1() {
     let before = moving(1.0, -2.0, -0.3);
-    let mut last: Option<Motion> = None;
+    let mut last: Option<RigidMotion> = None;
     for i in 0..=200 {
         let e_x = -1.0 + 0.01 * f64::from(i);
         let (after, regime) = e_e::impact(&before, &e_e(0.9, e_x), SOLID_SPHERE);
@@ -336,7 +336,7 @@ fn inertia_from_a_point_to_a_shell() {
     for (name, run) in [
         (
             "mu_e",
-            (|m, k| mu_e::impact(m, &mu_e(0.8, 0.05, 0.05), k).0) as fn(&Motion, f64) -> Motion,
+            (|m, k| mu_e::impact(m, &mu_e(0.8, 0.05, 0.05), k).0) as fn(&RigidMotion, f64) -> RigidMotion,
         ),
         ("e_e", |m, k| e_e::impact(m, &e_e(0.8, 0.3), k).0),
         ("grip_slide", |m, k| {
@@ -346,7 +346,7 @@ fn inertia_from_a_point_to_a_shell() {
         for k in [0.0, 5e-324, 1e-300, 1e-12, 0.01, SOLID_SPHERE, THIN_SHELL] {
             let after = run(&before, k);
             finite(&after, name);
-            let kept = |m: &Motion| m.velocity_m_s.x + k * m.surface_spin_m_s.y;
+            let kept = |m: &RigidMotion| m.velocity_m_s.x + k * m.surface_spin_m_s.y;
             assert!((kept(&after) - kept(&before)).abs() < 1e-15, "{name} {k}");
         }
         // All mass in the middle: spin follows the floor at no cost, as it does in the limit.
@@ -368,12 +368,13 @@ fn inertia_from_a_point_to_a_shell() {
 
 #[test]
 fn to_the_left_is_to_the_right_mirrored_to_the_bit() {
-    let mirrored = |m: &Motion| moving(-m.velocity_m_s.x, m.velocity_m_s.z, -m.surface_spin_m_s.y);
+    let mirrored = |m: &RigidMotion| moving(-m.velocity_m_s.x, m.velocity_m_s.z, -m.surface_spin_m_s.y);
     for angle in ANGLES_DEG {
         for spin in [-1.0, 0.0, 0.3, 1.6] {
             let before = coming(angle, spin, 1e9);
             for run in [
-                (|m| mu_e::impact(m, &mu_e(0.78, 0.07, 0.1), SOLID_SPHERE).0) as fn(&Motion) -> Motion,
+                (|m| mu_e::impact(m, &mu_e(0.78, 0.07, 0.1), SOLID_SPHERE).0)
+                    as fn(&RigidMotion) -> RigidMotion,
                 |m| e_e::impact(m, &e_e(0.9, 0.5), SOLID_SPHERE).0,
                 |m| grip_slide::impact(m, &grip_slide(0.96, 0.5, 0.9), SOLID_SPHERE).0,
             ] {
@@ -418,7 +419,7 @@ enum Law {
 }
 
 impl Law {
-    fn after(self, before: &Motion, k: f64) -> Motion {
+    fn after(self, before: &RigidMotion, k: f64) -> RigidMotion {
         match self {
             Self::MuE(e, mu) => mu_e::impact(before, &mu_e(e, mu, mu), k).0,
             Self::EE(e, e_x) => e_e::impact(before, &e_e(e, e_x), k).0,
@@ -429,7 +430,7 @@ impl Law {
 /// A hard impact on film, and what is right to say of it.
 struct Case {
     name: &'static str,
-    before: Motion,
+    before: RigidMotion,
     law: Law,
     inertia_factor: f64,
     /// What the models' readings may say.
@@ -448,7 +449,7 @@ const GRIPS: (&[Option<Regime>], &[Option<Regime>]) = (&[None], &[Some(Regime::G
 
 fn case(
     name: &'static str,
-    (before, law): (Motion, Law),
+    (before, law): (RigidMotion, Law),
     (mu_e, e_e): (&'static [Option<Regime>], &'static [Option<Regime>]),
     null: &'static [&'static str],
 ) -> Case {

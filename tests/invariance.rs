@@ -23,7 +23,7 @@ use track::flight::linking::Spot;
 use track::geometry::PlanePoint;
 use track::quantity::Quantity;
 use track::rebound::fit::{self, Column, GroupFit, Options, Parameter, Row, Series};
-use track::rebound::{Motion, SOLID_SPHERE, mu_e};
+use track::rebound::{RigidMotion, SOLID_SPHERE, mu_e};
 
 /// Part of its standard uncertainty by which rounding of places may move a result; see above.
 const ROUNDED: f64 = 1e-7;
@@ -34,7 +34,7 @@ prop_compose! {
         metres_per_px in 4e-4..2e-3_f64, phase in 0.0..1.0_f64, seed in any::<u64>(),
     ) -> Film {
         let vx = 1.5 * angle_deg.to_radians().tan();
-        let before = Motion {
+        let before = RigidMotion {
             velocity_m_s: Vector3::new(vx, 0.0, -1.5),
             surface_spin_m_s: Vector3::new(0.0, spin * vx, 0.0),
         };

@@ -3,14 +3,15 @@
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use track::rebound::{
-    Motion, Regime, SOLID_SPHERE, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e, slip_share,
+    Regime, RigidMotion, SOLID_SPHERE, apply_impulse, azimuth_rad, e_e, grip_slide, itf, launch, mu_e,
+    slip_share,
 };
 
 const G: f64 = 9.81;
 
-fn launch_at(angle_deg: f64, spin_ratio: f64) -> Motion {
+fn launch_at(angle_deg: f64, spin_ratio: f64) -> RigidMotion {
     // u_o = 1 m/s, as in the paper.
-    Motion {
+    RigidMotion {
         velocity_m_s: Vector3::new(1.0, 0.0, -1.0 / angle_deg.to_radians().tan()),
         surface_spin_m_s: Vector3::new(0.0, spin_ratio, 0.0),
     }
@@ -121,7 +122,7 @@ fn val_fig_4_launches() {
     close(s2, 1.09, 0.005, "S2");
     for spin in [s1, s2, 0.0, -0.21, 1.0] {
         for x0_m in [0.05, 0.10, 0.15, 0.20, 0.30, 0.40] {
-            let incoming = Motion {
+            let incoming = RigidMotion {
                 velocity_m_s: Vector3::new(1.0, 0.0, -G * x0_m),
                 surface_spin_m_s: Vector3::new(0.0, spin, 0.0),
             };
@@ -188,7 +189,7 @@ fn val_fig_6_golf_ball_and_superball() {
 
 #[test]
 fn val_e_e_components_19_to_22() {
-    let incoming = Motion {
+    let incoming = RigidMotion {
         velocity_m_s: Vector3::new(2.0, 0.0, -3.0),
         surface_spin_m_s: Vector3::new(0.7, -0.4, 0.3),
     };
@@ -226,7 +227,7 @@ fn val_e_e_components_19_to_22() {
 #[test]
 fn val_friction_free_readings_28_to_31() {
     let x0_m = 0.2;
-    let incoming = Motion {
+    let incoming = RigidMotion {
         velocity_m_s: Vector3::new(1.0, 0.0, -G * x0_m),
         surface_spin_m_s: Vector3::zeros(),
     };
@@ -282,7 +283,7 @@ fn a_rolling_ball_feels_no_friction_and_never_reaches_the_transition() {
 
 #[test]
 fn frictionless_limits_leave_the_horizontal_motion_alone() {
-    let incoming = Motion {
+    let incoming = RigidMotion {
         velocity_m_s: Vector3::new(1.3, -0.2, -2.0),
         surface_spin_m_s: Vector3::new(0.4, -0.9, 0.5),
     };
@@ -330,7 +331,7 @@ enum Model {
 }
 
 impl Model {
-    fn impact(&self, incoming: &Motion, k: f64) -> Motion {
+    fn impact(&self, incoming: &RigidMotion, k: f64) -> RigidMotion {
         match self {
             Self::MuE(p) => mu_e::impact(incoming, p, k).0,
             Self::EE(p) => e_e::impact(incoming, p, k).0,
@@ -366,12 +367,12 @@ fn any_model() -> impl Strategy<Value = Model> {
     ]
 }
 
-fn any_motion() -> impl Strategy<Value = Motion> {
+fn any_motion() -> impl Strategy<Value = RigidMotion> {
     (
         [-10.0..10.0f64, -10.0..10.0f64, -10.0..-0.01f64],
         prop::array::uniform3(-20.0..20.0f64),
     )
-        .prop_map(|(v, w)| Motion {
+        .prop_map(|(v, w)| RigidMotion {
             velocity_m_s: Vector3::from(v),
             surface_spin_m_s: Vector3::from(w),
         })
@@ -389,8 +390,8 @@ proptest! {
     #[test]
     fn angular_momentum_about_the_contact_is_kept(model in any_model(), incoming in any_motion(), k in 0.1..1.0f64) {
         let out = model.impact(&incoming, k);
-        let about_y = |m: &Motion| m.velocity_m_s.x + k * m.surface_spin_m_s.y;
-        let about_x = |m: &Motion| m.velocity_m_s.y - k * m.surface_spin_m_s.x;
+        let about_y = |m: &RigidMotion| m.velocity_m_s.x + k * m.surface_spin_m_s.y;
+        let about_x = |m: &RigidMotion| m.velocity_m_s.y - k * m.surface_spin_m_s.x;
         prop_assert!((about_y(&out) - about_y(&incoming)).abs() < 1e-9);
         prop_assert!((about_x(&out) - about_x(&incoming)).abs() < 1e-9);
         prop_assert_eq!(out.surface_spin_m_s.z, incoming.surface_spin_m_s.z);
@@ -399,7 +400,7 @@ proptest! {
     #[test]
     fn a_turned_impact_is_the_impact_turned(model in any_model(), incoming in any_motion(), turn in -3.0..3.0f64) {
         let turning = Rotation3::from_axis_angle(&Vector3::z_axis(), turn);
-        let turned = |m: &Motion| Motion {
+        let turned = |m: &RigidMotion| RigidMotion {
             velocity_m_s: turning * m.velocity_m_s,
             surface_spin_m_s: turning * m.surface_spin_m_s,
         };
@@ -411,7 +412,7 @@ proptest! {
     // In the mirror y → −y velocities change their y, and spin (an axial vector) its x and z.
     #[test]
     fn a_mirrored_impact_is_the_impact_mirrored(model in any_model(), incoming in any_motion()) {
-        let mirrored = |m: &Motion| Motion {
+        let mirrored = |m: &RigidMotion| RigidMotion {
             velocity_m_s: m.velocity_m_s.component_mul(&Vector3::new(1.0, -1.0, 1.0)),
             surface_spin_m_s: m.surface_spin_m_s.component_mul(&Vector3::new(-1.0, 1.0, -1.0)),
         };
@@ -452,7 +453,7 @@ proptest! {
     ) {
         let incoming = launch_at(angle_deg, spin);
         let tangent = angle_deg.to_radians().tan();
-        let tan_phi = |m: &Motion| m.velocity_m_s.x / m.velocity_m_s.z;
+        let tan_phi = |m: &RigidMotion| m.velocity_m_s.x / m.velocity_m_s.z;
         let p = mu_e::Parameters { restitution, friction, static_friction: friction };
         let (out, regime) = mu_e::impact(&incoming, &p, k);
         let expected = if regime == Regime::Sliding {

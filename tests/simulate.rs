@@ -1336,7 +1336,7 @@ fn a_contact_on_a_slope_dips_along_the_normal() {
     // The arcs have the same height above the floor when they meet.
     let into = recording.truth().bounces[0].arcs_meet_s - impact.time_s;
     let out = into - impact.contact_s;
-    let arc = |v: track::rebound::Motion, t: f64| {
+    let arc = |v: track::rebound::RigidMotion, t: f64| {
         (v.velocity_m_s.z * cos - v.velocity_m_s.x * sin) * t - 0.5 * 9.81 * cos * t * t
     };
     assert!((arc(impact.incident, into) - arc(impact.rebound, out)).abs() < 1e-12);

@@ -7,7 +7,7 @@ use super::stats::{ErrorStatistics, Quartiles};
 use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
 use crate::rebound::fit::single_search::{DEFAULT_TOLERANCE, SearchOutcome, SingleSearch};
 use crate::rebound::fit::{Column, Row, Series};
-use crate::rebound::{ModelName, Motion, SOLID_SPHERE, grip_slide};
+use crate::rebound::{ModelName, RigidMotion, SOLID_SPHERE, grip_slide};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
@@ -100,7 +100,7 @@ fn series(e_x: f64, rows: usize, seed: u64) -> Result<Series, CostError> {
     let mut off = || STD_M_S * (-2.0 * even().ln()).sqrt() * (TAU * even()).cos();
     let all = (0..rows).map(|i| {
         let angle = (5.0 + 65.0 * i as f64 / (rows - 1).max(1) as f64).to_radians();
-        let before = Motion {
+        let before = RigidMotion {
             velocity_m_s: Vector3::new(2.0 * angle.sin(), 0.0, -2.0 * angle.cos()),
             surface_spin_m_s: Vector3::zeros(),
         };

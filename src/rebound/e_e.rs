@@ -10,7 +10,7 @@
 //! direction of its slip.
 
 use super::impulse::{
-    Motion, Regime, apply_grip, direction, limiting_angle_rad, rebound_tangent as over, slip_share,
+    Regime, RigidMotion, apply_grip, direction, limiting_angle_rad, rebound_tangent as over, slip_share,
 };
 use super::model::{
     BounceNumbers, BounceReading, Coefficient, CoefficientChange, FittedCoefficients, FrictionLimit,
@@ -32,7 +32,7 @@ pub struct Parameters {
 
 /// The motion after an impact, and its regime by the sign of e_x.
 #[must_use]
-pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -> (Motion, Regime) {
+pub fn impact(incoming: &RigidMotion, parameters: &Parameters, inertia_factor: f64) -> (RigidMotion, Regime) {
     // Without a direction there is neither motion nor slip to change.
     let along = direction(&incoming.velocity_m_s.xy())
         .or_else(|| direction(&incoming.slip_m_s()))
@@ -89,7 +89,7 @@ pub fn grip_limit_angle_rad(
 }
 
 impl ReboundLaw for Parameters {
-    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+    fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime) {
         impact(incoming, self, inertia_factor)
     }
 

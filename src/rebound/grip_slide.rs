@@ -11,7 +11,8 @@
 
 use super::e_e;
 use super::impulse::{
-    Motion, Regime, apply_grip, apply_impulse, length, normal_impulse_m_s, sliding_impulse_m_s, slip_share,
+    Regime, RigidMotion, apply_grip, apply_impulse, length, normal_impulse_m_s, sliding_impulse_m_s,
+    slip_share,
 };
 use super::model::{
     Coefficient, FRICTION_RANGE, FittedCoefficients, FrictionLimit, RESTITUTION_RANGE, ReboundLaw,
@@ -33,7 +34,7 @@ pub struct Parameters {
 
 /// The motion after an impact, and its regime: sliding, or that of e_x by its sign.
 #[must_use]
-pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -> (Motion, Regime) {
+pub fn impact(incoming: &RigidMotion, parameters: &Parameters, inertia_factor: f64) -> (RigidMotion, Regime) {
     let Parameters {
         restitution,
         tangential_restitution_x,
@@ -64,7 +65,7 @@ pub fn transition_angle_rad(parameters: &Parameters, spin_ratio: f64, inertia_fa
 }
 
 impl ReboundLaw for Parameters {
-    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+    fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime) {
         impact(incoming, self, inertia_factor)
     }
 

@@ -11,14 +11,14 @@ pub const THIN_SHELL: f64 = 2.0 / 3.0;
 
 /// How a ball moves: velocity of its centre, and the surface speed from its spin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct RigidMotion {
     /// Velocity of the centre, m/s; before an impact its z component is negative.
     pub velocity_m_s: Vector3<f64>,
     /// R ω, m/s.
     pub surface_spin_m_s: Vector3<f64>,
 }
 
-impl Motion {
+impl RigidMotion {
     /// Slip velocity of the contact point in the floor plane, m/s: c = (v_x − R ω_y, v_y + R ω_x) \[5\].
     #[must_use]
     pub fn slip_m_s(&self) -> Vector2<f64> {
@@ -78,14 +78,14 @@ pub fn slip_share(inertia_factor: f64) -> f64 {
 /// `restitution`.
 #[must_use]
 pub fn apply_impulse(
-    incoming: &Motion,
+    incoming: &RigidMotion,
     restitution: f64,
     tangential_m_s: Vector2<f64>,
     inertia_factor: f64,
-) -> Motion {
+) -> RigidMotion {
     let (v, w) = (incoming.velocity_m_s, incoming.surface_spin_m_s);
     let spin_gain = tangential_m_s / inertia_factor;
-    Motion {
+    RigidMotion {
         velocity_m_s: Vector3::new(
             v.x + tangential_m_s.x,
             v.y + tangential_m_s.y,
@@ -101,12 +101,12 @@ pub fn apply_impulse(
 /// Not by way of the impulse: P/k is 0/0 where all mass is in the middle (k = 0), and R ω + P/k loses all digits of a spin
 /// that friction nearly ends.
 pub(super) fn apply_grip(
-    incoming: &Motion,
+    incoming: &RigidMotion,
     restitution: f64,
     along: &Vector2<f64>,
     (e_along, e_across): (f64, f64),
     inertia_factor: f64,
-) -> Motion {
+) -> RigidMotion {
     let (v, w) = (incoming.velocity_m_s, incoming.surface_spin_m_s);
     // Velocity that rolling with this spin would have: c = v − rolling.
     let rolling = Vector2::new(w.y, -w.x);
@@ -125,7 +125,7 @@ pub(super) fn apply_grip(
         let (a, b) = (part(along, e_along), part(&across, e_across));
         (along * a.0 + across * b.0, along * a.1 + across * b.1)
     };
-    Motion {
+    RigidMotion {
         velocity_m_s: Vector3::new(v.x - lost.x, v.y - lost.y, restitution * v.z.abs()),
         surface_spin_m_s: Vector3::new(-rolling.y, rolling.x, w.z),
     }
@@ -157,7 +157,7 @@ pub(super) fn direction(v: &Vector2<f64>) -> Option<Vector2<f64>> {
 
 /// Tangential impulse per mass of friction at its limit, m/s: −μ (1 + e) |v_oz| c/|c|, zero without slip.
 #[must_use]
-pub fn sliding_impulse_m_s(incoming: &Motion, restitution: f64, friction: f64) -> Vector2<f64> {
+pub fn sliding_impulse_m_s(incoming: &RigidMotion, restitution: f64, friction: f64) -> Vector2<f64> {
     direction(&incoming.slip_m_s()).map_or_else(Vector2::zeros, |along| {
         -along * friction * normal_impulse_m_s(incoming, restitution)
     })
@@ -165,7 +165,7 @@ pub fn sliding_impulse_m_s(incoming: &Motion, restitution: f64, friction: f64) -
 
 /// Normal impulse per mass, m/s: (1 + e) |v_oz|.
 #[must_use]
-pub fn normal_impulse_m_s(incoming: &Motion, restitution: f64) -> f64 {
+pub fn normal_impulse_m_s(incoming: &RigidMotion, restitution: f64) -> f64 {
     (1.0 + restitution) * incoming.velocity_m_s.z.abs()
 }
 
@@ -173,7 +173,7 @@ pub fn normal_impulse_m_s(incoming: &Motion, restitution: f64) -> f64 {
 /// x lies along the incident horizontal velocity, positive to the left of it (towards +y for a ball that moves along
 /// +x). `None` where either has no horizontal velocity. A ball that bounces straight back has α = π.
 #[must_use]
-pub fn azimuth_rad(incoming: &Motion, outgoing: &Motion) -> Option<f64> {
+pub fn azimuth_rad(incoming: &RigidMotion, outgoing: &RigidMotion) -> Option<f64> {
     let before = direction(&incoming.velocity_m_s.xy())?;
     let after = direction(&outgoing.velocity_m_s.xy())?;
     Some(before.perp(&after).atan2(before.dot(&after)))

@@ -41,7 +41,7 @@ pub mod mu_e;
 pub mod parameter;
 
 pub use impulse::{
-    Motion, Regime, SOLID_SPHERE, THIN_SHELL, apply_impulse, azimuth_rad, normal_impulse_m_s,
+    Regime, RigidMotion, SOLID_SPHERE, THIN_SHELL, apply_impulse, azimuth_rad, normal_impulse_m_s,
     sliding_impulse_m_s, slip_share,
 };
 pub use models::{Contact, ModelName, Preferred};

@@ -5,14 +5,14 @@
 //!
 //! Everything here is pure: the fits import the models, never the other way round, and the simulator imports no fit.
 
-use super::impulse::{Motion, Regime};
+use super::impulse::{Regime, RigidMotion};
 use super::parameter::{E_X, PARAMETERS, Parameter, Theta};
 use crate::quantity::Quantity;
 
 /// A model with its coefficients.
 pub trait ReboundLaw {
     /// The motion after an impact, and its regime.
-    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime);
+    fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime);
 
     /// e.
     fn restitution(&self) -> f64;

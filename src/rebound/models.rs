@@ -1,6 +1,6 @@
 //! The list of the rebound models, and the only place that names them all: a new model gets its lines here.
 
-use super::impulse::{Motion, Regime};
+use super::impulse::{Regime, RigidMotion};
 use super::model::{Contradiction, FittedCoefficients, FrictionLimit, ReboundLaw, ReboundModel};
 use super::parameter::{PARAMETERS, RATIO, SEARCHED};
 use super::{e_e, grip_slide, mu_e};
@@ -136,7 +136,7 @@ impl Contact {
 
     /// The motion after an impact, and its regime.
     #[must_use]
-    pub fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+    pub fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime) {
         self.law().impact(incoming, inertia_factor)
     }
 

@@ -7,7 +7,7 @@
 //! ```
 
 use super::impulse::{
-    Motion, Regime, apply_grip, apply_impulse, length, limiting_angle_rad, normal_impulse_m_s,
+    Regime, RigidMotion, apply_grip, apply_impulse, length, limiting_angle_rad, normal_impulse_m_s,
     rebound_tangent, sliding_impulse_m_s, slip_share,
 };
 use super::model::{
@@ -30,7 +30,7 @@ pub struct Parameters {
 
 /// The motion after an impact, and its regime. A ball without slip counts as nonsliding.
 #[must_use]
-pub fn impact(incoming: &Motion, parameters: &Parameters, inertia_factor: f64) -> (Motion, Regime) {
+pub fn impact(incoming: &RigidMotion, parameters: &Parameters, inertia_factor: f64) -> (RigidMotion, Regime) {
     let Parameters {
         restitution,
         friction,
@@ -83,7 +83,7 @@ pub fn nonsliding_rebound_tangent(
 }
 
 impl ReboundLaw for Parameters {
-    fn impact(&self, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+    fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime) {
         impact(incoming, self, inertia_factor)
     }
 

@@ -48,6 +48,18 @@ impl Parameter {
         }
     }
 
+    /// Its name in tables, short.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Restitution => "restitution",
+            Self::Friction => "friction",
+            Self::StaticFriction => "static friction",
+            Self::TangentialRestitution => "tang. restitution",
+            Self::SpinRatio => "spin before, fitted",
+        }
+    }
+
     /// Its symbol for people.
     #[must_use]
     pub fn symbol(self) -> &'static str {

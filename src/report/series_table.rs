@@ -113,26 +113,19 @@ pub(super) type ModelRow = (&'static str, &'static str, Box<dyn Fn(&ModelFit) ->
 
 /// The rows of the table of models that hold something.
 pub(super) fn model_rows(group: &GroupFit) -> Vec<ModelRow> {
-    let parameter = |name, symbol, which: Parameter| -> ModelRow {
-        (
-            name,
-            symbol,
-            Box::new(move |fit| format_quantity(fit.parameter(which).quantity(), "")),
-        )
-    };
-    let mut rows = vec![
-        parameter("restitution", "e", Parameter::Restitution),
-        parameter("friction", "μ", Parameter::Friction),
-        parameter("static friction", "μ_o", Parameter::StaticFriction),
-        parameter("tang. restitution", "e_x", Parameter::TangentialRestitution),
-    ];
-    if group.models.iter().any(|m| m.shared_spin_ratio.is_some()) {
-        rows.push(parameter(
-            "spin before, fitted",
-            "Rω_o/v_ox",
-            Parameter::SpinRatio,
-        ));
-    }
+    let spin_fitted = group.models.iter().any(|m| m.shared_spin_ratio.is_some());
+    let mut rows: Vec<ModelRow> = Parameter::ALL
+        .into_iter()
+        .filter(|which| *which != Parameter::SpinRatio || spin_fitted)
+        .map(|which| -> ModelRow {
+            let symbol = match which {
+                Parameter::SpinRatio => "Rω_o/v_ox",
+                other => other.symbol(),
+            };
+            let cell = move |fit: &ModelFit| format_quantity(fit.parameter(which).quantity(), "");
+            (which.label(), symbol, Box::new(cell))
+        })
+        .collect();
     rows.push((
         "sliding begins at",
         "θ_L",

@@ -25,7 +25,7 @@
 
 use super::effects::{Acting, ContactLaw, Dip, Force, Loads, Plane};
 use super::scene::{Scene, SceneError};
-use crate::rebound::{Motion, Regime};
+use crate::rebound::{Regime, RigidMotion};
 use nalgebra::{Vector3, Vector6};
 use ode_solvers::{Dop853, OutputType, System};
 
@@ -49,9 +49,9 @@ pub struct Impact {
     /// Its centre then, m; R from the floor.
     pub place_m: Vector3<f64>,
     /// Just before.
-    pub incident: Motion,
+    pub incident: RigidMotion,
     /// Just after.
-    pub rebound: Motion,
+    pub rebound: RigidMotion,
     /// What the contact point did.
     pub regime: Regime,
     /// How long they touch, s; 0 for a rigid impact.
@@ -432,7 +432,7 @@ impl FlightFollower<'_> {
     }
 
     fn strike(&self, time_s: f64, landed: &BallState, spin: Vector3<f64>) -> Impact {
-        let incident = Motion {
+        let incident = RigidMotion {
             velocity_m_s: landed.velocity_m_s,
             surface_spin_m_s: spin,
         };

@@ -21,7 +21,7 @@ use track::impact::reading;
 use track::impact::spin_lift::SpinLift;
 use track::impact::{Bounce, Distances, Readings};
 use track::quantity::Quantity;
-use track::rebound::{Motion, SOLID_SPHERE};
+use track::rebound::{RigidMotion, SOLID_SPHERE};
 
 pub const G: f64 = 9.81;
 
@@ -33,8 +33,8 @@ const TOUCH_S: f64 = 3.5e-5;
 #[derive(Debug, Clone, Copy)]
 pub struct Film {
     /// Just before and just after; x along the launch.
-    pub before: Motion,
-    pub after: Motion,
+    pub before: RigidMotion,
+    pub after: RigidMotion,
     pub inertia_factor: f64,
     /// R ω_oy / u_o as the calibration says it; `None`: not known.
     pub spin_ratio: Option<f64>,
@@ -59,7 +59,7 @@ pub struct Film {
 
 impl Film {
     /// 240 Hz and 0.8 mm a pixel (a small fall is filmed faster and from nearer), centres to 0.02 px.
-    pub fn new(before: Motion, after: Motion, spin_ratio: Option<f64>) -> Self {
+    pub fn new(before: RigidMotion, after: RigidMotion, spin_ratio: Option<f64>) -> Self {
         let speed = before.velocity_m_s.z.abs();
         // Free flight from the floor or above: no longer than the whole arc that ends at this speed.
         let fall_s = (1.7 * speed / G).min(0.16);

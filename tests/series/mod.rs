@@ -9,7 +9,7 @@ pub use noise::Noise;
 use track::rebound::fit::{
     self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series,
 };
-use track::rebound::{Motion, SOLID_SPHERE, e_e, grip_slide, mu_e};
+use track::rebound::{RigidMotion, SOLID_SPHERE, e_e, grip_slide, mu_e};
 
 pub const G: f64 = 9.81;
 
@@ -46,7 +46,7 @@ pub fn grip_slide(restitution: f64, e_x: f64, friction: f64) -> Truth {
 }
 
 impl Truth {
-    pub fn impact(&self, incoming: &Motion, k: f64) -> Motion {
+    pub fn impact(&self, incoming: &RigidMotion, k: f64) -> RigidMotion {
         match self {
             Self::MuE(p) => mu_e::impact(incoming, p, k).0,
             Self::EE(p) => e_e::impact(incoming, p, k).0,
@@ -58,14 +58,14 @@ impl Truth {
 /// A bounce in truth.
 #[derive(Debug, Clone, Copy)]
 pub struct Bounce {
-    pub before: Motion,
-    pub after: Motion,
+    pub before: RigidMotion,
+    pub after: RigidMotion,
     pub k: f64,
 }
 
 /// A launch at `speed_m_s` that lands at `angle_deg` from the vertical.
 pub fn bounce(truth: &Truth, speed_m_s: f64, angle_deg: f64, spin_ratio: f64) -> Bounce {
-    let before = Motion {
+    let before = RigidMotion {
         velocity_m_s: Vector3::new(speed_m_s, 0.0, -speed_m_s / angle_deg.to_radians().tan()),
         surface_spin_m_s: Vector3::new(0.0, spin_ratio * speed_m_s, 0.0),
     };

@@ -8,7 +8,7 @@
 //! | 7 | θ | R ω_oy / u_o |
 
 use super::series::{Column, ColumnSet, GRAVITY_M_S2, Row, Weights};
-use crate::rebound::{Contact, Motion};
+use crate::rebound::{Contact, RigidMotion};
 use nalgebra::Vector3;
 
 /// Spin ratios no further from each other than this are those of one kind of launch.
@@ -193,7 +193,7 @@ impl Contact {
     /// such number (straight down, or no rebound).
     #[must_use]
     pub fn predict(&self, incident_tangent: f64, spin_ratio: f64, inertia_factor: f64) -> Option<Prediction> {
-        let incoming = Motion {
+        let incoming = RigidMotion {
             velocity_m_s: Vector3::new(incident_tangent, 0.0, -1.0),
             surface_spin_m_s: Vector3::new(0.0, spin_ratio * incident_tangent, 0.0),
         };

@@ -61,6 +61,7 @@ pub use series::{Column, ColumnSet, Note, Reading, Row, Series, SetAside, Weight
 
 use group_data::GroupData;
 use std::collections::HashMap;
+use variants::Solution;
 
 /// What is asked for beside the models.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -108,31 +109,10 @@ fn fit_group(
     options: &Options,
 ) -> GroupFit {
     let rows = indices.len() + set_aside.len();
-    let (mut data, unweighable) = GroupData::new(series, indices);
+    let (data, unweighable) = GroupData::new(series, indices);
     set_aside.extend(unweighable);
     let mut notes = Vec::new();
-    // Many rows are fitted all together only once it is known which.
-    let preview = data.preview();
-    let mut solutions = variants::all(preview.as_ref().unwrap_or(&data));
-    let outliers = outliers::find(series, &data, &solutions);
-    if !outliers.systematic.is_empty() {
-        notes.push(stay(series, &data, &outliers.systematic));
-    }
-    if !outliers.out.is_empty() {
-        let mut out = vec![false; data.rows.len()];
-        for (i, reason) in outliers.out {
-            out[i] = true;
-            set_aside.push(SetAside {
-                row: series.rows[data.rows[i].row].number,
-                group: name.to_owned(),
-                reason,
-            });
-        }
-        data = data.without(&out);
-        solutions = variants::all(&data);
-    } else if preview.is_some() {
-        solutions = variants::all(&data);
-    }
+    let (data, solutions) = without_outliers(series, name, data, &mut set_aside, &mut notes);
     set_aside.sort_by_key(|s| s.row);
     let mut order: Vec<usize> = (0..data.rows.len()).collect();
     order.sort_by_key(|&i| data.rows[i].row);
@@ -168,8 +148,41 @@ fn fit_group(
     group
 }
 
+/// The rows that stay and every model fitted to them; those that no model explains go to `set_aside`.
+fn without_outliers(
+    series: &Series,
+    name: &str,
+    data: GroupData,
+    set_aside: &mut Vec<SetAside>,
+    notes: &mut Vec<Note>,
+) -> (GroupData, Vec<Solution>) {
+    // Many rows are fitted all together only once it is known which.
+    let preview = data.preview();
+    let solutions = variants::all(preview.as_ref().unwrap_or(&data));
+    let outliers = outliers::find(series, &data, &solutions);
+    if !outliers.systematic.is_empty() {
+        notes.push(rows_off_together(series, &data, &outliers.systematic));
+    }
+    if outliers.out.is_empty() {
+        let solutions = preview.map_or(solutions, |_| variants::all(&data));
+        return (data, solutions);
+    }
+    let mut out = vec![false; data.rows.len()];
+    for (i, reason) in outliers.out {
+        out[i] = true;
+        set_aside.push(SetAside {
+            row: series.rows[data.rows[i].row].number,
+            group: name.to_owned(),
+            reason,
+        });
+    }
+    let data = data.without(&out);
+    let solutions = variants::all(&data);
+    (data, solutions)
+}
+
 /// The note about rows that stick out side by side.
-fn stay(series: &Series, data: &GroupData, systematic: &[usize]) -> Note {
+fn rows_off_together(series: &Series, data: &GroupData, systematic: &[usize]) -> Note {
     let mut numbers: Vec<usize> = systematic
         .iter()
         .map(|&i| series.rows[data.rows[i].row].number)

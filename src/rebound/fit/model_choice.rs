@@ -110,7 +110,22 @@ fn is_general(name: ModelName) -> bool {
     name.special_cases().next().is_some()
 }
 
-/// `none_slides` are the models in which no row slides.
+/// By how much the AICc of each other model is above `base`, in words.
+fn against(candidates: &[(ModelName, f64)], preferred: ModelName, base: f64) -> Vec<String> {
+    let others = candidates.iter().filter(|(name, _)| *name != preferred);
+    others
+        .map(|&(name, aicc)| {
+            let contains = if is_general(name) {
+                " (which holds the others as special cases)"
+            } else {
+                ""
+            };
+            format!("AICc of {}{contains} is {}", name.name(), difference(aicc - base))
+        })
+        .collect()
+}
+
+/// The decision among models in the order of their AICc; `none_slides` are those in which no row slides.
 fn decide(candidates: &[(ModelName, f64)], none_slides: &[ModelName]) -> (Preferred, Vec<String>) {
     let Some(&(best, least)) = candidates.first() else {
         return (
@@ -119,20 +134,7 @@ fn decide(candidates: &[(ModelName, f64)], none_slides: &[ModelName]) -> (Prefer
         );
     };
     let aicc = |name| candidates.iter().find(|c| c.0 == name).map(|c| c.1);
-    let list = |preferred: ModelName, base: f64| {
-        candidates
-            .iter()
-            .filter(|c| c.0 != preferred)
-            .map(|c| {
-                let contains = if is_general(c.0) {
-                    " (which holds the others as special cases)"
-                } else {
-                    ""
-                };
-                format!("AICc of {}{contains} is {}", c.0.name(), difference(c.1 - base))
-            })
-            .collect::<Vec<String>>()
-    };
+    let list = |preferred, base| against(candidates, preferred, base);
     if candidates.len() == 1 {
         return (
             Preferred::Model(best),
@@ -173,10 +175,10 @@ fn decide(candidates: &[(ModelName, f64)], none_slides: &[ModelName]) -> (Prefer
     }
     match gap {
         Some(gap) if gap < DECISIVE => {
-            let mut sentences = vec![format!(
+            let mut sentences = list(simple, simple_aicc);
+            sentences.push(format!(
                 "the difference is under {DECISIVE}, which decides nothing"
-            )];
-            sentences.splice(0..0, list(simple, simple_aicc));
+            ));
             (Preferred::Undetermined, sentences)
         }
         _ => (Preferred::Model(simple), list(simple, simple_aicc)),

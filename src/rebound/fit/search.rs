@@ -15,7 +15,7 @@ use argmin::core::{
     TerminationStatus,
 };
 use argmin::solver::neldermead::NelderMead;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use rayon::prelude::*;
 
 /// Most steps. From a start within the basin six are usual; what needs more than this has no least value nearby.
 const MOST_STEPS: u64 = 200;
@@ -46,7 +46,7 @@ pub(super) struct Task<'a> {
     pub variant: Variant,
 }
 
-/// χ² and its r_factor at some parameters.
+/// χ² and its R factor at some parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Linearised {
     pub chi2: f64,
@@ -167,37 +167,11 @@ impl<'a> Task<'a> {
         if count <= PART {
             return vec![work(rows(0, count))];
         }
-        let parts = count.div_ceil(PART);
-        let threads = std::thread::available_parallelism()
-            .map_or(1, usize::from)
-            .min(parts);
-        let next = AtomicUsize::new(0);
-        let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {
-            let worker = || {
-                let mut done = Vec::new();
-                loop {
-                    let part = next.fetch_add(1, Ordering::Relaxed);
-                    if part >= parts {
-                        return done;
-                    }
-                    done.push((part, work(rows(part * PART, ((part + 1) * PART).min(count)))));
-                }
-            };
-            let others: Vec<_> = (1..threads).map(|_| scope.spawn(worker)).collect();
-            let mut done = worker();
-            for other in others {
-                match other.join() {
-                    Ok(more) => done.extend(more),
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
-            done
-        });
-        done.sort_by_key(|(part, _)| *part);
-        done.into_iter().map(|(_, result)| result).collect()
+        let part = |i: usize| work(rows(i * PART, ((i + 1) * PART).min(count)));
+        (0..count.div_ceil(PART)).into_par_iter().map(part).collect()
     }
 
-    /// The r_factor of rows brought to unit length each, for the test of what they determine.
+    /// The R factor of rows brought to unit length each, for the test of what they determine.
     pub fn unit_r_factor(&self, theta: &Theta) -> RFactor<PARAMETERS> {
         let parts = self.in_parts(|rows| {
             let mut r_factor = RFactor::default();

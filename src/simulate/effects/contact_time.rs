@@ -12,7 +12,7 @@
 
 use super::deviation::{Disturbance, Jump};
 use super::{Action, ContactLaw, Effect, EffectEstimate, Ideal, Plane};
-use crate::rebound::Motion;
+use crate::rebound::RigidMotion;
 use crate::simulate::flight::Impact;
 use crate::simulate::scene::Scene;
 use nalgebra::Vector3;
@@ -82,7 +82,7 @@ impl Hertz {
 }
 
 impl ContactLaw for Hertz {
-    fn dip(&self, incident: &Motion, rebound: &Motion) -> Option<Dip> {
+    fn dip(&self, incident: &RigidMotion, rebound: &RigidMotion) -> Option<Dip> {
         let (down, up) = (incident.velocity_m_s.z.abs(), rebound.velocity_m_s.z);
         // Without a rebound there is no end of contact; the ball stays down.
         (down > 0.0 && up > 0.0).then(|| {

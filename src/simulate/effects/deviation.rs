@@ -10,7 +10,7 @@
 //! ```
 
 use super::{Ideal, Plane};
-use crate::rebound::Motion;
+use crate::rebound::RigidMotion;
 use crate::simulate::camera::{along_axis, picture_shift_px};
 use crate::simulate::flight::{BallState, Impact};
 use crate::simulate::scene::Scene;
@@ -146,7 +146,7 @@ fn strike(now: &mut PathDeviation, impact: &Impact, scene: &Scene, floor: &Plane
     // A grazing impact has no |v_oz| to divide by; its deviation is then as large as it gets.
     let late_s = -floor.along_normal(&now.position_m) / floor.along_normal(&before).min(-f64::MIN_POSITIVE);
     let disturbed = |times: f64| {
-        let motion = Motion {
+        let motion = RigidMotion {
             velocity_m_s: before + (now.velocity_m_s + down * late_s) * times,
             surface_spin_m_s: impact.incident.surface_spin_m_s + now.spin_m_s * times,
         };

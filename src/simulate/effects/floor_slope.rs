@@ -9,7 +9,7 @@
 //! reflection.
 
 use super::{Action, Effect, EffectEstimate, Ideal};
-use crate::rebound::{Contact, Motion, Regime};
+use crate::rebound::{Contact, Regime, RigidMotion};
 use crate::simulate::camera::picture_shift_px;
 use crate::simulate::flight::Trajectory;
 use crate::simulate::frame_times_s;
@@ -167,8 +167,8 @@ impl Plane {
 
     /// A motion in the floor's frame.
     #[must_use]
-    pub fn motion_in_frame(&self, motion: &Motion) -> Motion {
-        Motion {
+    pub fn motion_in_frame(&self, motion: &RigidMotion) -> RigidMotion {
+        RigidMotion {
             velocity_m_s: self.into_frame(&motion.velocity_m_s),
             surface_spin_m_s: self.into_frame(&motion.surface_spin_m_s),
         }
@@ -176,9 +176,14 @@ impl Plane {
 
     /// The motion after an impact on this floor, and its regime.
     #[must_use]
-    pub fn impact(&self, contact: &Contact, incoming: &Motion, inertia_factor: f64) -> (Motion, Regime) {
+    pub fn impact(
+        &self,
+        contact: &Contact,
+        incoming: &RigidMotion,
+        inertia_factor: f64,
+    ) -> (RigidMotion, Regime) {
         let (rebound, regime) = contact.impact(&self.motion_in_frame(incoming), inertia_factor);
-        let rebound = Motion {
+        let rebound = RigidMotion {
             velocity_m_s: self.out_of_frame(&rebound.velocity_m_s),
             surface_spin_m_s: self.out_of_frame(&rebound.surface_spin_m_s),
         };

@@ -42,7 +42,7 @@ use super::flight::{BallState, Perturbations, Trajectory};
 use super::render::{Backdrop, FineGrid};
 use super::scene::{EffectsChoice, Scene, SceneError, Switch};
 use crate::geometry::PixelPoint;
-use crate::rebound::Motion;
+use crate::rebound::RigidMotion;
 use nalgebra::{Vector2, Vector3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -240,7 +240,7 @@ pub trait Force: Send + Sync {
 /// An impact that takes time.
 pub trait ContactLaw: Send + Sync {
     /// How the centre moves while ball and floor touch, of motions in the floor's frame; `None` where they part at once.
-    fn dip(&self, incident: &Motion, rebound: &Motion) -> Option<Dip>;
+    fn dip(&self, incident: &RigidMotion, rebound: &RigidMotion) -> Option<Dip>;
 }
 
 /// A step between the ideal picture (parallel light, no lens) and the real one.

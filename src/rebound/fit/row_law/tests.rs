@@ -3,7 +3,7 @@
 use super::*;
 use crate::rebound::fit::group_data::GroupData;
 use crate::rebound::fit::series::{Column, Row, Series};
-use crate::rebound::{Motion, e_e, grip_slide, mu_e};
+use crate::rebound::{RigidMotion, e_e, grip_slide, mu_e};
 use nalgebra::Vector3;
 
 /// Every parameter free, e_x among them.
@@ -126,7 +126,7 @@ fn the_nearest_motion_obeys_the_model() {
         for regimes in regimes() {
             let near = nearest(&row, &of(regimes), &THETA).unwrap();
             let k = row.kinematics(&near.z, THETA[RATIO]);
-            let incoming = Motion {
+            let incoming = RigidMotion {
                 velocity_m_s: Vector3::new(k.a, 0.0, -k.b),
                 surface_spin_m_s: Vector3::new(0.0, k.w, 0.0),
             };
