@@ -190,7 +190,7 @@ impl<'a> Task<'a> {
             r_factor
         });
         let mut parts = parts.into_iter();
-        let mut r_factor = parts.next().unwrap_or_else(RFactor::default);
+        let mut r_factor = parts.next().unwrap_or_default();
         for part in parts {
             r_factor.take_in(&part);
         }
