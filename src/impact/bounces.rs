@@ -1,7 +1,7 @@
 //! The impacts on the floor, as bounces.
 
 use super::Bounce;
-use super::motion::{ImpactKind, MeasuredMotion};
+use super::motion::MeasuredMotion;
 use super::top_view;
 use crate::calibration::View;
 
@@ -20,9 +20,7 @@ impl MeasuredMotion<'_> {
     /// The floor impacts as bounces, in time order, with the index of the arc before each.
     #[must_use]
     pub fn bounces(&self) -> Vec<(usize, Bounce)> {
-        let floors: Vec<usize> = (0..self.arcs().saturating_sub(1))
-            .filter(|&k| self.kind(k) == Some(ImpactKind::Floor))
-            .collect();
+        let floors: Vec<usize> = self.floors().collect();
         let mut bounces = Vec::new();
         let mut unbroken = true;
         for (i, &k) in floors.iter().enumerate() {
@@ -49,7 +47,6 @@ impl MeasuredMotion<'_> {
     /// so something else (a shadow, a hand) was followed on one side of them.
     #[must_use]
     pub fn impossible(&self, bounces: &[(usize, Bounce)]) -> usize {
-        let floors = (0..self.arcs().saturating_sub(1)).filter(|&k| self.kind(k) == Some(ImpactKind::Floor));
-        floors.count() - bounces.len()
+        self.floors().count() - bounces.len()
     }
 }

@@ -22,7 +22,7 @@ impl MeasuredMotion<'_> {
         found
     }
 
-    pub(super) fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
+    fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
         let Some(&(first, _)) = bounces.first() else {
             return Distances::default();
         };
@@ -33,25 +33,22 @@ impl MeasuredMotion<'_> {
         // Seen, when the very next impact is on the floor too.
         let (x_m, x_source) = match bounces.get(1) {
             Some(&(second, _)) if second == first + 1 => {
-                let out = self
-                    .inputs
-                    .outputs(|p| vec![place(p, second) - place(p, first) + apart(p)]);
-                (out.quantity(0), XSource::Observed)
+                let seen = |p: &InputValues<'_>| place(p, second) - place(p, first) + apart(p);
+                (self.inputs.quantity(seen), XSource::Observed)
             }
             _ if self.calibration.view == View::Top => {
                 return Distances {
                     x0_m,
-                    x_m: None,
-                    x_source: None,
+                    ..Distances::default()
                 };
             }
             _ => {
-                let out = self.inputs.outputs(|p| {
+                let continued = self.inputs.quantity(|p| {
                     let (t, touch, _) = self.impact(p, first);
                     let down = self.back_at(p, first + 1, t, (touch.r, touch.h));
-                    vec![self.world(p, first + 1, down).r - touch.r + apart(p)]
+                    self.world(p, first + 1, down).r - touch.r + apart(p)
                 });
-                (out.quantity(0), XSource::Extrapolated)
+                (continued, XSource::Extrapolated)
             }
         };
         Distances {
@@ -63,7 +60,7 @@ impl MeasuredMotion<'_> {
 
     /// When arc `k`, rising about `t`, comes down to the floor through the place (x, z) of the touch before, lift included: the
     /// rebound's own arc is still below that then, as the ball stays down for a while.
-    pub(super) fn back_at(&self, p: &InputValues<'_>, k: usize, t: f64, (x, z): (f64, f64)) -> f64 {
+    fn back_at(&self, p: &InputValues<'_>, k: usize, t: f64, (x, z): (f64, f64)) -> f64 {
         let slope = self.slope(p).tan();
         let mut down = t + self.flight.fit.planar(p.arcs).return_time(k, t);
         for _ in 0..5 {
@@ -91,42 +88,35 @@ impl MeasuredMotion<'_> {
         !(back_s > 0.0) || there.h > before.h - 0.1 * fall_m
     }
 
-    pub(super) fn edge_distance(
+    fn edge_distance(
         &self,
         first: usize,
         place: &impl Fn(&InputValues<'_>, usize) -> f64,
     ) -> Option<Quantity> {
         if let Some(edge_m) = self.calibration.launch.edge_x_m {
-            if !self.comes_from(edge_m, first) {
-                return None;
-            }
-            return self
-                .inputs
-                .outputs(|p| vec![place(p, first) - edge_m])
-                .quantity(0);
+            let distance = || self.inputs.quantity(|p| place(p, first) - edge_m);
+            return self.comes_from(edge_m, first).then(distance).flatten();
         }
         if self.calibration.has_origin() || self.calibration.view == View::Top || first != 0 {
             return None;
         }
         if self.flight.launch.is_some() {
             // Both places are the ball's: what all centres share is in neither.
-            let seen = self.inputs.outputs(|p| {
+            self.bench_launch()?.edge_x_m?;
+            return self.inputs.quantity(|p| {
                 let apart = p.errors.place_right * self.scale(p);
-                vec![place(p, first) - self.edge_place(p).map_or(f64::NAN, |e| e.r) + apart]
+                place(p, first) - self.edge_place(p).map_or(f64::NAN, |e| e.r) + apart
             });
-            return self
-                .bench_launch()
-                .and_then(|l| l.edge_x_m)
-                .and_then(|_| seen.quantity(0));
         }
         // A horizontal launch is level where it begins: the apex is the edge.
         let apex = |p: &InputValues<'_>| self.vertex_s(p);
         let start = self.flight.spans[0].0;
         let best = apex(&self.inputs.best());
         let level = (best - start).abs() < 2.0 * self.flight.interval_s;
-        let out = self
-            .inputs
-            .outputs(|p| vec![place(p, first) - self.world(p, 0, apex(p)).r]);
-        level.then(|| out.quantity(0)).flatten()
+        let distance = || {
+            self.inputs
+                .quantity(|p| place(p, first) - self.world(p, 0, apex(p)).r)
+        };
+        level.then(distance).flatten()
     }
 }

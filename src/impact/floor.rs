@@ -221,7 +221,7 @@ impl MeasuredMotion<'_> {
         } else {
             FloorSource::Level
         };
-        let slope_rad = self.inputs.outputs(|p| vec![self.slope(p)]).quantity(0)?;
+        let slope_rad = self.inputs.quantity(|p| self.slope(p))?;
         Some(FloorSlope { slope_rad, source })
     }
 

@@ -27,14 +27,13 @@ pub struct ImagingErrors {
 }
 
 impl<'a> MeasuredMotion<'a> {
-    /// The motion of `flight`, whose points `lift` was [taken from](SpinLift::taken_from); `first` is where the ball was first seen.
+    /// The motion of `flight`, whose points `lift` was [taken from](SpinLift::taken_from).
     #[must_use]
     pub fn new(
         flight: &'a Flight,
         calibration: &'a Calibration,
         metres_per_unit: Quantity,
         imaging: ImagingErrors,
-        first: PlanePoint,
         lift: SpinLift,
     ) -> Self {
         let ImagingErrors {
@@ -86,7 +85,9 @@ impl<'a> MeasuredMotion<'a> {
         let zero = if calibration.has_origin() {
             PlanePoint::new(0.0, 0.0)
         } else {
-            bench_edge::place(flight).unwrap_or(first)
+            bench_edge::place(flight)
+                .or_else(|| flight.first_place())
+                .unwrap_or_default()
         };
         let motion = Self {
             flight,

@@ -2,6 +2,7 @@
 
 use super::propagation::{InputQuantities, OutputQuantities};
 use crate::flight::planar::{ACROSS, GRAVITY};
+use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
 /// A struct of `f64` fields that stand in a vector one after the other.
@@ -132,6 +133,11 @@ impl MotionInputs {
     /// The best estimates.
     pub fn best(&self) -> InputValues<'_> {
         InputValues::of(self.quantities.values.as_slice())
+    }
+
+    /// The one number that `function` makes of the inputs.
+    pub fn quantity(&self, function: impl Fn(&InputValues<'_>) -> f64) -> Option<Quantity> {
+        self.outputs(|p| vec![function(p)]).quantity(0)
     }
 
     /// What `function` makes of the inputs, with its covariance.

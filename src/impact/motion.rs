@@ -116,8 +116,7 @@ impl MeasuredMotion<'_> {
     #[must_use]
     pub fn tilt_rad(&self) -> Option<Quantity> {
         let falls = self.calibration.view == View::Side && self.flight.fit.falls_in_plane();
-        let out = falls.then(|| self.inputs.outputs(|p| vec![-self.lean(p)]))?;
-        out.quantity(0)
+        falls.then(|| self.inputs.quantity(|p| -self.lean(p))).flatten()
     }
 
     /// By how much "up" of the world is turned from that of the plane, towards −r, rad.
@@ -182,7 +181,7 @@ impl MeasuredMotion<'_> {
     }
 
     /// How many times longer than the first a contact at this speed takes: as v^(-1/5), by Hertz.
-    pub(super) fn slower_contact(&self, speed_m_s: f64) -> f64 {
+    fn slower_contact(&self, speed_m_s: f64) -> f64 {
         let times = (self.contact_speed_m_s.unwrap_or(speed_m_s) / speed_m_s).powf(0.2);
         if times.is_finite() {
             times.clamp(0.5, 2.0)
@@ -194,13 +193,7 @@ impl MeasuredMotion<'_> {
     /// The motion with what lift beyond its law may have changed in the speed along x, and drag beyond its law in both: a
     /// constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
     /// (Seen from above by a near camera, the arcs have a lift of their own.)
-    pub(super) fn pushed(
-        &self,
-        p: &InputValues<'_>,
-        arc: usize,
-        (lift, drag): (f64, f64),
-        m: Motion,
-    ) -> Motion {
+    fn pushed(&self, p: &InputValues<'_>, arc: usize, (lift, drag): (f64, f64), m: Motion) -> Motion {
         if self.flight.fit.model.resolves_height() {
             return m;
         }
@@ -214,6 +207,12 @@ impl MeasuredMotion<'_> {
             vh: m.vh - push * drag * m.vh,
             ..m
         }
+    }
+
+    /// The arcs that end on the floor.
+    pub(super) fn floors(&self) -> impl Iterator<Item = usize> {
+        let gaps = 0..self.arcs().saturating_sub(1);
+        gaps.filter(|&k| self.kind(k) == Some(ImpactKind::Floor))
     }
 
     /// The kind of impact between arcs k and k + 1, `None` where they do not meet.
@@ -255,11 +254,10 @@ impl MeasuredMotion<'_> {
             m.vr * m.vr + m.vh * m.vh
         });
         let speed2 = top.fold(0.0, f64::max);
-        let out = self.inputs.outputs(|p| {
+        self.inputs.quantity(|p| {
             let beyond = p.errors.drag_in * p.arcs[DRAG] / self.scale(p) * speed2;
-            vec![p.fall() * self.scale(p) / lift + beyond]
-        });
-        out.quantity(0)
+            p.fall() * self.scale(p) / lift + beyond
+        })
     }
 
     /// Place of arc `k` at time `t` in the world: (x, up), m.

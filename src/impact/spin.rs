@@ -21,7 +21,7 @@ impl MeasuredMotion<'_> {
 
     /// Spin R ω on each arc, plane units/s, positive where it rolls along +r: the launch's, and what each bounce on the
     /// floor made of it.
-    pub(super) fn spins(&self) -> Vec<Option<f64>> {
+    fn spins(&self) -> Vec<Option<f64>> {
         if self.calibration.view == View::Top {
             return Vec::new();
         }

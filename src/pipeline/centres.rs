@@ -15,7 +15,7 @@ const AROUND_S: f64 = 1.5;
 
 /// A search for a ball of known size and looks in the frames of a recording.
 #[derive(Debug, Clone, Copy)]
-pub struct CentreSearch<'a> {
+pub struct BallSearch<'a> {
     /// Where.
     pub pictures: BallPictures<'a>,
     /// When.
@@ -26,7 +26,7 @@ pub struct CentreSearch<'a> {
     pub accuracy: Accuracy,
 }
 
-impl CentreSearch<'_> {
+impl BallSearch<'_> {
     /// The ball in every frame from the flight's first to its last, looked for where the arcs say; what is in `known` stands.
     pub fn along(&self, flight: &Flight, known: &[BallCentre]) -> Vec<BallCentre> {
         let FrameTimes { times_s, duplicates } = self.frames;

@@ -49,10 +49,10 @@ pub fn impacts(
     let bounces = motion.bounces();
     let radius_seen_m = || Some(radius_px?.value * camera.ball_units_per_px() * metres_per_unit.value);
     let radius_m = calibration.ball.radius_m.or_else(radius_seen_m);
-    let firsts: Vec<Bounce> = bounces.iter().map(|(_, b)| b.clone()).collect();
+    let alone: Vec<Bounce> = bounces.iter().map(|(_, b)| b.clone()).collect();
     let walls = (0..flight.impacts.len()).filter(|&k| motion.kind(k) == Some(ImpactKind::Wall));
     let impacts = Impacts {
-        frame: WorldFrame::new(&motion, &bounces, metres_per_unit, radius_m, calibration),
+        frame: WorldFrame::new(&motion, &bounces, radius_m, calibration),
         radius_px,
         radius_m,
         shake,
@@ -60,7 +60,7 @@ pub fn impacts(
         up: up(&motion, calibration.upright_std_rad()),
         floor: motion.floor(),
         launch: motion.bench_launch(),
-        readings: camera.falls().then(|| reading::read(&firsts)).flatten(),
+        readings: camera.falls().then(|| reading::read(&alone)).flatten(),
         walls: walls.count(),
         distances: motion.distances(&bounces),
         bounces,
@@ -68,6 +68,7 @@ pub fn impacts(
         warnings: Vec::new(),
     };
     let context = WarningContext {
+        calibration,
         camera,
         motion: &motion,
         interval_s: clocked.base.interval_s.unwrap_or(impacts.flight.interval_s),
@@ -106,15 +107,8 @@ impl Scaled<'_> {
             places_std_px: PLACES_STD_PX.hypot(LASTING_PART * displaced_px),
             steady: self.camera.stands_still,
         };
-        let first = flight.first_place().unwrap_or_default();
-        MeasuredMotion::new(
-            flight,
-            self.camera.calibration,
-            self.metres_per_unit,
-            errors,
-            first,
-            lift,
-        )
+        let calibration = self.camera.calibration;
+        MeasuredMotion::new(flight, calibration, self.metres_per_unit, errors, lift)
     }
 
     /// What a ball that is seen too large or too small says of its centres, px: where a side of it fades into what is behind, what

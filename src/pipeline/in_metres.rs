@@ -58,7 +58,6 @@ impl WorldFrame {
     pub fn new(
         motion: &MeasuredMotion<'_>,
         bounces: &[(usize, Bounce)],
-        metres_per_unit: Quantity,
         radius_m: Option<f64>,
         calibration: &Calibration,
     ) -> Self {
@@ -77,7 +76,7 @@ impl WorldFrame {
         };
         Self {
             x_sign: motion.x_sign,
-            metres_per_unit: metres_per_unit.value,
+            metres_per_unit: motion.metres_per_unit.value,
             zero: motion.zero,
             lean: motion.lean_rad().sin_cos(),
             floor_m,

@@ -7,7 +7,7 @@
 
 use super::ball_model::{self, BallModel, BallPictures};
 use super::camera::CalibratedCamera;
-use super::centres::CentreSearch;
+use super::centres::BallSearch;
 use super::clock::Clocked;
 use super::decode::Decoded;
 use super::measurement::Warning;
@@ -155,8 +155,8 @@ impl Refinement<'_> {
         pictures: &BallPictures<'s>,
         ball: &'s BallModel,
         accuracy: Accuracy,
-    ) -> CentreSearch<'s> {
-        CentreSearch {
+    ) -> BallSearch<'s> {
+        BallSearch {
             pictures: *pictures,
             frames: self.clocked.frames(),
             ball,

@@ -228,7 +228,7 @@ impl Film {
 }
 
 /// Plane units are pixels; the common error is what a camera's centres would have.
-const PICTURE: ImagingErrors = ImagingErrors {
+const IMAGING: ImagingErrors = ImagingErrors {
     units_per_px: 1.0,
     common_std_px: 0.03,
     places_std_px: 0.01,
@@ -258,14 +258,10 @@ pub fn measured(
 }
 
 fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) -> Measured {
-    let first = flight
-        .points
-        .first()
-        .map_or_else(Default::default, |p| p.spot.place);
     let scale = Quantity::new(metres_per_unit, 1e-9 * metres_per_unit).unwrap();
-    let lifted = MeasuredMotion::new(&flight, calibration, scale, PICTURE, first, SpinLift::default());
+    let lifted = MeasuredMotion::new(&flight, calibration, scale, IMAGING, SpinLift::default());
     let (free, lift) = lifted.without_lift();
-    let scene = MeasuredMotion::new(&free, calibration, scale, PICTURE, first, lift);
+    let scene = MeasuredMotion::new(&free, calibration, scale, IMAGING, lift);
     let indexed = scene.bounces();
     let distances = scene.distances(&indexed);
     let gravity_m_s2 = scene.gravity_m_s2();

@@ -1,7 +1,7 @@
 //! What does not fit together of what was measured and what the calibration gives, or is doubtful.
 
 use super::{rounded, warning};
-use crate::calibration::View;
+use crate::calibration::{Calibration, View};
 use crate::flight::shake::Shake;
 use crate::impact::contact::SoftBall;
 use crate::impact::error_budget::READ_STD_PX;
@@ -24,6 +24,8 @@ const LASTING: f64 = 3.0;
 
 /// Everything to judge a measured flight by.
 pub struct WarningContext<'a> {
+    /// What is given.
+    pub calibration: &'a Calibration,
     /// By what it was seen.
     pub camera: &'a CalibratedCamera<'a>,
     /// In metres.
@@ -36,7 +38,7 @@ pub struct WarningContext<'a> {
 
 /// Oddities of the measured flight.
 pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
-    let (impacts, flight, calibration) = (j.impacts, &j.impacts.flight, j.camera.calibration);
+    let (impacts, flight, calibration) = (j.impacts, &j.impacts.flight, j.calibration);
     let mut out = Vec::new();
     out.extend(impacts.gravity_m_s2.map(|g| gravity(g, j)).unwrap_or_default());
     out.extend(up_tilted(j));
@@ -101,10 +103,10 @@ fn soft(ball: SoftBall) -> Warning {
 
 /// The self-check: gravity as the flight shows it, and what would explain another.
 fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
-    let expected = j.camera.calibration.gravity_m_s2;
+    let expected = j.calibration.gravity_m_s2;
     let off = (g.value - expected).abs();
     let std = g.std_uncertainty.unwrap_or(0.0);
-    let local = j.camera.calibration.gravity_uncertainty_m_s2();
+    let local = j.calibration.gravity_uncertainty_m_s2();
     if !(off > CONTRADICTS_SIGMAS * std.hypot(local)) {
         return Vec::new();
     }
@@ -137,7 +139,7 @@ fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
             (1.0 / ratio).acos().to_degrees()
         ));
     }
-    if j.camera.calibration.ball.mass_kg.is_none() || j.camera.calibration.ball.radius_m.is_none() {
+    if j.calibration.ball.mass_kg.is_none() || j.calibration.ball.radius_m.is_none() {
         causes.push("air: drag on a light ball, if \"ball\" had its radius and mass".to_owned());
     }
     let mut out = vec![warning!(
@@ -163,11 +165,11 @@ const UPRIGHT_RAD: f64 = 0.0175;
 /// That the fall has another "up" than the calibration.
 fn up_tilted(j: &WarningContext<'_>) -> Option<Warning> {
     let up = j.impacts.up?;
-    let given = j.camera.calibration.has_up();
+    let given = j.calibration.has_up();
     let degrees = |rad: f64| rad.to_degrees();
     let (tilt, std) = (up.tilt_rad.value, j.impacts.flight.fit.lean_std_rad());
     let (prior, word) = (
-        j.camera.calibration.upright_std_rad(),
+        j.calibration.upright_std_rad(),
         if tilt > 0.0 { "right" } else { "left" },
     );
     // What contradicts the calibration is in the fit without it.
@@ -206,11 +208,7 @@ fn floor_slope(j: &WarningContext<'_>) -> Option<Warning> {
     let slope = j.impacts.floor?.slope_rad;
     let (value, std) = (slope.value, slope.std_uncertainty.unwrap_or(0.0));
     let found = format!("{:.2} ± {:.2} degrees", value.to_degrees(), std.to_degrees());
-    if let Some((said, std)) = j
-        .motion
-        .floor_contradicts()
-        .filter(|_| j.camera.calibration.floor.given)
-    {
+    if let Some((said, std)) = j.motion.floor_contradicts().filter(|_| j.calibration.floor.given) {
         return Some(warning!(
             "floor_contradicts",
             "the floor slopes by {found} along x as the picture shows it, and by {:.2} ± {:.2} degrees by \"floor.slope_deg\": the first was used. Check that the impacts are on one floor, and the calibration's sign (positive where the floor rises along the launch).",
@@ -242,14 +240,13 @@ fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
         return out;
     };
     if let Some(said) = j
-        .camera
         .calibration
         .launch
         .edge_x_m
-        .filter(|_| j.camera.calibration.has_origin())
+        .filter(|_| j.calibration.has_origin())
     {
         let metre = j.motion.metres_per_unit.value * j.camera.units_per_px();
-        let read = j.camera.calibration.origin_std_px.unwrap_or(READ_STD_PX) * metre;
+        let read = j.calibration.origin_std_px.unwrap_or(READ_STD_PX) * metre;
         let std = edge.std_uncertainty.unwrap_or(0.0);
         if (edge.value - said).abs() > CONTRADICTS_SIGMAS * std.hypot(read) {
             out.push(warning!(
@@ -259,7 +256,7 @@ fn bench(j: &WarningContext<'_>) -> Vec<Warning> {
             ));
         }
     }
-    if j.camera.calibration.launch.spin_ratio == Some(0.0) {
+    if j.calibration.launch.spin_ratio == Some(0.0) {
         out.push(warning!(
             "rolling_unsaid",
             "the ball is seen moving along its bench for {:.3} s, and \"launch.spin_ratio\" is 0: if it rolled, e_x, spins and regimes are wrong. Set \"spin_ratio\": \"rolling\" (with \"track_width_m\" on a track), or null where nobody knows.",
@@ -311,9 +308,9 @@ fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
 
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.
 fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
-    let distance_m = j.camera.calibration.distance_m?;
+    let distance_m = j.calibration.distance_m?;
     let seen = j.impacts.flight.fall_ratio()?;
-    let given = j.camera.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
+    let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
     let std = seen.std_uncertainty? / seen.value;
     let off = seen.value.ln().abs();
     if !(off > DISTANCE_SIGMAS * std.hypot(given) && off > DISTANCE_PART) {
@@ -361,18 +358,18 @@ fn time_factor(ratio: f64) -> Option<f64> {
 
 /// A ball of known size is a second ruler.
 fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
-    if j.camera.calibration.scale.rests_on_ball() {
+    if j.calibration.scale.rests_on_ball() {
         return None;
     }
     let (known, seen) = (
-        j.camera.calibration.ball.radius_m?,
+        j.calibration.ball.radius_m?,
         j.impacts.radius_px?.value * j.camera.ball_units_per_px() * j.motion.metres_per_unit.value,
     );
     let ratio = seen / known;
     if (ratio - 1.0).abs() < 0.1 {
         return None;
     }
-    let time = if j.camera.calibration.scale.rests_on_fall() {
+    let time = if j.calibration.scale.rests_on_fall() {
         let n = time_factor(1.0 / ratio).map_or(String::new(), |n| {
             let rate = rounded(n / j.interval_s);
             format!(" It fits a capture rate of {rate} Hz: set \"frame_rate_hz\": {rate}.")
@@ -392,7 +389,7 @@ fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
 /// With an origin on the floor, the ball's centre must touch at its radius.
 fn floor_height(j: &WarningContext<'_>) -> Option<Warning> {
     let radius_m = j.impacts.radius_m?;
-    if !j.camera.calibration.has_origin() || j.camera.calibration.view == View::Top {
+    if !j.calibration.has_origin() || j.calibration.view == View::Top {
         return None;
     }
     let (k, first) = j.impacts.bounces.first()?;
@@ -409,7 +406,7 @@ fn floor_height(j: &WarningContext<'_>) -> Option<Warning> {
 
 /// x is a distance on one floor.
 fn different_heights(j: &WarningContext<'_>) -> Option<Warning> {
-    if j.camera.calibration.view == View::Top {
+    if j.calibration.view == View::Top {
         return None;
     }
     let heights: Vec<f64> = j
