@@ -14,7 +14,7 @@ use super::impulse::{
 };
 use super::model::{
     BounceNumbers, BounceReading, Coefficient, CoefficientChange, FittedCoefficients, FrictionLimit,
-    RESTITUTION_RANGE, ReboundLaw, ReboundModel, TANGENTIAL_RANGE, sigmas_apart,
+    ModelFacts, RESTITUTION_RANGE, ReboundLaw, ReboundModel, TANGENTIAL_RANGE, sigmas_apart,
 };
 use super::parameter::{E, E_X, Parameter};
 use nalgebra::Vector2;
@@ -103,7 +103,7 @@ impl ReboundLaw for Parameters {
 }
 
 impl Parameters {
-    /// From [`COEFFICIENTS`].
+    /// From the coefficients of [`FACTS`].
     pub(super) fn from_scene([restitution, x, y]: [f64; 3]) -> Self {
         Self {
             restitution,
@@ -118,34 +118,29 @@ impl Parameters {
     }
 }
 
-const COEFFICIENTS: [Coefficient; 3] = [
-    Coefficient::required("restitution", RESTITUTION_RANGE),
-    Coefficient::required("tangential_restitution_x", TANGENTIAL_RANGE),
-    Coefficient {
-        key: "tangential_restitution_y",
-        range: TANGENTIAL_RANGE,
-        same_as: Some("tangential_restitution_x"),
-    },
-];
+const FACTS: ModelFacts = ModelFacts {
+    name: "e_e",
+    label: "e-e",
+    summary: "restitution sideways, too",
+    coefficients: &[
+        Coefficient::required("restitution", RESTITUTION_RANGE),
+        Coefficient::required("tangential_restitution_x", TANGENTIAL_RANGE),
+        Coefficient::like(
+            "tangential_restitution_x",
+            "tangential_restitution_y",
+            TANGENTIAL_RANGE,
+        ),
+    ],
+    friction_limit: FrictionLimit::Never,
+    special_cases: &[],
+};
 
 /// The e-e model, whatever its coefficients.
 pub struct Model;
 
 impl ReboundModel for Model {
-    fn name(&self) -> &'static str {
-        "e_e"
-    }
-
-    fn label(&self) -> &'static str {
-        "e-e"
-    }
-
-    fn summary(&self) -> &'static str {
-        "restitution sideways, too"
-    }
-
-    fn coefficients(&self) -> &'static [Coefficient] {
-        &COEFFICIENTS
+    fn facts(&self) -> &'static ModelFacts {
+        &FACTS
     }
 
     fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
@@ -154,10 +149,6 @@ impl ReboundModel for Model {
             Parameter::StaticFriction => Some("the e_e model has no static friction of its own"),
             _ => None,
         }
-    }
-
-    fn friction_limit(&self) -> FrictionLimit {
-        FrictionLimit::Never
     }
 
     fn read(&self, bounce: &BounceNumbers) -> Option<BounceReading> {

@@ -15,8 +15,8 @@ use super::impulse::{
     slip_share,
 };
 use super::model::{
-    Coefficient, FRICTION_RANGE, FittedCoefficients, FrictionLimit, RESTITUTION_RANGE, ReboundLaw,
-    ReboundModel, TANGENTIAL_RANGE,
+    Coefficient, FRICTION_RANGE, FittedCoefficients, FrictionLimit, ModelFacts, RESTITUTION_RANGE,
+    ReboundLaw, ReboundModel, TANGENTIAL_RANGE,
 };
 use super::parameter::{E, E_X, Parameter};
 use nalgebra::Vector2;
@@ -81,7 +81,7 @@ impl ReboundLaw for Parameters {
 }
 
 impl Parameters {
-    /// From [`COEFFICIENTS`].
+    /// From the coefficients of [`FACTS`].
     pub(super) fn from_scene([restitution, friction, x]: [f64; 3]) -> Self {
         Self {
             restitution,
@@ -97,43 +97,30 @@ impl Parameters {
     }
 }
 
-const COEFFICIENTS: [Coefficient; 3] = [
-    Coefficient::required("restitution", RESTITUTION_RANGE),
-    Coefficient::required("friction", FRICTION_RANGE),
-    Coefficient::required("tangential_restitution_x", TANGENTIAL_RANGE),
-];
+const FACTS: ModelFacts = ModelFacts {
+    name: "grip_slide",
+    label: "grip-slide",
+    summary: "restitution sideways up to the limit of friction",
+    coefficients: &[
+        Coefficient::required("restitution", RESTITUTION_RANGE),
+        Coefficient::required("friction", FRICTION_RANGE),
+        Coefficient::required("tangential_restitution_x", TANGENTIAL_RANGE),
+    ],
+    friction_limit: FrictionLimit::AtFriction,
+    // e_x = 0; friction never reached.
+    special_cases: &["mu_e", "e_e"],
+};
 
 /// The grip-slide model, whatever its coefficients.
 pub struct Model;
 
 impl ReboundModel for Model {
-    fn name(&self) -> &'static str {
-        "grip_slide"
-    }
-
-    fn label(&self) -> &'static str {
-        "grip-slide"
-    }
-
-    fn summary(&self) -> &'static str {
-        "restitution sideways up to the limit of friction"
-    }
-
-    fn coefficients(&self) -> &'static [Coefficient] {
-        &COEFFICIENTS
+    fn facts(&self) -> &'static ModelFacts {
+        &FACTS
     }
 
     fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
         (parameter == Parameter::StaticFriction)
             .then_some("the grip_slide model has no static friction of its own")
-    }
-
-    fn friction_limit(&self) -> FrictionLimit {
-        FrictionLimit::AtFriction
-    }
-
-    /// e_x = 0; friction never reached.
-    fn special_cases(&self) -> &'static [&'static str] {
-        &["mu_e", "e_e"]
     }
 }

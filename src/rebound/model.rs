@@ -74,6 +74,16 @@ impl Coefficient {
             same_as: None,
         }
     }
+
+    /// One that takes the value of another where it is absent.
+    #[must_use]
+    pub const fn like(same_as: &'static str, key: &'static str, range: CoefficientRange) -> Self {
+        Self {
+            key,
+            range,
+            same_as: Some(same_as),
+        }
+    }
 }
 
 /// Coefficients that cannot go together.
@@ -166,19 +176,27 @@ pub struct CoefficientChange {
     pub agrees: bool,
 }
 
+/// Names and kind of a model.
+#[derive(Debug, Clone, Copy)]
+pub struct ModelFacts {
+    /// Its name in files.
+    pub name: &'static str,
+    /// What people call it.
+    pub label: &'static str,
+    /// What it is, in a few words.
+    pub summary: &'static str,
+    /// The coefficients that a scene gives, in the order in which they are taken.
+    pub coefficients: &'static [Coefficient],
+    /// How friction ends grip.
+    pub friction_limit: FrictionLimit,
+    /// The names of the models that it holds as special cases.
+    pub special_cases: &'static [&'static str],
+}
+
 /// A rebound model, whatever its coefficients.
 pub trait ReboundModel: Sync {
-    /// Its name in files.
-    fn name(&self) -> &'static str;
-
-    /// What people call it.
-    fn label(&self) -> &'static str;
-
-    /// What it is, in a few words.
-    fn summary(&self) -> &'static str;
-
-    /// The coefficients that a scene gives, in the order in which they are taken.
-    fn coefficients(&self) -> &'static [Coefficient];
+    /// What does not depend on anything.
+    fn facts(&self) -> &'static ModelFacts;
 
     /// Why it does not have a parameter; `None` where it does.
     fn lacks(&self, parameter: Parameter) -> Option<&'static str>;
@@ -188,10 +206,7 @@ pub trait ReboundModel: Sync {
         &Parameter::ALL
     }
 
-    /// How friction ends grip.
-    fn friction_limit(&self) -> FrictionLimit;
-
-    /// The impulse below that limit: s (1 + e_x) c, unless the model has another.
+    /// The impulse below the limit of friction: s (1 + e_x) c, unless the model has another.
     fn grip(&self, at: &Incidence, theta: &Theta) -> TangentialImpulse {
         let by_slip = at.slip_share * (1.0 + theta[E_X]);
         let mut by_parameter = [0.0; PARAMETERS];
@@ -202,11 +217,6 @@ pub trait ReboundModel: Sync {
             by_normal: 0.0,
             by_parameter,
         }
-    }
-
-    /// The names of the models that it holds as special cases.
-    fn special_cases(&self) -> &'static [&'static str] {
-        &[]
     }
 
     /// The name of a model that says the same where no row slides, and in what sense, for the reason of a choice.

@@ -1,7 +1,7 @@
 //! The list of the rebound models, and the only place that names them all: a new model gets its lines here.
 
 use super::impulse::{Regime, RigidMotion};
-use super::model::{Contradiction, FittedCoefficients, FrictionLimit, ReboundLaw, ReboundModel};
+use super::model::{Contradiction, FittedCoefficients, FrictionLimit, ModelFacts, ReboundLaw, ReboundModel};
 use super::parameter::{PARAMETERS, RATIO, SEARCHED};
 use super::{e_e, grip_slide, mu_e};
 
@@ -61,7 +61,7 @@ impl ModelName {
         }
     }
 
-    /// The model with coefficients as a scene gives them, in the order of [`ReboundModel::coefficients`].
+    /// The model with coefficients as a scene gives them, in the order of [`ModelFacts::coefficients`].
     ///
     /// # Errors
     ///
@@ -84,10 +84,16 @@ impl ModelName {
         }
     }
 
+    /// Its names and kind.
+    #[must_use]
+    pub fn facts(self) -> &'static ModelFacts {
+        self.model().facts()
+    }
+
     /// Its name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
-        self.model().name()
+        self.facts().name
     }
 
     /// The model of that name in files.
@@ -107,15 +113,13 @@ impl ModelName {
     /// Whether rows may slide, as friction ends grip.
     #[must_use]
     pub fn has_friction_limit(self) -> bool {
-        self.model().friction_limit() != FrictionLimit::Never
+        self.facts().friction_limit != FrictionLimit::Never
     }
 
     /// The models that it holds as special cases.
     pub fn special_cases(self) -> impl Iterator<Item = Self> {
-        self.model()
-            .special_cases()
-            .iter()
-            .filter_map(|name| Self::of_name(name))
+        let names = self.facts().special_cases.iter();
+        names.filter_map(|name| Self::of_name(name))
     }
 }
 

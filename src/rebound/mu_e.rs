@@ -12,7 +12,7 @@ use super::impulse::{
 };
 use super::model::{
     BounceNumbers, BounceReading, Coefficient, CoefficientChange, Contradiction, FRICTION_RANGE,
-    FittedCoefficients, FrictionLimit, RESTITUTION_RANGE, ReboundLaw, ReboundModel, sigmas_apart,
+    FittedCoefficients, FrictionLimit, ModelFacts, RESTITUTION_RANGE, ReboundLaw, ReboundModel, sigmas_apart,
 };
 use super::parameter::{E, Parameter};
 use nalgebra::Vector2;
@@ -99,7 +99,7 @@ impl ReboundLaw for Parameters {
 }
 
 impl Parameters {
-    /// From [`COEFFICIENTS`].
+    /// From the coefficients of [`FACTS`].
     ///
     /// # Errors
     ///
@@ -134,43 +134,30 @@ impl Parameters {
     }
 }
 
-const COEFFICIENTS: [Coefficient; 3] = [
-    Coefficient::required("restitution", RESTITUTION_RANGE),
-    Coefficient::required("friction", FRICTION_RANGE),
-    Coefficient {
-        key: "static_friction",
-        range: FRICTION_RANGE,
-        same_as: Some("friction"),
-    },
-];
+const FACTS: ModelFacts = ModelFacts {
+    name: "mu_e",
+    label: "μ-e",
+    summary: "Coulomb friction",
+    coefficients: &[
+        Coefficient::required("restitution", RESTITUTION_RANGE),
+        Coefficient::required("friction", FRICTION_RANGE),
+        Coefficient::like("friction", "static_friction", FRICTION_RANGE),
+    ],
+    friction_limit: FrictionLimit::AtStaticFriction,
+    special_cases: &[],
+};
 
 /// The μ-e model, whatever its coefficients.
 pub struct Model;
 
 impl ReboundModel for Model {
-    fn name(&self) -> &'static str {
-        "mu_e"
-    }
-
-    fn label(&self) -> &'static str {
-        "μ-e"
-    }
-
-    fn summary(&self) -> &'static str {
-        "Coulomb friction"
-    }
-
-    fn coefficients(&self) -> &'static [Coefficient] {
-        &COEFFICIENTS
+    fn facts(&self) -> &'static ModelFacts {
+        &FACTS
     }
 
     fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
         (parameter == Parameter::TangentialRestitution)
             .then_some("the mu_e model has none: a ball that does not slide leaves rolling, which is e_x = 0")
-    }
-
-    fn friction_limit(&self) -> FrictionLimit {
-        FrictionLimit::AtStaticFriction
     }
 
     fn same_without_sliding(&self) -> Option<(&'static str, &'static str)> {

@@ -272,7 +272,7 @@ fn models(page: &mut String, readings: &Readings) {
     page.push_str("<section>\n<h2>What the two models make of it</h2>\n<div class=\"models\">\n");
     for (name, reading) in &readings.models {
         let model = name.model();
-        let title = format!("{} model: {}", model.label(), model.summary());
+        let title = format!("{} model: {}", name.facts().label, name.facts().summary);
         let second = number(reading.parameter.symbol(), reading.quantity);
         let regime = words::regime_name(reading.regime);
         let meaning = model.regime_words(reading.regime);

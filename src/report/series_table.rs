@@ -74,8 +74,8 @@ fn group_lines(text: &mut String, group: &GroupFit) {
 pub(super) fn preferred(preferred: Preferred) -> String {
     match preferred {
         Preferred::Model(name) => {
-            let model = name.model();
-            format!("{}: {}", model.label(), model.summary())
+            let facts = name.facts();
+            format!("{}: {}", facts.label, facts.summary)
         }
         Preferred::Undetermined => "undetermined: these rows do not tell".to_owned(),
     }

@@ -216,7 +216,7 @@ fn reading_lines(text: &mut String, readings: &Readings) {
         let model = name.model();
         let own = format_quantity(reading.quantity, "");
         let numbers = format!("e = {e},  {} = {own}", reading.parameter.symbol());
-        line(text, &format!("{} model", model.label()), &numbers);
+        line(text, &format!("{} model", name.facts().label), &numbers);
         let regime = words::regime_name(reading.regime);
         line(
             text,

@@ -579,7 +579,7 @@ fn read_contact(root: &Section<'_>) -> Result<Contact, SceneError> {
             accepted: format!("{{\"model\": {}, \"restitution\": ..., ...}}", names.join(" | ")),
         });
     }
-    let keys = |name: ModelName| name.model().coefficients().iter().map(|c| c.key);
+    let keys = |name: ModelName| name.facts().coefficients.iter().map(|c| c.key);
     let mut every_key = vec!["model"];
     for key in ModelName::ALL.into_iter().flat_map(keys) {
         if !every_key.contains(&key) {
@@ -590,7 +590,7 @@ fn read_contact(root: &Section<'_>) -> Result<Contact, SceneError> {
     every_key.retain(|key| *key == "model" || keys(name).any(|own| own == *key));
     let s = root.section("contact", &every_key)?;
     let mut values: Vec<f64> = Vec::new();
-    for coefficient in name.model().coefficients() {
+    for coefficient in name.facts().coefficients {
         let accept = super::reader::NumberRange {
             words: coefficient.range.accepted,
             test: coefficient.range.holds,

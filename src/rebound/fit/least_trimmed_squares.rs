@@ -46,7 +46,7 @@ pub(super) fn best_fits(data: &GroupData) -> Option<(Vec<RobustFit>, f64)> {
             robust(data, variant, starts, 6)
         })
         .collect();
-    let may_jump = |v: &Variant| v.model.model().friction_limit() == FrictionLimit::AtStaticFriction;
+    let may_jump = |v: &Variant| v.model.facts().friction_limit == FrictionLimit::AtStaticFriction;
     fits.extend(
         variants(data)
             .filter(may_jump)

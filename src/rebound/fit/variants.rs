@@ -160,7 +160,7 @@ pub(super) fn all(data: &GroupData) -> Vec<Solution> {
     }
     let mut solutions: Vec<Solution> = Vec::new();
     for name in ModelName::ALL {
-        let solution = match name.model().friction_limit() {
+        let solution = match name.facts().friction_limit {
             FrictionLimit::Never => solve(data, gripping(data, name), &[]),
             FrictionLimit::AtFriction => with_limit(data, name, &solutions),
             FrictionLimit::AtStaticFriction => {

@@ -21,7 +21,7 @@ impl ModelEstimation<'_> {
 
     /// How friction ends grip in the model.
     fn friction_limit(&self) -> FrictionLimit {
-        self.solution.name().model().friction_limit()
+        self.solution.name().facts().friction_limit
     }
 
     /// Λ of a model that may jump: where it may lie, whether or not static friction equals friction.
