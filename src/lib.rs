@@ -10,6 +10,7 @@
 //! | [`quantity`] | a number with its standard uncertainty | [`quantity::Quantity`] |
 //! | [`numeric`] | least squares with covariance, robust statistics: one of each | |
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
+//! | [`config`] | one reader for every file that a person writes: all problems at once, the nearest known name, what to try | [`config::FileError`] |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
@@ -37,8 +38,10 @@
 pub mod batch;
 pub mod calibration;
 pub mod cli;
+pub mod config;
 pub mod cost;
 pub mod detect;
+mod error_chain;
 pub mod flight;
 pub mod frames;
 pub mod geometry;
@@ -52,4 +55,5 @@ pub mod schemas;
 pub mod simulate;
 mod version;
 
+pub use error_chain::error_chain;
 pub use version::Build;

@@ -9,8 +9,8 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use track::calibration::{
-    Calibration, CalibrationError, Floor, FloorLine, Launch, MetresPerPixel, Problem, Scale, ScaleEvidence,
-    Silhouettes, View,
+    Calibration, CalibrationError, FileProblem, Floor, FloorLine, Launch, MetresPerPixel, Scale,
+    ScaleEvidence, Silhouettes, View,
 };
 use track::geometry::PixelPoint;
 use track::quantity::Quantity;
@@ -81,7 +81,7 @@ fn error(text: &str) -> CalibrationError {
 }
 
 /// The problems of a file, with what every message must have checked.
-fn problems(file: &Value) -> Vec<Problem> {
+fn problems(file: &Value) -> Vec<FileProblem> {
     let error = error(&file.to_string());
     let problems = error.problems().to_vec();
     assert!(!problems.is_empty(), "{error}");
@@ -97,7 +97,7 @@ fn problems(file: &Value) -> Vec<Problem> {
 }
 
 /// One problem, at `key`.
-fn refused(file: &Value, key: &str) -> Problem {
+fn refused(file: &Value, key: &str) -> FileProblem {
     let problems = problems(file);
     assert_eq!(
         problems.iter().map(|p| p.key.as_str()).collect::<Vec<_>>(),

@@ -4,6 +4,7 @@
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use std::path::Path;
+use track::config::FileError;
 use track::rebound::{Contact, SOLID_SPHERE, launch, mu_e};
 use track::simulate::effects::{Decision, drag_coefficient};
 use track::simulate::scene::{Codec, EffectsChoice, Switch, View};
@@ -247,35 +248,35 @@ fn complaint(text: &str) -> String {
 fn bad_scenes_say_what_is_wrong_and_what_to_try() {
     let bad = |more: &str| scene_text(STEEL, more);
     let cases: Vec<(String, &[&str])> = vec![
-        (bad(r#""camra": {}"#), &["camra", "did you mean \"camera\""]),
+        (bad(r#""camra": {}"#), &["camra", "did you mean camera?"]),
         (
             bad(r#""ball": {"radius": 0.01}"#),
-            &["ball.radius", "did you mean \"radius_m\""],
+            &["ball.radius", "did you mean ball.radius_m?"],
         ),
         (
             bad(r#""effects": {"drga": "on"}"#),
-            &["effects.drga", "did you mean \"drag\""],
+            &["effects.drga", "did you mean effects.drag?"],
         ),
         (bad(r#""effects": "al""#), &["effects", "did you mean \"all\""]),
         (
             bad(r#""ball": {"radius_m": -0.01}"#),
-            &["ball.radius_m is -0.01", "above 0"],
+            &["ball.radius_m: found -0.01", "above 0"],
         ),
         (
             bad(r#""ball": {"mass_kg": "heavy"}"#),
-            &["ball.mass_kg is \"heavy\"", "above 0"],
+            &["ball.mass_kg: found \"heavy\"", "above 0"],
         ),
         (
             bad(r#""camera": {"frame_rate_hz": 0}"#),
-            &["camera.frame_rate_hz is 0", "above 0"],
+            &["camera.frame_rate_hz: found 0", "above 0"],
         ),
         (
             bad(r#""camera": {"view": "front"}"#),
-            &["camera.view is \"front\"", "side, top"],
+            &["camera.view: found \"front\"", "\"side\" or \"top\""],
         ),
         (
             bad(r#""camera": {"exposure_s": 0.01}"#),
-            &["camera.exposure_s is 0.01", "at most", "shorten"],
+            &["camera.exposure_s: found 0.01", "at most", "shorten"],
         ),
         (
             bad(r#""camera": {"image_size_px": [1279, 720]}"#),
@@ -291,88 +292,91 @@ fn bad_scenes_say_what_is_wrong_and_what_to_try() {
         ),
         (
             bad(r#""floor": {"slop_deg": 1}"#),
-            &["floor.slop_deg", "did you mean \"slope_deg\""],
+            &["floor.slop_deg", "did you mean floor.slope_deg?"],
         ),
         (
             bad(r#""floor": {"slope_deg": 25}"#),
-            &["floor.slope_deg is 25", "from -20 to 20"],
+            &["floor.slope_deg: found 25", "from -20 to 20"],
         ),
         (
             bad(r#""floor": {"slope_deg": -10}, "launch": {"bench": {"seen_s": 0.6}}"#),
-            &["launch.drop_height_m is 0.1", "above 0.10", "slope_deg"],
+            &["launch.drop_height_m: found 0.1", "above 0.10", "slope_deg"],
         ),
         (
             bad(r#""floor": {"slope_deg": 10}, "launch": {"drop_height_m": 1e-4}"#),
-            &["launch.drop_height_m is 0.0001", "above 0.000193"],
+            &["launch.drop_height_m: found 0.0001", "above 0.000193"],
         ),
         (
             bad(r#""launch": {"bench": {"bench_gray": 60}}"#),
-            &["launch.bench.bench_gray", "did you mean \"bench_grey\""],
+            &["launch.bench.bench_gray", "did you mean launch.bench.bench_grey?"],
         ),
         (
             bad(r#""launch": {"bench": {"seen_s": 0}}"#),
-            &["launch.bench.seen_s is 0", "above 0", "null"],
+            &["launch.bench.seen_s: found 0", "above 0", "null"],
         ),
         (
             bad(r#""launch": {"bench": {"track_width_m": 0.025}}"#),
             &[
-                "launch.bench.track_width_m is 0.025",
+                "launch.bench.track_width_m: found 0.025",
                 "below the ball's diameter, 0.025",
             ],
         ),
         (
             bad(r#""launch": {"bench": {}, "rise_speed_m_s": 0.1}"#),
-            &["launch.rise_speed_m_s is 0.1", "0 with a launch.bench"],
+            &["launch.rise_speed_m_s: found 0.1", "0 with a launch.bench"],
         ),
         (
             bad(r#""launch": {"bench": {}, "speed_m_s": 0.35}"#),
             &[
-                "launch.speed_m_s is 0.35",
+                "launch.speed_m_s: found 0.35",
                 "tips round the edge",
                 "above sqrt(g R) = 0.3502",
             ],
         ),
         (
             bad(r#""camera": {"roll_deg": 50}"#),
-            &["camera.roll_deg is 50", "from -45 to 45"],
+            &["camera.roll_deg: found 50", "from -45 to 45"],
         ),
         (
             bad(r#""camera": {"bump": {}}"#),
-            &["camera.bump.amplitude_px is missing", "2 numbers"],
+            &["camera.bump.amplitude_px: found nothing", "2 numbers"],
         ),
         (
             bad(r#""camera": {"bump": {"amplitude_px": [1, 2], "decay_s": 0}}"#),
-            &["camera.bump.decay_s is 0", "above 0"],
+            &["camera.bump.decay_s: found 0", "above 0"],
         ),
         (
             bad(r#""camera": {"blur_px": 1e4}"#),
-            &["camera.blur_px is 10000.0", "from 0 to 50"],
+            &["camera.blur_px: found 10000.0", "from 0 to 50"],
         ),
         (
             bad(
                 r#""launch": {"rise_speed_m_s": 5}, "camera": {"view": "top", "distance_m": 1, "origin_px": [120, 360]}"#,
             ),
-            &["camera.distance_m is 1", "beyond the ball"],
+            &["camera.distance_m: found 1", "beyond the ball"],
         ),
-        (bad(r#""stop": {"bounces": 0}"#), &["stop.bounces is 0", "from 1"]),
+        (
+            bad(r#""stop": {"bounces": 0}"#),
+            &["stop.bounces: found 0", "from 1"],
+        ),
         (
             bad(r#""launch": {"drop_height_m": 0}"#),
             &["launch.drop_height_m", "rise_speed_m_s"],
         ),
         (
             bad(r#""launch": {"spin_ratio": [0, 1]}"#),
-            &["launch.spin_ratio is [0,1]", "3 numbers"],
+            &["launch.spin_ratio: found [0,1]", "3 numbers"],
         ),
         (
             scene_text(
                 r#"{"model": "mu_e", "restitution": 0.8, "friction": 0.3, "static_friction": 0.2}"#,
                 "",
             ),
-            &["contact.static_friction is 0.2", "at least friction, 0.3"],
+            &["contact.static_friction: found 0.2", "at least friction, 0.3"],
         ),
         (
             scene_text(r#"{"model": "mu_e", "restitution": 1.01, "friction": 0.3}"#, ""),
-            &["contact.restitution is 1.01", "from 0 to 1", "gains energy"],
+            &["contact.restitution: found 1.01", "from 0 to 1", "gains energy"],
         ),
         (
             scene_text(r#"{"model": "e_e", "restitution": 0.9, "friction": 0.3}"#, ""),
@@ -380,17 +384,17 @@ fn bad_scenes_say_what_is_wrong_and_what_to_try() {
         ),
         (
             scene_text(r#"{"model": "e_e", "restitution": 0.9}"#, ""),
-            &["contact.tangential_restitution_x is missing", "from -1 to 1"],
+            &["contact.tangential_restitution_x: found nothing", "from -1 to 1"],
         ),
         (
             r#"{"schema": "track.scene/1"}"#.into(),
-            &["contact is missing", "mu_e"],
+            &["contact: found nothing", "mu_e"],
         ),
         (
             r#"{"schema": "track.scene/2"}"#.into(),
-            &["schema is \"track.scene/2\"", "track.scene/1"],
+            &["schema: found \"track.scene/2\"", "track.scene/1"],
         ),
-        ("{".into(), &["not valid JSON", "line 1"]),
+        ("{".into(), &["not readable as JSON", "line 1"]),
         // A balloon: lighter than air.
         (
             bad(r#""ball": {"radius_m": 0.1, "mass_kg": 0.003}"#),
@@ -415,9 +419,43 @@ fn bad_scenes_say_what_is_wrong_and_what_to_try() {
 }
 
 #[test]
+fn all_problems_of_a_scene_come_at_once() {
+    let text = scene_text(
+        r#"{"model": "e_e", "restitution": 2}"#,
+        r#""ball": {"radius": 1}, "camera": {"exposure_s": -1, "view": "front"}, "stop": {"bounces": 0.5}"#,
+    );
+    let message = complaint(&text);
+    for part in [
+        "6 problems",
+        "contact.restitution: found 2",
+        "contact.tangential_restitution_x: found nothing",
+        "ball.radius: found an unknown key",
+        "camera.exposure_s: found -1",
+        "camera.view: found \"front\"",
+        "stop.bounces: found 0.5",
+    ] {
+        assert!(message.contains(part), "{part:?} is not in {message:?}");
+    }
+    // So do those that several keys make together, and a key that stands there twice.
+    let message = complaint(&scene_text(
+        STEEL,
+        r#""camera": {"exposure_s": 1, "readout_s": 1}"#,
+    ));
+    assert!(
+        message.contains("camera.exposure_s") && message.contains("camera.readout_s"),
+        "{message}"
+    );
+    let message = complaint(&scene_text(STEEL, r#""seed": 1, "seed": 2"#));
+    assert!(
+        message.contains("twice") && message.contains("fixtures/scenes"),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_missing_file_is_named() {
     let error = Scene::read(Path::new("/nowhere/to/be.scene.json")).unwrap_err();
-    assert!(matches!(error, SceneError::Unreadable { .. }));
+    assert!(matches!(error, SceneError::File(FileError::Unreadable { .. })));
     assert!(error.to_string().contains("/nowhere/to/be.scene.json"));
 }
 

@@ -13,10 +13,9 @@
 //! lines that begin with `#` are comments.
 
 use super::{CalibrationChanges, LaunchSpin};
-use crate::calibration::{FINITE, POSITIVE};
-use std::fmt;
+use crate::config::table::{Table, TableRow, place};
+use crate::config::{Closeness, FINITE, FileError, FileKind, FileProblem, POSITIVE, nearest, read_bytes};
 use std::path::{Path, PathBuf};
-use thiserror::Error;
 
 /// The columns, in the order in which messages name them.
 pub const COLUMNS: [&str; 6] = [
@@ -28,8 +27,15 @@ pub const COLUMNS: [&str; 6] = [
     "ball_radius_m",
 ];
 
-/// More problems than this are not listed.
-const MOST_PROBLEMS: usize = 20;
+/// A manifest, for messages about a file.
+const KIND: FileKind = FileKind {
+    what: "manifest",
+    form: "a CSV file in UTF-8 with one line of column names",
+    source: "it lists the recordings of a batch, a row each",
+    least: "video",
+};
+/// A manifest of a hundred thousand recordings is far smaller.
+const LARGEST_FILE_BYTES: u64 = 100_000_000;
 
 /// A row of the manifest.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,121 +52,45 @@ pub struct ManifestRow {
     pub changes: CalibrationChanges,
 }
 
-/// Why a manifest cannot be used.
-#[derive(Debug, Error)]
-pub enum ManifestError {
-    /// It cannot be opened or read.
-    #[error("cannot read the manifest {}; check the path", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// As the system says it.
-        source: std::io::Error,
-    },
-    /// It is no table.
-    #[error("the manifest {}: {found}; accepted is a CSV file in UTF-8, its first line the names of the columns", path.display())]
-    NotCsv {
-        /// The file.
-        path: PathBuf,
-        /// What was found.
-        found: String,
-    },
-    /// Something in it is not accepted.
-    #[error("the manifest {}: {}", path.display(), Listed(problems))]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// All of it, in the order of the file.
-        problems: Vec<Problem>,
-    },
-}
-
-/// Something in a manifest that is not accepted.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Problem {
-    /// Line, from 1.
-    pub line: u64,
-    /// Name of the column.
-    pub column: String,
-    /// What was found, what is accepted, what to try.
-    pub what: String,
-}
-
-/// Problems for people: one in the same line, several below each other.
-struct Listed<'a>(&'a [Problem]);
-
-impl fmt::Display for Listed<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let one = |p: &Problem| format!("line {}, column {}: {}", p.line, p.column, p.what);
-        match self.0 {
-            [only] => write!(f, "{}", one(only)),
-            all => {
-                write!(f, "{} problems", all.len())?;
-                for problem in all.iter().take(MOST_PROBLEMS) {
-                    write!(f, "\n  {}", one(problem))?;
-                }
-                if all.len() > MOST_PROBLEMS {
-                    write!(f, "\n  ...")?;
-                }
-                Ok(())
-            }
-        }
-    }
-}
-
 /// Reads the manifest at `path`.
 ///
 /// # Errors
-/// See [`ManifestError`]; all problems at once.
-pub fn read(path: &Path) -> Result<Vec<ManifestRow>, ManifestError> {
-    let bytes = std::fs::read(path).map_err(|source| ManifestError::Unreadable {
-        path: path.to_owned(),
-        source,
-    })?;
-    parse(&bytes, path)
+/// See [`FileError`]; all problems at once.
+pub fn read(path: &Path) -> Result<Vec<ManifestRow>, FileError> {
+    parse(&read_bytes(path, KIND, LARGEST_FILE_BYTES)?, path)
 }
 
 /// The rows in `bytes`, the contents of the file at `path`.
 ///
 /// # Errors
-/// See [`ManifestError`].
-pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<ManifestRow>, ManifestError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let not_csv = |found: String| ManifestError::NotCsv {
-        path: path.to_owned(),
+/// See [`FileError`].
+pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<ManifestRow>, FileError> {
+    let name = path.display().to_string();
+    let wrong = |found: String, hint: &str| FileError::WrongForm {
+        name: name.clone(),
+        kind: KIND,
         found,
+        hint: hint.to_owned(),
     };
-    let text = std::str::from_utf8(bytes)
-        .map_err(|e| not_csv(format!("it is not text in UTF-8 (from byte {})", e.valid_up_to())))?;
-    if text.trim().is_empty() {
-        return Err(not_csv("it is empty".to_owned()));
+    let table = Table::parse(bytes, &name, KIND)?;
+    // A path with one wrong letter would be that of another file.
+    if let Err(e) = std::str::from_utf8(bytes) {
+        let found = format!("it is not text in UTF-8 (from byte {})", e.valid_up_to());
+        return Err(wrong(found, "save it again as CSV (UTF-8)"));
     }
-    let delimiter = crate::rebound::fit::csv::delimiter(bytes);
-    let mut reader = ::csv::ReaderBuilder::new()
-        .flexible(true)
-        .comment(Some(b'#'))
-        .delimiter(delimiter)
-        .trim(::csv::Trim::All)
-        .from_reader(bytes);
-    let header = reader.headers().map_err(|e| not_csv(e.to_string()))?.clone();
-    let invalid = |problems| ManifestError::Invalid {
-        path: path.to_owned(),
+    let invalid = |problems| FileError::Invalid {
+        name: name.clone(),
         problems,
     };
-    let columns = columns(&header, line_of(bytes, header.position())).map_err(&invalid)?;
+    let columns = columns(&table).map_err(&invalid)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut rows = Vec::new();
     let mut problems = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| not_csv(e.to_string()))?;
-        if record.iter().all(str::is_empty) {
-            continue;
-        }
+    for row in &table.rows {
         let cells = RowCells {
-            line: line_of(bytes, record.position()),
             columns: &columns,
-            record: &record,
-            decimal_comma: delimiter == b';',
+            table: &table,
+            row,
         };
         match cells.row(folder) {
             Ok(row) => rows.push(row),
@@ -171,62 +101,43 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<ManifestRow>, ManifestErro
         return Err(invalid(problems));
     }
     if rows.is_empty() {
-        return Err(not_csv(
+        return Err(wrong(
             "it has no rows below the names of the columns".to_owned(),
+            "add a row for each recording",
         ));
     }
     Ok(rows)
 }
 
-/// The line of a record. The reader's own count stops at the comments and blank lines before it.
-fn line_of(bytes: &[u8], position: Option<&::csv::Position>) -> u64 {
-    let Some(position) = position else { return 1 };
-    let from = usize::try_from(position.byte())
-        .unwrap_or(usize::MAX)
-        .min(bytes.len());
-    let skipped = bytes[from..]
-        .split(|&b| b == b'\n')
-        .take_while(|line| line.starts_with(b"#") || line.trim_ascii().is_empty())
-        .count();
-    position.line() + skipped as u64
-}
-
 /// Which column of the file each of [`COLUMNS`] is.
 type ColumnPlaces = [Option<usize>; COLUMNS.len()];
 
-fn columns(header: &::csv::StringRecord, line: u64) -> Result<ColumnPlaces, Vec<Problem>> {
+fn columns(table: &Table) -> Result<ColumnPlaces, Vec<FileProblem>> {
+    let known = |name: &str| COLUMNS.iter().position(|known| known.eq_ignore_ascii_case(name));
+    let guess = |name: &str| nearest(name, COLUMNS, Closeness::Guess);
     let mut places: ColumnPlaces = [None; COLUMNS.len()];
-    let mut problems = Vec::new();
-    let mut refuse = |column: &str, what: String| {
-        problems.push(Problem {
-            line,
-            column: column.to_owned(),
-            what,
-        });
-    };
-    for (i, name) in header.iter().enumerate() {
-        match COLUMNS.iter().position(|known| known.eq_ignore_ascii_case(name)) {
-            Some(k) if places[k].is_some() => {
-                refuse(name, "it is there twice; remove one of the two".to_owned());
-            }
-            Some(k) => places[k] = Some(i),
-            None if name.is_empty() => {
-                refuse(
-                    "(no name)",
-                    format!("column {} has no name; accepted: {}", i + 1, COLUMNS.join(", ")),
-                );
-            }
+    let mut problems = table.columns_there_twice(|i| known(&table.columns[i]).is_some());
+    let accepted = COLUMNS.join(", ");
+    for (i, name) in table.columns.iter().enumerate() {
+        match known(name) {
+            Some(k) => places[k] = places[k].or(Some(i)),
             None => {
-                let meant = nearest(name).map_or(String::new(), |near| format!("was {near} meant? "));
-                refuse(name, format!("unknown; {meant}Accepted: {}", COLUMNS.join(", ")));
+                let (name, found) = match name.as_str() {
+                    "" => ("(no name)", format!("no name over column {}", i + 1)),
+                    name => (name, "an unknown column".to_owned()),
+                };
+                let hint = guess(name).map_or_else(
+                    || "remove it, or give it one of these names".to_owned(),
+                    |meant| format!("did you mean {meant}?"),
+                );
+                problems.push(table.column_problem(name, &found, &accepted, &hint));
             }
         }
     }
-    if places[0].is_none() && !header.iter().any(|name| nearest(name) == Some(COLUMNS[0])) {
-        refuse(
-            "video",
-            "it is missing; it names the recording of each row".to_owned(),
-        );
+    let video = COLUMNS[0];
+    if places[0].is_none() && !table.columns.iter().any(|name| guess(name) == Some(video)) {
+        let (found, hint) = ("nothing", "add it: it names the recording of each row");
+        problems.push(table.column_problem(video, found, "the file of each recording", hint));
     }
     if problems.is_empty() {
         Ok(places)
@@ -235,63 +146,44 @@ fn columns(header: &::csv::StringRecord, line: u64) -> Result<ColumnPlaces, Vec<
     }
 }
 
-/// The column that `name` may be a slip of.
-fn nearest(name: &str) -> Option<&'static str> {
-    let name = name.to_ascii_lowercase();
-    let likeness = |known: &str| {
-        let part = name.len() > 2 && (known.starts_with(&name) || name.starts_with(known));
-        strsim::jaro_winkler(&name, known).max(if part { 0.9 } else { 0.0 })
-    };
-    COLUMNS
-        .iter()
-        .map(|&known| (likeness(known), known))
-        .filter(|(likeness, _)| *likeness > 0.75)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, known)| known)
-}
-
 /// A row's cells.
 struct RowCells<'a> {
-    line: u64,
     columns: &'a ColumnPlaces,
-    record: &'a ::csv::StringRecord,
-    decimal_comma: bool,
+    table: &'a Table,
+    row: &'a TableRow,
 }
 
 impl RowCells<'_> {
     /// What stands in a column; `None` for nothing.
     fn get(&self, column: &str) -> Option<&str> {
         let place = COLUMNS.iter().position(|known| *known == column)?;
-        self.record
-            .get(self.columns[place]?)
-            .filter(|cell| !cell.is_empty())
+        let cell = self.row.cells.get(self.columns[place]?)?;
+        Some(cell.as_str()).filter(|cell| !cell.is_empty())
     }
 
-    fn row(&self, folder: &Path) -> Result<ManifestRow, Vec<Problem>> {
+    fn row(&self, folder: &Path) -> Result<ManifestRow, Vec<FileProblem>> {
         let mut problems = Vec::new();
-        let mut refuse = |column: &str, what: String| {
-            problems.push(Problem {
-                line: self.line,
-                column: column.to_owned(),
-                what,
-            });
+        let mut refuse = |column: &str, found: String, accepted: &str, hint: &str| {
+            problems.push(FileProblem::new(
+                place(self.row.line, column),
+                found,
+                accepted,
+                hint,
+            ));
         };
         let video = self.get("video");
         if video.is_none() {
-            refuse("video", "it is empty; give the file of the recording".to_owned());
+            let hint = "give it, or remove the row";
+            refuse("video", "nothing".to_owned(), "the file of the recording", hint);
         }
         let mut positive = |column: &str, unit: &str| {
             let cell = self.get(column)?;
             // What a calibration would refuse, a manifest may not put in its place.
-            let number = self.number(cell).filter(|&x| (POSITIVE.holds)(x));
+            let number = self.table.number(cell).filter(|&x| (POSITIVE.holds)(x));
             if number.is_none() {
-                refuse(
-                    column,
-                    format!(
-                        "found \"{cell}\"; accepted is {}, in {unit}, or nothing for the calibration's",
-                        POSITIVE.accepted
-                    ),
-                );
+                let accepted = format!("{}, in {unit}", POSITIVE.accepted);
+                let hint = "leave the cell empty for the calibration's";
+                refuse(column, format!("{cell:?}"), &accepted, hint);
             }
             number
         };
@@ -302,31 +194,25 @@ impl RowCells<'_> {
         };
         let spin = self.spin();
         if spin.is_none() {
-            refuse(
-                "spin_ratio",
-                format!(
-                    "found \"{}\"; accepted is {} (R ω / u of the launch, 0 for no spin), unknown, or nothing for the \
-                     calibration's",
-                    self.get("spin_ratio").unwrap_or_default(),
-                    FINITE.accepted
-                ),
-            );
+            let cell = self.get("spin_ratio").unwrap_or_default();
+            let accepted = format!("{}, or unknown", FINITE.accepted);
+            let hint = "R ω / u of the launch, 0 for no spin; leave the cell empty for the calibration's";
+            refuse("spin_ratio", format!("{cell:?}"), &accepted, hint);
         }
-        if self.record.len() > self.columns.iter().flatten().count() {
-            refuse(
-                "(after the last)",
-                format!(
-                    "{} cells for {} columns; quote a cell that holds the character between cells",
-                    self.record.len(),
-                    self.columns.iter().flatten().count()
-                ),
+        let (cells, columns) = (self.row.cells.len(), self.table.columns.len());
+        if cells > columns {
+            let (found, accepted) = (
+                format!("{cells} cells"),
+                format!("at most {columns}, one a column"),
             );
+            let hint = "quote a cell that holds the character between cells";
+            refuse("(after the last)", found, &accepted, hint);
         }
         if !problems.is_empty() {
             return Err(problems);
         }
         Ok(ManifestRow {
-            line: self.line,
+            line: self.row.line,
             video: folder.join(video.unwrap_or_default()),
             calib: self.get("calib").map(|calib| folder.join(calib)),
             group: self.get("group").map(str::to_owned),
@@ -348,18 +234,10 @@ impl RowCells<'_> {
         {
             return Some(LaunchSpin::Unknown);
         }
-        self.number(cell)
+        self.table
+            .number(cell)
             .filter(|&x| (FINITE.holds)(x))
             .map(LaunchSpin::Ratio)
-    }
-
-    fn number(&self, cell: &str) -> Option<f64> {
-        let cell = cell.replace('\u{2212}', "-");
-        if self.decimal_comma && cell.contains(',') {
-            cell.replace(',', ".").parse().ok()
-        } else {
-            cell.parse().ok()
-        }
     }
 }
 
@@ -412,16 +290,17 @@ mod tests {
         ] {
             let text = refused(&format!("{name},group\na.mp4,b\n"));
             assert!(
-                text.contains(&format!("column {name}: unknown; was {meant} meant?")),
+                text.contains(&format!("column {name}: found an unknown column"))
+                    && text.contains(&format!("did you mean {meant}?")),
                 "{text}"
             );
             assert!(text.contains("lab/m.csv") && text.contains("line 1"), "{text}");
         }
         assert!(
             refused("video,weather\na.mp4,fine\n")
-                .contains("column weather: unknown; Accepted: video, calib")
+                .contains("column weather: found an unknown column; accepted: video, calib")
         );
-        assert!(refused("group\nsteel\n").contains("column video: it is missing"));
+        assert!(refused("group\nsteel\n").contains("column video: found nothing"));
         assert!(refused("video,video\na,b\n").contains("it is there twice"));
     }
 
@@ -432,7 +311,7 @@ mod tests {
         );
         for words in [
             "7 problems",
-            "line 2, column video: it is empty",
+            "line 2, column video: found nothing",
             "line 3, column frame_rate_hz: found \"-1\"",
             "line 3, column ball_radius_m: found \"abc\"",
             "line 3, column spin_ratio: found \"fast\"",
@@ -442,7 +321,7 @@ mod tests {
         ] {
             assert!(text.contains(words), "{words}: {text}");
         }
-        assert!(refused("video\na.mp4,b\n").contains("2 cells for 1 columns"));
+        assert!(refused("video\na.mp4,b\n").contains("found 2 cells; accepted: at most 1"));
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! From paths and a manifest to the list of recordings: which files, what each is called, which calibration it has.
 
-use super::manifest::{self, ManifestError, ManifestRow};
+use super::manifest::{self, ManifestRow};
 use super::names::{names, stem, whole};
 use super::{BatchRecording, CalibrationChanges};
+use crate::config::FileError;
 use crate::frames::pictures_in;
 use crate::rebound::fit::series::DEFAULT_GROUP;
 use std::collections::HashMap;
@@ -87,7 +88,7 @@ pub enum PlanError {
     },
     /// The manifest cannot be used.
     #[error(transparent)]
-    Manifest(#[from] ManifestError),
+    Manifest(#[from] FileError),
     /// A recording that the manifest names twice.
     #[error(
         "the manifest {}: lines {first} and {second} name the same recording, {}; keep one of them",

@@ -7,6 +7,7 @@ use super::result_store::{RESULTS, ResultStore};
 use super::series::{self, BounceRows, RowSource};
 use super::{BatchError, BatchPlan, BatchRecording, BatchSettings, RecordingOutcome, schedule};
 use crate::calibration::Calibration;
+use crate::error_chain;
 use crate::rebound::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
 use crate::report::batch_page::{self, RecordingEntry, RecordingState};
 use crate::report::documents::fit::FitDocument;
@@ -117,7 +118,7 @@ pub fn run(
             }
             .run(stop),
             Ok((_, Err(e))) => ProcessExit::Failed(format!("its process could not be started: {e}")),
-            Err(e) => ProcessExit::Failed(chain(&e)),
+            Err(e) => ProcessExit::Failed(error_chain(&e)),
         }
     };
     let (mut done, mut last) = (0_usize, 0_usize);
@@ -201,7 +202,7 @@ fn assess(recording: &BatchRecording, store: &ResultStore, settings: &BatchSetti
                 calib.display()
             ));
         }
-        let calibration = Calibration::read(calib).map_err(|e| chain(&e))?;
+        let calibration = Calibration::read(calib).map_err(|e| error_chain(&e))?;
         let bytes = std::fs::read(calib).map_err(|e| format!("cannot read {}: {e}", calib.display()))?;
         Ok((bytes, recording.changes.applied(calibration)))
     };
@@ -249,20 +250,6 @@ fn ended(recording: &BatchRecording, calibration: &Calibration, result: &Value) 
 /// A recording's page, from where the report lies.
 fn page_of(recording: &BatchRecording) -> String {
     format!("{RESULTS}/{}.report.html", recording.name)
-}
-
-/// An error with its causes, each said once.
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        let more = error.to_string();
-        if !text.contains(&more) {
-            text = format!("{text}: {more}");
-        }
-        cause = error.source();
-    }
-    text
 }
 
 /// Bytes of a recording: what its time is estimated by.

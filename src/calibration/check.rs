@@ -4,7 +4,7 @@
 //! of the file refuses is a problem as it stands; the rest is judged here, by itself and against a recording.
 
 use super::finding::Finding;
-use super::{Calibration, CalibrationError, Lens, Problem, ScaleEvidence, View, file};
+use super::{Calibration, CalibrationError, FileProblem, Lens, ScaleEvidence, View, file};
 use crate::frames::SourceInfo;
 use crate::geometry::PixelPoint;
 use std::f64::consts::PI;
@@ -55,7 +55,7 @@ impl Findings {
         self.all
     }
 
-    fn refused(&mut self, problem: &Problem) {
+    fn refused(&mut self, problem: &FileProblem) {
         self.all.push(Finding::problem(
             &problem.key,
             format!(

@@ -17,8 +17,8 @@
 //! `None`. A distorted point that has no original in the region (the far corner of a strongly distorted picture)
 //! is `None` as well.
 
-use super::error::Problem;
 use super::json::rows_text;
+use crate::config::FileProblem;
 use crate::geometry::PixelPoint;
 use nalgebra::{Matrix2, Matrix3, Vector2};
 
@@ -51,11 +51,11 @@ impl Lens {
     /// # Errors
     /// Focal lengths that are not above 0, another shape of matrix (skew included), numbers that are not finite:
     /// all that is wrong, keys beginning with `lens.`.
-    pub fn new(camera_matrix: Matrix3<f64>, distortion: [f64; 5]) -> Result<Self, Vec<Problem>> {
+    pub fn new(camera_matrix: Matrix3<f64>, distortion: [f64; 5]) -> Result<Self, Vec<FileProblem>> {
         let mut problems = Vec::new();
         problems.extend(camera_matrix_problem(&camera_matrix));
         if !distortion.iter().all(|k| k.is_finite() && k.abs() < 1e9) {
-            problems.push(Problem::new(
+            problems.push(FileProblem::new(
                 "lens.distortion",
                 format!("{distortion:?}"),
                 "five finite numbers [k1, k2, p1, p2, k3]",
@@ -204,13 +204,13 @@ impl Lens {
     }
 }
 
-fn camera_matrix_problem(m: &Matrix3<f64>) -> Option<Problem> {
+fn camera_matrix_problem(m: &Matrix3<f64>) -> Option<FileProblem> {
     let focal = |f: f64| f > 0.0 && f < 1e9;
     let centre = |c: f64| c.is_finite() && c.abs() < 1e9;
     let shape = [(0, 1), (1, 0), (2, 0), (2, 1)].iter().all(|&at| m[at] == 0.0) && m[(2, 2)] == 1.0;
     let sound = focal(m[(0, 0)]) && focal(m[(1, 1)]) && centre(m[(0, 2)]) && centre(m[(1, 2)]) && shape;
     (!sound).then(|| {
-        Problem::new(
+        FileProblem::new(
             "lens.camera_matrix",
             rows_text(m),
             "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx and fy above 0, in px",

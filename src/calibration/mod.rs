@@ -34,10 +34,11 @@ mod scale;
 mod silhouette;
 mod viewpoint;
 
+pub use crate::config::FileProblem;
 pub use deviation::Deviation;
-pub use error::{CalibrationError, Problem};
+pub use error::CalibrationError;
 pub use experiment::{BENCH_STD_RAD, Ball, Floor, FloorLine, Launch, View};
-pub(crate) use file::{FINITE, INERTIA, POSITIVE};
+pub(crate) use file::INERTIA;
 pub use finding::{Finding, Severity};
 pub use lens::Lens;
 pub use rectification::{PlaneUnit, Rectification};

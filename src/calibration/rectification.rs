@@ -12,9 +12,9 @@
 //! counts is the one with the picture's centre (from `image_size_px`; without it the lens's principal point;
 //! without either the pixel of the world's origin).
 
-use super::error::Problem;
 use super::json::rows_text;
 use super::lens::Lens;
+use crate::config::FileProblem;
 use crate::geometry::{PixelPoint, PlanePoint};
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
@@ -60,7 +60,7 @@ impl Rectification {
         lens: Option<&Lens>,
         origin_px: Option<PixelPoint>,
         up_px: [f64; 2],
-    ) -> Result<Self, Problem> {
+    ) -> Result<Self, FileProblem> {
         Ok(Self {
             lens: lens.cloned(),
             map: rotation(lens, origin_px, up_px)?,
@@ -72,7 +72,7 @@ impl Rectification {
         lens: Option<&Lens>,
         world_from_pixel: &Matrix3<f64>,
         image_size_px: Option<(usize, usize)>,
-    ) -> Result<Self, Problem> {
+    ) -> Result<Self, FileProblem> {
         Ok(Self {
             lens: lens.cloned(),
             map: homography(world_from_pixel, reference_pixel(lens, image_size_px))?,
@@ -195,8 +195,8 @@ impl Rectification {
     }
 
     /// The problem of a point that the lens model cannot undistort.
-    pub(super) fn beyond_lens(key: &str, p: PixelPoint) -> Problem {
-        Problem::new(
+    pub(super) fn beyond_lens(key: &str, p: PixelPoint) -> FileProblem {
+        FileProblem::new(
             key,
             format!("[{}, {}], which the lens model cannot undistort", p.u_px, p.v_px),
             "a pixel within the region where the distortion is one to one",
@@ -213,10 +213,10 @@ fn rotation(
     lens: Option<&Lens>,
     origin_px: Option<PixelPoint>,
     [a, b]: [f64; 2],
-) -> Result<PlaneTransform, Problem> {
+) -> Result<PlaneTransform, FileProblem> {
     let norm = a.hypot(b);
     if !(norm.is_finite() && norm > 0.0) {
-        return Err(Problem::new(
+        return Err(FileProblem::new(
             "up_px",
             format!("[{a}, {b}]"),
             "a direction [du, dv] that is not zero",
@@ -251,9 +251,9 @@ fn reference_pixel(lens: Option<&Lens>, image_size_px: Option<(usize, usize)>) -
     }
 }
 
-fn homography(given: &Matrix3<f64>, reference: Option<PixelPoint>) -> Result<PlaneTransform, Problem> {
+fn homography(given: &Matrix3<f64>, reference: Option<PixelPoint>) -> Result<PlaneTransform, FileProblem> {
     let refuse = |what: &str| {
-        Problem::new(
+        FileProblem::new(
             "scale.world_from_pixel",
             format!("{}, {what}", rows_text(given)),
             "an invertible 3x3 matrix from undistorted pixels to metres",

@@ -24,9 +24,9 @@
 //! pixels. A homography K [r1 r2 t], with square pixels (or the lens's ratio) and the distance given, says how the camera
 //! is turned: (K⁻¹ h1, K⁻¹ h2, K⁻¹ h3) = λ (r1, r2, t), λ from the depth of the plane on the axis, f from |r1| = |r2| = 1.
 
-use super::error::Problem;
 use super::lens::Lens;
 use super::rectification::Rectification;
+use crate::config::FileProblem;
 use crate::geometry::{PixelPoint, PlanePoint};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -58,7 +58,7 @@ impl Viewpoint {
         map: &Rectification,
         distance: f64,
         image_size_px: (usize, usize),
-    ) -> Result<Self, Problem> {
+    ) -> Result<Self, FileProblem> {
         let (width, height) = image_size_px;
         let middle = PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0));
         let axis = map.lens().map_or(middle, Lens::principal_point);
@@ -81,7 +81,7 @@ impl Viewpoint {
         viewpoint
             .filter(|v| sound(v.height) && sound(v.optics.focal_px))
             .ok_or_else(|| {
-                Problem::new(
+                FileProblem::new(
                     "distance_m",
                     format!("{distance}, which no camera with this homography can have"),
                     "the distance from the lens to the plane along the optical axis, in metres",

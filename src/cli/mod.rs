@@ -7,6 +7,7 @@ mod fit;
 mod measure;
 mod simulate;
 
+use crate::error_chain;
 use crate::simulate::EffectsChoice;
 use crate::simulate::scene::Switch;
 use clap::{Parser, Subcommand, ValueEnum};
@@ -124,23 +125,10 @@ pub fn run() -> ExitCode {
         Ok(Status::Done) => ExitCode::SUCCESS,
         Ok(Status::Rejected) => ExitCode::from(1),
         Err(error) => {
-            say(&format!("error: {}", chain(&error)));
+            say(&format!("error: {}", error_chain(error.as_ref())));
             ExitCode::from(2)
         }
     }
-}
-
-/// The error with its causes, each said once.
-fn chain(error: &anyhow::Error) -> String {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1) {
-        let cause = cause.to_string();
-        if !text.contains(&cause) {
-            text.push_str(": ");
-            text.push_str(&cause);
-        }
-    }
-    text
 }
 
 /// A line on stderr. A closed stderr is no reason to fail.

@@ -20,7 +20,7 @@ pub fn run(
     answer: &mut dyn FnMut(&str) -> Result<()>,
 ) -> Result<()> {
     let named = || format!("scene {}", scene.display());
-    let mut read = Scene::read(scene).with_context(named)?;
+    let mut read = Scene::read(scene)?;
     if let Some(choice) = effects {
         read.effects = choice;
     }

@@ -3,6 +3,7 @@
 
 use super::recording_metrics::{LIGHT, QUANTITIES, SECONDS, STORAGE};
 use super::study::{Metric, Run, Subject};
+use crate::config::{Closeness, nearest};
 use std::str::FromStr;
 
 /// A quantity and how large its error may be.
@@ -24,12 +25,15 @@ pub enum RequirementError {
         found: String,
     },
     /// A quantity that is not measured.
-    #[error("unknown quantity {found:?}, did you mean {nearest:?}? Known: {known}")]
+    #[error(
+        "unknown quantity {found:?}{}Known: {known}",
+        nearest.as_ref().map_or("; ".to_owned(), |n| format!(", did you mean {n:?}? "))
+    )]
     Unknown {
         /// As given.
         found: String,
         /// The most similar one.
-        nearest: String,
+        nearest: Option<String>,
         /// All of them.
         known: String,
     },
@@ -57,11 +61,10 @@ impl FromStr for Requirement {
         let name = name.trim();
         let Some(quantity) = QUANTITIES.into_iter().find(|q| q.name == name) else {
             let known: Vec<&str> = QUANTITIES.iter().map(|q| q.name).collect();
-            let alike = |known: &&&str| strsim::jaro_winkler(&name.to_lowercase(), known);
-            let nearest = known.iter().max_by(|a, b| alike(a).total_cmp(&alike(b)));
+            let nearest = nearest(name, known.iter().copied(), Closeness::Guess);
             return Err(RequirementError::Unknown {
                 found: name.to_owned(),
-                nearest: nearest.map_or("", |n| n).to_owned(),
+                nearest: nearest.map(str::to_owned),
                 known: known.join(", "),
             });
         };

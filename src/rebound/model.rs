@@ -7,6 +7,7 @@
 
 use super::impulse::{Regime, RigidMotion};
 use super::parameter::{E_X, PARAMETERS, Parameter, Theta};
+use crate::config::NumberRange;
 use crate::quantity::Quantity;
 
 /// A model with its coefficients.
@@ -21,33 +22,22 @@ pub trait ReboundLaw {
     fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64>;
 }
 
-/// What a coefficient may be.
-#[derive(Debug, Clone, Copy)]
-pub struct CoefficientRange {
-    /// In words, for messages.
-    pub accepted: &'static str,
-    /// As a test.
-    pub holds: fn(f64) -> bool,
-    /// What may have been meant.
-    pub hint: &'static str,
-}
-
 /// Of a coefficient of restitution.
-pub const RESTITUTION_RANGE: CoefficientRange = CoefficientRange {
+pub const RESTITUTION_RANGE: NumberRange = NumberRange {
     accepted: "a number from 0 to 1",
     holds: |x| (0.0..=1.0).contains(&x),
     hint: "a coefficient of restitution or a share cannot exceed 1: no rebound gains energy",
 };
 
 /// Of a tangential restitution.
-pub const TANGENTIAL_RANGE: CoefficientRange = CoefficientRange {
+pub const TANGENTIAL_RANGE: NumberRange = NumberRange {
     accepted: "a number from -1 to 1",
     holds: |x| (-1.0..=1.0).contains(&x),
     hint: "-1 is no friction, 0 leaves rolling, 1 is the ideal superball",
 };
 
 /// Of a friction.
-pub const FRICTION_RANGE: CoefficientRange = CoefficientRange {
+pub const FRICTION_RANGE: NumberRange = NumberRange {
     accepted: "0 or a positive number (to 1e15)",
     holds: |x| (0.0..=1e15).contains(&x),
     hint: "give 0 to leave it out",
@@ -59,7 +49,7 @@ pub struct Coefficient {
     /// Its key.
     pub key: &'static str,
     /// What it may be.
-    pub range: CoefficientRange,
+    pub range: NumberRange,
     /// The key of the coefficient whose value it takes where it is absent; `None`: it has to be there.
     pub same_as: Option<&'static str>,
 }
@@ -67,7 +57,7 @@ pub struct Coefficient {
 impl Coefficient {
     /// One that has to be there.
     #[must_use]
-    pub const fn required(key: &'static str, range: CoefficientRange) -> Self {
+    pub const fn required(key: &'static str, range: NumberRange) -> Self {
         Self {
             key,
             range,
@@ -77,7 +67,7 @@ impl Coefficient {
 
     /// One that takes the value of another where it is absent.
     #[must_use]
-    pub const fn like(same_as: &'static str, key: &'static str, range: CoefficientRange) -> Self {
+    pub const fn like(same_as: &'static str, key: &'static str, range: NumberRange) -> Self {
         Self {
             key,
             range,

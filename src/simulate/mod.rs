@@ -10,12 +10,12 @@ mod coverage;
 pub mod effects;
 pub mod flight;
 mod quadrature;
-mod reader;
 pub mod render;
 pub mod scene;
 pub mod truth;
 mod write;
 
+use crate::config::FileProblem;
 use crate::frames::Luma;
 use effects::{Decision, Ideal};
 use flight::Trajectory;
@@ -168,16 +168,16 @@ fn check_length(scene: &Scene, trajectory: &Trajectory) -> Result<(), SceneError
     if frames < MOST_FRAMES {
         return Ok(());
     }
-    Err(SceneError::Invalid {
-        key: "camera.frame_rate_hz".into(),
-        found: format!(
+    Err(SceneError::invalid(FileProblem::new(
+        "camera.frame_rate_hz",
+        format!(
             "{}, which makes {frames:.0} frames of {:.3} s",
             scene.camera.frame_rate_hz,
             trajectory.end_s()
         ),
-        accepted: format!("what makes at most {MOST_FRAMES:.0} frames"),
-        hint: "lower it, or ask for fewer stop.bounces or a shorter stop.tail_s".into(),
-    })
+        format!("what makes at most {MOST_FRAMES:.0} frames"),
+        "lower it, or ask for fewer stop.bounces or a shorter stop.tail_s",
+    )))
 }
 
 /// That the ball stays in front of the camera, where perspective is defined.
@@ -192,10 +192,10 @@ fn check_in_front(scene: &Scene, trajectory: &Trajectory) -> Result<(), SceneErr
     if nearest_m < distance_m {
         return Ok(());
     }
-    Err(SceneError::Invalid {
-        key: "camera.distance_m".into(),
-        found: distance_m.to_string(),
-        accepted: format!("above {nearest_m:.3}, beyond the ball's nearest place"),
-        hint: "move the camera away, or give null for one infinitely far".into(),
-    })
+    Err(SceneError::invalid(FileProblem::new(
+        "camera.distance_m",
+        distance_m.to_string(),
+        format!("above {nearest_m:.3}, beyond the ball's nearest place"),
+        "move the camera away, or give null for one infinitely far",
+    )))
 }

@@ -1,14 +1,17 @@
 //! A scene: a ball, a floor, a launch, a camera. The JSON of `contract.md`, checked.
 
 use super::effects;
-use super::reader::{ANY, FACTOR, FRACTION, GREY, NOT_NEGATIVE, POSITIVE, Section, nearest, shown};
 use crate::calibration::INERTIA;
 pub use crate::calibration::View;
+use crate::config::{
+    Closeness, Document, FINITE, FileError, FileKind, FileProblem, NumberRange, POSITIVE, Section, array,
+    nearest, read_bytes,
+};
 use crate::rebound::{Contact, ModelName};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use thiserror::Error;
 
 /// The schema this program reads.
@@ -17,51 +20,9 @@ pub const SCHEMA: &str = "track.scene/1";
 /// What can be wrong with a scene.
 #[derive(Debug, Error)]
 pub enum SceneError {
-    /// The file could not be read.
-    #[error("scene {}: cannot be read; give the path of a scene file", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is not JSON.
-    #[error("scene: not valid JSON at line {}, column {}; compare it with the example in the README", source.line(), source.column())]
-    NotJson {
-        /// Where and why.
-        #[from]
-        source: serde_json::Error,
-    },
-    /// A key that no scene has.
-    #[error("scene: unknown key {key:?}{}; known here: {known}", nearest.as_ref().map_or(String::new(), |n| format!(", did you mean {n:?}?")))]
-    UnknownKey {
-        /// Dotted name.
-        key: String,
-        /// The nearest known key.
-        nearest: Option<String>,
-        /// All known keys of that object.
-        known: String,
-    },
-    /// A key that every scene must have.
-    #[error("scene: {key} is missing; accepted: {accepted}; add it")]
-    Missing {
-        /// Dotted name.
-        key: String,
-        /// What it may be.
-        accepted: String,
-    },
-    /// A value that makes no sense.
-    #[error("scene: {key} is {found}; accepted: {accepted}; {hint}")]
-    Invalid {
-        /// Dotted name.
-        key: String,
-        /// The value.
-        found: String,
-        /// What it may be.
-        accepted: String,
-        /// What to try.
-        hint: String,
-    },
+    /// The file could not be read, or values in it make no sense.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The ball stays in the air.
     #[error(
         "scene: the ball never lands: {found}; accepted: a ball that falls to the floor within {limit_s} s; \
@@ -93,6 +54,16 @@ pub enum SceneError {
         /// Rows.
         height_px: usize,
     },
+}
+
+impl SceneError {
+    /// A value that only turns out to make no sense when the scene is put together.
+    pub(super) fn invalid(problem: FileProblem) -> Self {
+        Self::File(FileError::Invalid {
+            name: "scene".into(),
+            problems: vec![problem],
+        })
+    }
 }
 
 /// A scene, checked.
@@ -354,71 +325,119 @@ const LARGEST_PICTURE_PX: f64 = 8192.0;
 const LARGEST_RADIUS_PX: f64 = 500.0;
 const LARGEST_BLUR_PX: f64 = 50.0;
 
+/// A scene, for messages about a file.
+const KIND: FileKind = FileKind {
+    what: "scene",
+    form: "one JSON object as in fixtures/scenes",
+    source: "samples are in the folder fixtures/scenes",
+    least: "{\"schema\": \"track.scene/1\", \"contact\": {\"model\": \"mu_e\", \"restitution\": 0.8, \"friction\": 0.1}}",
+};
+/// No scene comes near it; a video named by mistake does.
+const LARGEST_FILE_BYTES: u64 = 1_000_000;
+
+// POSITIVE and FINITE are those of the calibration, which is written beside the recording and has to be accepted.
+const NOT_NEGATIVE: NumberRange = NumberRange {
+    accepted: "0 or a positive number (to 1e15)",
+    holds: |x| (0.0..=1e15).contains(&x),
+    hint: "give 0 to leave it out",
+};
+const FACTOR: NumberRange = NumberRange {
+    accepted: "a number from 0 to 10",
+    holds: |x| (0.0..=10.0).contains(&x),
+    hint: "1 is the law as it stands",
+};
+const FRACTION: NumberRange = NumberRange {
+    accepted: "a number from 0 to 1",
+    holds: |x| (0.0..=1.0).contains(&x),
+    hint: "a coefficient of restitution or a share cannot exceed 1: no rebound gains energy",
+};
+const GREY: NumberRange = NumberRange {
+    accepted: "a grey level from 0 to 255",
+    holds: |x| (0.0..=255.0).contains(&x),
+    hint: "0 is black, 255 white",
+};
+const EVEN_SIDE: NumberRange = NumberRange {
+    accepted: "an even whole number from 16 to 8192",
+    // Even, because H.264 stores colour for two by two pixels.
+    holds: |x| (16.0..=LARGEST_PICTURE_PX).contains(&x) && x % 2.0 == 0.0,
+    hint: "give [columns, rows]",
+};
+const TILT_DEG: NumberRange = NumberRange {
+    accepted: "a number from -80 to 80",
+    holds: |x| (-80.0..=80.0).contains(&x),
+    hint: "0 looks at the plane squarely",
+};
+const ROLL_DEG: NumberRange = NumberRange {
+    accepted: "a number from -45 to 45",
+    holds: |x| (-LARGEST_ROLL_DEG..=LARGEST_ROLL_DEG).contains(&x),
+    hint: "0 has up upright in the picture; above 0 it leans to the right",
+};
+const BLUR: NumberRange = NumberRange {
+    accepted: "a number from 0 to 50",
+    holds: |x| (0.0..=LARGEST_BLUR_PX).contains(&x),
+    hint: "it is the standard deviation; lenses have some 0.5 to 3 px",
+};
+const BUMP: NumberRange = NumberRange {
+    accepted: "from -500 to 500",
+    holds: |x| (-LARGEST_BUMP_PX..=LARGEST_BUMP_PX).contains(&x),
+    hint: "give [right, down] in px; tables swing by some 0.1 to 5 px",
+};
+const TAIL: NumberRange = NumberRange {
+    accepted: "a number from 0 to 60",
+    holds: |x| (0.0..=LONGEST_TAIL_S).contains(&x),
+    hint: "ask for more bounces instead",
+};
+const SLOPE_DEG: NumberRange = NumberRange {
+    accepted: "a number from -20 to 20",
+    holds: |x| (-STEEPEST_FLOOR_DEG..=STEEPEST_FLOOR_DEG).contains(&x),
+    hint: "0 is level; above 0 the floor rises along the launch",
+};
+const BENCH_SEEN: NumberRange = NumberRange {
+    accepted: "a number above 0, at most 60",
+    holds: |x| x > 0.0 && x <= LONGEST_BENCH_S,
+    hint: "give null for launch.bench where the ball is not seen before the launch",
+};
+
 impl Scene {
     /// Reads a scene file.
     ///
     /// # Errors
     /// As [`Scene::from_json`], and where the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path).map_err(|source| SceneError::Unreadable {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::from_json(&text)
+        let bytes = read_bytes(path, KIND, LARGEST_FILE_BYTES)?;
+        Self::from_bytes(&bytes, &path.display().to_string())
     }
 
     /// Reads a scene.
     ///
     /// # Errors
-    /// Names the key, what was found, what is accepted and what to try.
+    /// All that is wrong: for each problem the key, what was found, what is accepted and what to try.
     pub fn from_json(text: &str) -> Result<Self, SceneError> {
-        let value: Value = serde_json::from_str(text)?;
-        let root = Section::root(
-            &value,
-            &[
-                "schema",
-                "seed",
-                "gravity_m_s2",
-                "ball",
-                "contact",
-                "floor",
-                "launch",
-                "air",
-                "camera",
-                "look",
-                "stop",
-                "tolerance_px",
-                "tolerance_grey",
-                "effects",
-            ],
-        )?;
-        check_schema(&root)?;
-        let gravity_m_s2 = root.number("gravity_m_s2", 9.81, POSITIVE)?;
-        let ball = read_ball(&root)?;
-        let scene = Self {
-            seed: root.whole("seed", 1, 0, u64::MAX)?,
-            gravity_m_s2,
-            ball,
-            contact: read_contact(&root)?,
-            floor: read_floor(&root)?,
-            launch: read_launch(&root, &ball, gravity_m_s2)?,
-            air: read_air(&root)?,
-            camera: read_camera(&root)?,
-            look: read_look(&root)?,
-            stop: read_stop(&root)?,
-            tolerance_px: root.number("tolerance_px", 0.02, POSITIVE)?,
-            tolerance_grey: root.number("tolerance_grey", 0.5, POSITIVE)?,
-            effects: read_effects(&root)?,
+        Self::from_bytes(text.as_bytes(), "scene")
+    }
+
+    fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, SceneError> {
+        let document = Document::from_bytes(bytes, name, KIND, |_| None)?;
+        let scene = read_scene(&document.top(&TOP_KEYS));
+        // What several keys get wrong together shows only where each of them is right.
+        let problems = match (scene, document.problems.into_vec()) {
+            (Some(scene), problems) if problems.is_empty() => match scene.problems_together() {
+                none if none.is_empty() => return Ok(scene),
+                problems => problems,
+            },
+            (_, problems) => problems,
         };
-        scene.check_together()?;
-        Ok(scene)
+        Err(SceneError::File(FileError::Invalid {
+            name: name.to_owned(),
+            problems,
+        }))
     }
 
     /// That the ball is not pressed flat: Hertz's law is for small dents, δ = (15 m v² / (16 E* √R))^(2/5) (Johnson 1985, 11.1),
     /// and beyond δ = R there is no ball left to have one.
-    fn check_contact(&self) -> Result<(), SceneError> {
+    fn pressed_flat(&self) -> Option<FileProblem> {
         if self.effects.of("contact_time") == Switch::Off {
-            return Ok(());
+            return None;
         }
         // Along the floor's normal.
         let (launch, floor) = (&self.launch, effects::Plane::sloping(self.floor.slope_rad));
@@ -428,233 +447,298 @@ impl Scene {
             + 2.0 * floor.gravity_towards(self.gravity_m_s2) * fall_m;
         let least_pa = 15.0 * self.ball.mass_kg * squared / (16.0 * self.ball.radius_m.powi(3));
         if self.ball.contact_modulus_pa > least_pa {
-            return Ok(());
+            return None;
         }
-        Err(SceneError::Invalid {
-            key: "ball.contact_modulus_pa".into(),
-            found: format!(
+        Some(FileProblem::new(
+            "ball.contact_modulus_pa",
+            format!(
                 "{:e}, with which the ball is pressed flat",
                 self.ball.contact_modulus_pa
             ),
-            accepted: format!("above {least_pa:.3e} for this mass, size and fall"),
-            hint: "7e10 is steel on glass, 1e7 a superball; or switch effects.contact_time off".into(),
-        })
+            format!("above {least_pa:.3e} for this mass, size and fall"),
+            "7e10 is steel on glass, 1e7 a superball; or switch effects.contact_time off",
+        ))
     }
 
     /// That a sloping floor is below the ball at the launch and where it is first seen on its bench.
-    fn check_above_floor(&self) -> Result<(), SceneError> {
+    fn in_the_floor(&self) -> Option<FileProblem> {
         let floor = effects::Plane::sloping(self.floor.slope_rad);
         let (launch, radius_m) = (&self.launch, self.ball.radius_m);
         if floor.is_level() {
-            return Ok(());
+            return None;
         }
         let seen_s = launch.bench.map_or(0.0, |bench| bench.seen_s);
         let lowest = |x_m: f64| floor.clearance_m(x_m, launch.drop_height_m, radius_m);
         let gap_m = lowest(0.0).min(lowest(-launch.speed_m_s * seen_s));
         if gap_m > 0.0 {
-            return Ok(());
+            return None;
         }
         let least_m = launch.drop_height_m - gap_m / self.floor.slope_rad.cos();
-        Err(SceneError::Invalid {
-            key: "launch.drop_height_m".into(),
-            found: format!(
+        Some(FileProblem::new(
+            "launch.drop_height_m",
+            format!(
                 "{}, in or on a floor that rises by {} degrees",
                 launch.drop_height_m,
                 self.floor.slope_rad.to_degrees()
             ),
-            accepted: format!("above {least_m:.6}"),
-            hint: "raise it, or lower floor.slope_deg or launch.bench.seen_s".into(),
+            format!("above {least_m:.6}"),
+            "raise it, or lower floor.slope_deg or launch.bench.seen_s",
+        ))
+    }
+
+    /// A ball that lies on the floor and stays there.
+    fn lies_on_floor(&self) -> Option<FileProblem> {
+        (self.launch.drop_height_m == 0.0 && self.launch.rise_speed_m_s <= 0.0).then(|| {
+            FileProblem::new(
+                "launch.drop_height_m",
+                "0 without a rise_speed_m_s",
+                "a height above 0, or a rise_speed_m_s above 0",
+                "a ball that lies on the floor never lands on it",
+            )
         })
     }
 
-    /// What only several keys together can get wrong.
-    fn check_together(&self) -> Result<(), SceneError> {
-        if self.launch.drop_height_m == 0.0 && self.launch.rise_speed_m_s <= 0.0 {
-            return Err(SceneError::Invalid {
-                key: "launch.drop_height_m".into(),
-                found: "0 without a rise_speed_m_s".into(),
-                accepted: "a height above 0, or a rise_speed_m_s above 0".into(),
-                hint: "a ball that lies on the floor never lands on it".into(),
-            });
-        }
-        self.check_above_floor()?;
+    /// An exposure or a readout that takes longer than a frame.
+    fn longer_than_a_frame(&self, key: &str, duration_s: f64) -> Option<FileProblem> {
         let interval_s = 1.0 / self.camera.frame_rate_hz;
-        let durations = [
-            ("camera.exposure_s", self.camera.exposure_s),
-            ("camera.readout_s", self.camera.readout_s),
-        ];
-        if let Some((key, found)) = durations.into_iter().find(|(_, s)| *s > interval_s) {
-            return Err(SceneError::Invalid {
-                key: key.into(),
-                found: found.to_string(),
-                accepted: format!("at most 1 / frame_rate_hz = {interval_s:.6}"),
-                hint: "shorten it or lower the frame rate".into(),
-            });
-        }
-        self.check_contact()?;
+        (duration_s > interval_s).then(|| {
+            FileProblem::new(
+                key,
+                duration_s.to_string(),
+                format!("at most 1 / frame_rate_hz = {interval_s:.6}"),
+                "shorten it or lower the frame rate",
+            )
+        })
+    }
+
+    /// A ball that fills the picture.
+    fn too_large(&self) -> Option<FileProblem> {
         let radius_px = self.ball.radius_m / self.camera.metres_per_pixel;
-        if radius_px > LARGEST_RADIUS_PX {
-            return Err(SceneError::Invalid {
-                key: "camera.metres_per_pixel".into(),
-                found: format!(
-                    "{}, a ball {:.0} px across",
-                    self.camera.metres_per_pixel,
-                    2.0 * radius_px
-                ),
-                accepted: format!(
-                    "what makes the ball at most {:.0} px across",
-                    2.0 * LARGEST_RADIUS_PX
-                ),
-                hint: "check the units of ball.radius_m and camera.metres_per_pixel, both metres".into(),
-            });
-        }
+        (radius_px > LARGEST_RADIUS_PX).then(|| {
+            let (found_px, most_px) = (2.0 * radius_px, 2.0 * LARGEST_RADIUS_PX);
+            FileProblem::new(
+                "camera.metres_per_pixel",
+                format!("{}, a ball {found_px:.0} px across", self.camera.metres_per_pixel),
+                format!("what makes the ball at most {most_px:.0} px across"),
+                "check the units of ball.radius_m and camera.metres_per_pixel, both metres",
+            )
+        })
+    }
+
+    /// A ball that begins behind the camera.
+    fn behind_camera(&self) -> Option<FileProblem> {
         let nearest_m = match self.camera.view {
             View::Side => self.camera.plane_offset_m.max(0.0) + self.ball.radius_m,
             View::Top => self.launch.drop_height_m + 2.0 * self.ball.radius_m,
         };
-        match self.camera.distance_m {
-            Some(distance_m) if distance_m <= nearest_m => Err(SceneError::Invalid {
-                key: "camera.distance_m".into(),
-                found: distance_m.to_string(),
-                accepted: format!("above {nearest_m:.3}, beyond the ball"),
-                hint: "move the camera away, or give null for one infinitely far".into(),
-            }),
-            _ => Ok(()),
+        let distance_m = self.camera.distance_m.filter(|d| *d <= nearest_m)?;
+        Some(FileProblem::new(
+            "camera.distance_m",
+            distance_m.to_string(),
+            format!("above {nearest_m:.3}, beyond the ball"),
+            "move the camera away, or give null for one infinitely far",
+        ))
+    }
+
+    /// What only several keys together can get wrong.
+    fn problems_together(&self) -> Vec<FileProblem> {
+        [
+            self.launch.bench.and_then(|bench| self.falls_through(&bench)),
+            self.launch.bench.and_then(|_| self.stays_on_bench()),
+            self.lies_on_floor(),
+            self.in_the_floor(),
+            self.longer_than_a_frame("camera.exposure_s", self.camera.exposure_s),
+            self.longer_than_a_frame("camera.readout_s", self.camera.readout_s),
+            self.pressed_flat(),
+            self.too_large(),
+            self.behind_camera(),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// A bench's track that is wider than the ball.
+    fn falls_through(&self, bench: &SceneBench) -> Option<FileProblem> {
+        let diameter_m = 2.0 * self.ball.radius_m;
+        let width_m = bench.track_width_m.filter(|width_m| *width_m >= diameter_m)?;
+        Some(FileProblem::new(
+            "launch.bench.track_width_m",
+            width_m.to_string(),
+            format!("below the ball's diameter, {diameter_m}"),
+            "a wider track lets the ball through; give null for a plane bench",
+        ))
+    }
+
+    /// A ball on a bench that does not move along it and fly off its end: it presses on the edge with m (g − v²/R) while it
+    /// is slow, and tips round it.
+    fn stays_on_bench(&self) -> Option<FileProblem> {
+        let launch = &self.launch;
+        if launch.rise_speed_m_s != 0.0 {
+            return Some(FileProblem::new(
+                "launch.rise_speed_m_s",
+                launch.rise_speed_m_s.to_string(),
+                "0 with a launch.bench, which is level",
+                "remove it, or give null for launch.bench",
+            ));
         }
+        let speed_m_s = launch.speed_m_s;
+        let least_m_s = (self.gravity_m_s2 * self.ball.radius_m).sqrt();
+        if speed_m_s > 0.0 && speed_m_s >= least_m_s {
+            return None;
+        }
+        Some(FileProblem::new(
+            "launch.speed_m_s",
+            format!("{speed_m_s}, so slow that the ball tips round the edge of launch.bench"),
+            format!("above sqrt(g R) = {least_m_s:.4}"),
+            "raise it, or give null for launch.bench",
+        ))
     }
 }
 
-fn check_schema(root: &Section<'_>) -> Result<(), SceneError> {
-    match root.get("schema") {
-        Some(Value::String(s)) if s == SCHEMA => Ok(()),
-        Some(other) => Err(root.invalid(
+const TOP_KEYS: [&str; 14] = [
+    "schema",
+    "seed",
+    "gravity_m_s2",
+    "ball",
+    "contact",
+    "floor",
+    "launch",
+    "air",
+    "camera",
+    "look",
+    "stop",
+    "tolerance_px",
+    "tolerance_grey",
+    "effects",
+];
+
+/// The scene, with defaults in place of what is wrong; `None` without a contact.
+fn read_scene(top: &Section<'_>) -> Option<Scene> {
+    check_schema(top);
+    let contact = read_contact(top);
+    let ball = read_ball(top);
+    Some(Scene {
+        seed: top.whole("seed", 0..=u64::MAX).unwrap_or(1),
+        gravity_m_s2: top.number("gravity_m_s2", POSITIVE).unwrap_or(9.81),
+        ball,
+        floor: read_floor(top),
+        launch: read_launch(top, &ball),
+        air: read_air(top),
+        camera: read_camera(top),
+        look: read_look(top),
+        stop: read_stop(top),
+        tolerance_px: top.number("tolerance_px", POSITIVE).unwrap_or(0.02),
+        tolerance_grey: top.number("tolerance_grey", POSITIVE).unwrap_or(0.5),
+        effects: read_effects(top),
+        // Last, so that all other problems are noted where it is missing.
+        contact: contact?,
+    })
+}
+
+fn check_schema(top: &Section<'_>) {
+    if top.get("schema").and_then(Value::as_str) != Some(SCHEMA) {
+        top.refuse_value(
             "schema",
-            other,
-            &format!("{SCHEMA:?}"),
-            "this program reads that version",
-        )),
-        None => Err(SceneError::Missing {
-            key: "schema".into(),
-            accepted: format!("{SCHEMA:?}"),
-        }),
+            format!("{SCHEMA:?}"),
+            "this version of track reads that schema: begin the file with it",
+        );
     }
 }
 
-fn read_ball(root: &Section<'_>) -> Result<SceneBall, SceneError> {
-    let s = root.section(
-        "ball",
-        &[
-            "radius_m",
-            "mass_kg",
-            "inertia_factor",
-            "contact_modulus_pa",
-            "drag_factor",
-            "lift_factor",
-        ],
-    )?;
-    Ok(SceneBall {
-        radius_m: s.number("radius_m", 0.0125, POSITIVE)?,
-        mass_kg: s.number("mass_kg", 0.0639, POSITIVE)?,
-        inertia_factor: s.number(
-            "inertia_factor",
-            0.4,
-            super::reader::NumberRange {
-                words: INERTIA.accepted,
-                test: INERTIA.holds,
-                hint: "0.4 is a solid sphere, 0.667 a thin shell",
-            },
-        )?,
-        contact_modulus_pa: s.number("contact_modulus_pa", 7e10, POSITIVE)?,
-        drag_factor: s.number("drag_factor", 1.0, FACTOR)?,
-        lift_factor: s.number("lift_factor", 1.0, FACTOR)?,
-    })
+fn read_ball(top: &Section<'_>) -> SceneBall {
+    let keys = [
+        "radius_m",
+        "mass_kg",
+        "inertia_factor",
+        "contact_modulus_pa",
+        "drag_factor",
+        "lift_factor",
+    ];
+    let s = top.section_or_empty("ball", &keys);
+    SceneBall {
+        radius_m: s.number("radius_m", POSITIVE).unwrap_or(0.0125),
+        mass_kg: s.number("mass_kg", POSITIVE).unwrap_or(0.0639),
+        inertia_factor: s.number("inertia_factor", INERTIA).unwrap_or(0.4),
+        contact_modulus_pa: s.number("contact_modulus_pa", POSITIVE).unwrap_or(7e10),
+        drag_factor: s.number("drag_factor", FACTOR).unwrap_or(1.0),
+        lift_factor: s.number("lift_factor", FACTOR).unwrap_or(1.0),
+    }
 }
 
-fn read_contact(root: &Section<'_>) -> Result<Contact, SceneError> {
+fn read_contact(top: &Section<'_>) -> Option<Contact> {
     let choices = ModelName::ALL.map(|name| (name.name(), name));
-    if root.get("contact").is_none() {
+    let Some(Value::Object(keys)) = top.get("contact") else {
         let names = choices.map(|(name, _)| format!("\"{name}\""));
-        return Err(SceneError::Missing {
-            key: "contact".into(),
-            accepted: format!("{{\"model\": {}, \"restitution\": ..., ...}}", names.join(" | ")),
-        });
-    }
-    let keys = |name: ModelName| name.facts().coefficients.iter().map(|c| c.key);
-    let mut every_key = vec!["model"];
-    for key in ModelName::ALL.into_iter().flat_map(keys) {
-        if !every_key.contains(&key) {
-            every_key.push(key);
-        }
-    }
-    let name = root.section("contact", &every_key)?.choice("model", &choices)?;
-    every_key.retain(|key| *key == "model" || keys(name).any(|own| own == *key));
-    let s = root.section("contact", &every_key)?;
-    let mut values: Vec<f64> = Vec::new();
-    for coefficient in name.facts().coefficients {
-        let accept = super::reader::NumberRange {
-            words: coefficient.range.accepted,
-            test: coefficient.range.holds,
-            hint: coefficient.range.hint,
-        };
-        let same_as = coefficient
-            .same_as
-            .and_then(|other| keys(name).position(|key| key == other));
-        values.push(match same_as {
-            Some(place) => s.number(coefficient.key, values[place], accept)?,
-            None => s.required_number(coefficient.key, accept)?,
-        });
-    }
-    name.with_coefficients(&values)
-        .map_err(|contradiction| SceneError::Invalid {
-            key: s.name(contradiction.key),
-            found: keys(name)
-                .position(|key| key == contradiction.key)
-                .map_or_else(String::new, |place| values[place].to_string()),
-            accepted: contradiction.accepted,
-            hint: contradiction.hint.into(),
-        })
-}
-
-fn read_floor(root: &Section<'_>) -> Result<SceneFloor, SceneError> {
-    let s = root.section("floor", &["slope_deg"])?;
-    let slope_deg = s.number(
-        "slope_deg",
-        0.0,
-        super::reader::NumberRange {
-            words: "a number from -20 to 20",
-            test: |x| (-STEEPEST_FLOOR_DEG..=STEEPEST_FLOOR_DEG).contains(&x),
-            hint: "0 is level; above 0 the floor rises along the launch",
-        },
-    )?;
-    Ok(SceneFloor {
-        slope_rad: slope_deg.to_radians(),
-    })
-}
-
-fn read_launch(root: &Section<'_>, ball: &SceneBall, gravity_m_s2: f64) -> Result<SceneLaunch, SceneError> {
-    let s = root.section(
-        "launch",
-        &[
-            "drop_height_m",
-            "speed_m_s",
-            "spin_ratio",
-            "rise_speed_m_s",
-            "bench",
-        ],
-    )?;
-    let bench = read_bench(&s, ball.radius_m)?;
-    let rolling = bench.map_or(0.0, |bench| bench.rolling_ratio(ball.radius_m));
-    let launch = SceneLaunch {
-        drop_height_m: s.number("drop_height_m", 0.10, NOT_NEGATIVE)?,
-        speed_m_s: s.number("speed_m_s", 1.0, NOT_NEGATIVE)?,
-        spin_ratio: s.numbers("spin_ratio", [0.0, rolling, 0.0], ANY)?,
-        rise_speed_m_s: s.number("rise_speed_m_s", 0.0, ANY)?,
-        bench,
+        top.refuse_value(
+            "contact",
+            format!("{{\"model\": {}, \"restitution\": ..., ...}}", names.join(" | ")),
+            "say what the floor does to the ball: it has no default",
+        );
+        return None;
     };
-    if bench.is_some() {
-        check_leaves_bench(&launch, ball.radius_m, gravity_m_s2)?;
+    // Which keys it may have depends on the model.
+    let unchecked = top.inner("contact", keys);
+    let name = match unchecked.get("model") {
+        None => choices[0].1,
+        Some(_) => unchecked.choice("model", &choices, "take one of these words")?,
+    };
+    let coefficients = name.facts().coefficients;
+    let own = coefficients.iter().map(|c| c.key);
+    let s = top.section("contact", &["model"].into_iter().chain(own).collect::<Vec<_>>())?;
+    let mut values: Vec<Option<f64>> = Vec::new();
+    for coefficient in coefficients {
+        let (key, range) = (coefficient.key, coefficient.range);
+        let same_as = coefficients
+            .iter()
+            .position(|other| Some(other.key) == coefficient.same_as);
+        values.push(match same_as {
+            Some(place) => s.number(key, range).or(values[place]),
+            None => s.required_number(key, range),
+        });
     }
-    Ok(launch)
+    let values: Vec<f64> = values.into_iter().collect::<Option<_>>()?;
+    let contradiction = match name.with_coefficients(&values) {
+        Ok(contact) => return Some(contact),
+        Err(contradiction) => contradiction,
+    };
+    let place = coefficients.iter().position(|c| c.key == contradiction.key);
+    s.refuse(
+        s.key(contradiction.key),
+        place.map_or_else(String::new, |place| values[place].to_string()),
+        contradiction.accepted,
+        contradiction.hint,
+    );
+    None
+}
+
+fn read_floor(top: &Section<'_>) -> SceneFloor {
+    let s = top.section_or_empty("floor", &["slope_deg"]);
+    SceneFloor {
+        slope_rad: s.number("slope_deg", SLOPE_DEG).unwrap_or(0.0).to_radians(),
+    }
+}
+
+fn read_launch(top: &Section<'_>, ball: &SceneBall) -> SceneLaunch {
+    let keys = [
+        "drop_height_m",
+        "speed_m_s",
+        "spin_ratio",
+        "rise_speed_m_s",
+        "bench",
+    ];
+    let s = top.section_or_empty("launch", &keys);
+    let bench = read_bench(&s);
+    let rolling = bench.map_or(0.0, |bench| bench.rolling_ratio(ball.radius_m));
+    SceneLaunch {
+        drop_height_m: s.number("drop_height_m", NOT_NEGATIVE).unwrap_or(0.10),
+        speed_m_s: s.number("speed_m_s", NOT_NEGATIVE).unwrap_or(1.0),
+        spin_ratio: s
+            .numbers("spin_ratio", FINITE, "a list of 3 numbers")
+            .unwrap_or([0.0, rolling, 0.0]),
+        rise_speed_m_s: s.number("rise_speed_m_s", FINITE).unwrap_or(0.0),
+        bench,
+    }
 }
 
 impl SceneBench {
@@ -665,297 +749,195 @@ impl SceneBench {
     }
 }
 
-fn read_bench(launch: &Section<'_>, radius_m: f64) -> Result<Option<SceneBench>, SceneError> {
-    if launch.get("bench").is_none() {
-        return Ok(None);
-    }
+fn read_bench(launch: &Section<'_>) -> Option<SceneBench> {
     let s = launch.section("bench", &["seen_s", "track_width_m", "bench_grey"])?;
-    let bench = SceneBench {
-        seen_s: s.number(
-            "seen_s",
-            0.15,
-            super::reader::NumberRange {
-                words: "a number above 0, at most 60",
-                test: |x| x > 0.0 && x <= LONGEST_BENCH_S,
-                hint: "give null for launch.bench where the ball is not seen before the launch",
-            },
-        )?,
-        track_width_m: s.optional_number("track_width_m", POSITIVE)?,
-        bench_grey: s.optional_number("bench_grey", GREY)?,
-    };
-    match bench.track_width_m {
-        Some(width_m) if width_m >= 2.0 * radius_m => Err(SceneError::Invalid {
-            key: s.name("track_width_m"),
-            found: width_m.to_string(),
-            accepted: format!("below the ball's diameter, {}", 2.0 * radius_m),
-            hint: "a wider track lets the ball through; give null for a plane bench".into(),
-        }),
-        _ => Ok(Some(bench)),
-    }
-}
-
-/// That a ball on a bench moves along it, and flies off its end: it presses on the edge with m (g − v²/R) else, and tips
-/// round it.
-fn check_leaves_bench(launch: &SceneLaunch, radius_m: f64, gravity_m_s2: f64) -> Result<(), SceneError> {
-    if launch.rise_speed_m_s != 0.0 {
-        return Err(SceneError::Invalid {
-            key: "launch.rise_speed_m_s".into(),
-            found: launch.rise_speed_m_s.to_string(),
-            accepted: "0 with a launch.bench, which is level".into(),
-            hint: "remove it, or give null for launch.bench".into(),
-        });
-    }
-    let speed_m_s = launch.speed_m_s;
-    let least_m_s = (gravity_m_s2 * radius_m).sqrt();
-    if speed_m_s > 0.0 && speed_m_s >= least_m_s {
-        return Ok(());
-    }
-    Err(SceneError::Invalid {
-        key: "launch.speed_m_s".into(),
-        found: format!("{speed_m_s}, so slow that the ball tips round the edge of launch.bench"),
-        accepted: format!("above sqrt(g R) = {least_m_s:.4}"),
-        hint: "raise it, or give null for launch.bench".into(),
+    Some(SceneBench {
+        seen_s: s.number("seen_s", BENCH_SEEN).unwrap_or(0.15),
+        track_width_m: s.number("track_width_m", POSITIVE),
+        bench_grey: s.number("bench_grey", GREY),
     })
 }
 
-fn read_air(root: &Section<'_>) -> Result<SceneAir, SceneError> {
-    let s = root.section("air", &["density_kg_m3", "viscosity_pa_s"])?;
-    Ok(SceneAir {
-        density_kg_m3: s.number("density_kg_m3", 1.204, NOT_NEGATIVE)?,
-        viscosity_pa_s: s.number("viscosity_pa_s", 1.81e-5, POSITIVE)?,
-    })
+fn read_air(top: &Section<'_>) -> SceneAir {
+    let s = top.section_or_empty("air", &["density_kg_m3", "viscosity_pa_s"]);
+    SceneAir {
+        density_kg_m3: s.number("density_kg_m3", NOT_NEGATIVE).unwrap_or(1.204),
+        viscosity_pa_s: s.number("viscosity_pa_s", POSITIVE).unwrap_or(1.81e-5),
+    }
 }
 
-fn read_camera(root: &Section<'_>) -> Result<Camera, SceneError> {
-    let s = root.section(
-        "camera",
-        &[
-            "view",
-            "image_size_px",
-            "frame_rate_hz",
-            "exposure_s",
-            "metres_per_pixel",
-            "origin_px",
-            "distance_m",
-            "plane_offset_m",
-            "tilt_deg",
-            "roll_deg",
-            "bump",
-            "lens",
-            "readout_s",
-            "blur_px",
-            "noise_grey",
-            "electrons_per_grey",
-            "codec",
-            "crf",
-        ],
-    )?;
-    let size = s.numbers(
+fn read_camera(top: &Section<'_>) -> Camera {
+    let keys = [
+        "view",
         "image_size_px",
-        [1280.0, 720.0],
-        super::reader::NumberRange {
-            words: "an even whole number from 16 to 8192",
-            // Even, because H.264 stores colour for two by two pixels.
-            test: |x| (16.0..=LARGEST_PICTURE_PX).contains(&x) && x % 2.0 == 0.0,
-            hint: "give [columns, rows]",
-        },
-    )?;
-    let crf = s.whole("crf", 14, 0, 51)?;
-    let lens = read_lens(&s)?;
-    let metres_per_pixel = s.number("metres_per_pixel", 0.0008, POSITIVE)?;
-    let lossy = s.choice("codec", &[("h264", true), ("lossless", false)])?;
-    Ok(Camera {
-        view: s.choice("view", &[("side", View::Side), ("top", View::Top)])?,
+        "frame_rate_hz",
+        "exposure_s",
+        "metres_per_pixel",
+        "origin_px",
+        "distance_m",
+        "plane_offset_m",
+        "tilt_deg",
+        "roll_deg",
+        "bump",
+        "lens",
+        "readout_s",
+        "blur_px",
+        "noise_grey",
+        "electrons_per_grey",
+        "codec",
+        "crf",
+    ];
+    let s = top.section_or_empty("camera", &keys);
+    let [width_px, height_px] = s
+        .numbers("image_size_px", EVEN_SIDE, "a list of 2 numbers")
+        .unwrap_or([1280.0, 720.0]);
+    let crf = s.whole("crf", 0..=51).unwrap_or(14);
+    let lens = read_lens(&s);
+    let metres_per_pixel = s.number("metres_per_pixel", POSITIVE).unwrap_or(0.0008);
+    let words = "take one of these words";
+    let views = [("side", View::Side), ("top", View::Top)];
+    let lossless = s.choice("codec", &[("h264", false), ("lossless", true)], words);
+    let [tilt_rad, roll_rad] = [("tilt_deg", TILT_DEG), ("roll_deg", ROLL_DEG)]
+        .map(|(key, range)| s.number(key, range).unwrap_or(0.0).to_radians());
+    Camera {
+        view: s.choice("view", &views, words).unwrap_or(View::Side),
         // Checked above: whole, and far inside usize.
-        width_px: size[0] as usize,
-        height_px: size[1] as usize,
-        frame_rate_hz: s.number("frame_rate_hz", 240.0, POSITIVE)?,
-        exposure_s: s.number("exposure_s", 0.0005, NOT_NEGATIVE)?,
+        width_px: width_px as usize,
+        height_px: height_px as usize,
+        frame_rate_hz: s.number("frame_rate_hz", POSITIVE).unwrap_or(240.0),
+        exposure_s: s.number("exposure_s", NOT_NEGATIVE).unwrap_or(0.0005),
         metres_per_pixel,
-        origin_px: s.numbers("origin_px", [120.0, 660.0], ANY)?,
+        origin_px: s
+            .numbers("origin_px", FINITE, "a list of 2 numbers")
+            .unwrap_or([120.0, 660.0]),
         distance_m: s
-            .optional_number("distance_m", POSITIVE)?
+            .number("distance_m", POSITIVE)
             .or(lens.map(|l| l.focal_px() * metres_per_pixel)),
-        plane_offset_m: s.number("plane_offset_m", 0.0, ANY)?,
-        tilt_rad: s
-            .number(
-                "tilt_deg",
-                0.0,
-                super::reader::NumberRange {
-                    words: "a number from -80 to 80",
-                    test: |x| (-80.0..=80.0).contains(&x),
-                    hint: "0 looks at the plane squarely",
-                },
-            )?
-            .to_radians(),
-        roll_rad: s
-            .number(
-                "roll_deg",
-                0.0,
-                super::reader::NumberRange {
-                    words: "a number from -45 to 45",
-                    test: |x| (-LARGEST_ROLL_DEG..=LARGEST_ROLL_DEG).contains(&x),
-                    hint: "0 has up upright in the picture; above 0 it leans to the right",
-                },
-            )?
-            .to_radians(),
-        bump: read_bump(&s)?,
+        plane_offset_m: s.number("plane_offset_m", FINITE).unwrap_or(0.0),
+        tilt_rad,
+        roll_rad,
+        bump: read_bump(&s),
         lens,
-        readout_s: s.number("readout_s", 0.0, NOT_NEGATIVE)?,
-        blur_px: s.number(
-            "blur_px",
-            0.7,
-            super::reader::NumberRange {
-                words: "a number from 0 to 50",
-                test: |x| (0.0..=LARGEST_BLUR_PX).contains(&x),
-                hint: "it is the standard deviation; lenses have some 0.5 to 3 px",
-            },
-        )?,
-        noise_grey: s.number("noise_grey", 2.0, NOT_NEGATIVE)?,
-        electrons_per_grey: s.optional_number("electrons_per_grey", POSITIVE)?,
-        codec: if lossy {
-            Codec::H264 { crf: crf as u8 }
-        } else {
+        readout_s: s.number("readout_s", NOT_NEGATIVE).unwrap_or(0.0),
+        blur_px: s.number("blur_px", BLUR).unwrap_or(0.7),
+        noise_grey: s.number("noise_grey", NOT_NEGATIVE).unwrap_or(2.0),
+        electrons_per_grey: s.number("electrons_per_grey", POSITIVE),
+        codec: if lossless == Some(true) {
             Codec::Lossless
+        } else {
+            Codec::H264 { crf: crf as u8 }
         },
+    }
+}
+
+fn read_bump(camera: &Section<'_>) -> Option<SceneBump> {
+    let s = camera.section("bump", &["amplitude_px", "frequency_hz", "decay_s"])?;
+    let amplitude_px = s.required_numbers("amplitude_px", BUMP, "a list of 2 numbers");
+    let frequency_hz = s.number("frequency_hz", POSITIVE).unwrap_or(20.0);
+    let decay_s = s.number("decay_s", POSITIVE).unwrap_or(0.015);
+    Some(SceneBump {
+        amplitude_px: Vector2::from(amplitude_px?),
+        frequency_hz,
+        decay_s,
     })
 }
 
-fn read_bump(camera: &Section<'_>) -> Result<Option<SceneBump>, SceneError> {
-    const SHIFT: super::reader::NumberRange = super::reader::NumberRange {
-        words: "from -500 to 500",
-        test: |x| (-LARGEST_BUMP_PX..=LARGEST_BUMP_PX).contains(&x),
-        hint: "give [right, down] in px; tables swing by some 0.1 to 5 px",
-    };
-    if camera.get("bump").is_none() {
-        return Ok(None);
-    }
-    let s = camera.section("bump", &["amplitude_px", "frequency_hz", "decay_s"])?;
-    if s.get("amplitude_px").is_none() {
-        return Err(SceneError::Missing {
-            key: s.name("amplitude_px"),
-            accepted: format!("a list of 2 numbers, each {}", SHIFT.words),
-        });
-    }
-    Ok(Some(SceneBump {
-        amplitude_px: Vector2::from(s.numbers("amplitude_px", [0.0; 2], SHIFT)?),
-        frequency_hz: s.number("frequency_hz", 20.0, POSITIVE)?,
-        decay_s: s.number("decay_s", 0.015, POSITIVE)?,
-    }))
-}
-
-fn read_lens(camera: &Section<'_>) -> Result<Option<SceneLens>, SceneError> {
-    if camera.get("lens").is_none() {
-        return Ok(None);
-    }
+fn read_lens(camera: &Section<'_>) -> Option<SceneLens> {
     let s = camera.section("lens", &["camera_matrix", "distortion"])?;
-    let wrong = |found: &Value| {
-        s.invalid(
+    let distortion = s
+        .numbers("distortion", FINITE, "a list of 5 numbers")
+        .unwrap_or([0.0; 5]);
+    let element = |x: &Value| x.as_f64();
+    let matrix = s
+        .get("camera_matrix")
+        .and_then(|value| array::<_, 3>(value, |row| array::<_, 3>(row, element)));
+    let sound = |m: &[[f64; 3]; 3]| {
+        let [[fx, skew, _], [zero, fy, _], bottom] = *m;
+        fx > 0.0 && fy > 0.0 && skew == 0.0 && zero == 0.0 && bottom == [0.0, 0.0, 1.0]
+    };
+    let Some(camera_matrix) = matrix.filter(sound) else {
+        s.refuse_value(
             "camera_matrix",
-            found,
             "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0, px",
             "copy it from a calib.json",
-        )
+        );
+        return None;
     };
-    let value = s.get("camera_matrix").ok_or_else(|| SceneError::Missing {
-        key: s.name("camera_matrix"),
-        accepted: "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]".into(),
-    })?;
-    let matrix: [[f64; 3]; 3] = serde_json::from_value(value.clone()).map_err(|_| wrong(value))?;
-    let [[fx, skew, _], [zero, fy, _], bottom] = matrix;
-    let fine = fx > 0.0 && fy > 0.0 && skew == 0.0 && zero == 0.0 && bottom == [0.0, 0.0, 1.0];
-    if !fine {
-        return Err(wrong(value));
-    }
-    Ok(Some(SceneLens {
-        camera_matrix: matrix,
-        distortion: s.numbers("distortion", [0.0; 5], ANY)?,
-    }))
+    Some(SceneLens {
+        camera_matrix,
+        distortion,
+    })
 }
 
-fn read_look(root: &Section<'_>) -> Result<SceneLook, SceneError> {
-    let s = root.section(
-        "look",
-        &[
-            "background_grey",
-            "floor_grey",
-            "ball_grey",
-            "shading",
-            "highlight_grey",
-            "texture_grey",
-            "reflection",
-            "shadow",
-            "unevenness",
-            "flicker",
-            "flicker_hz",
-        ],
-    )?;
-    let shading = s.number("shading", 0.5, FRACTION)?;
-    let background_grey = s.number("background_grey", 60.0, GREY)?;
-    Ok(SceneLook {
+fn read_look(top: &Section<'_>) -> SceneLook {
+    let keys = [
+        "background_grey",
+        "floor_grey",
+        "ball_grey",
+        "shading",
+        "highlight_grey",
+        "texture_grey",
+        "reflection",
+        "shadow",
+        "unevenness",
+        "flicker",
+        "flicker_hz",
+    ];
+    let s = top.section_or_empty("look", &keys);
+    let shading = s.number("shading", FRACTION).unwrap_or(0.5);
+    let background_grey = s.number("background_grey", GREY).unwrap_or(60.0);
+    let share = |key: &str| s.number(key, FRACTION).unwrap_or(0.0);
+    SceneLook {
         background_grey,
-        floor_grey: s.number("floor_grey", background_grey, GREY)?,
-        ball_grey: s.number("ball_grey", 200.0, GREY)?,
+        floor_grey: s.number("floor_grey", GREY).unwrap_or(background_grey),
+        ball_grey: s.number("ball_grey", GREY).unwrap_or(200.0),
         shading,
         // A flat ball has no highlight; a shaded one looks painted without it.
-        highlight_grey: s.number("highlight_grey", 80.0 * shading, GREY)?,
-        texture_grey: s.number("texture_grey", 0.0, GREY)?,
-        reflection: s.number("reflection", 0.0, FRACTION)?,
-        shadow: s.number("shadow", 0.0, FRACTION)?,
-        unevenness: s.number("unevenness", 0.0, FRACTION)?,
-        flicker: s.number("flicker", 0.0, FRACTION)?,
-        flicker_hz: s.number("flicker_hz", 100.0, POSITIVE)?,
-    })
+        highlight_grey: s.number("highlight_grey", GREY).unwrap_or(80.0 * shading),
+        texture_grey: s.number("texture_grey", GREY).unwrap_or(0.0),
+        reflection: share("reflection"),
+        shadow: share("shadow"),
+        unevenness: share("unevenness"),
+        flicker: share("flicker"),
+        flicker_hz: s.number("flicker_hz", POSITIVE).unwrap_or(100.0),
+    }
 }
 
-fn read_stop(root: &Section<'_>) -> Result<Stop, SceneError> {
-    let s = root.section("stop", &["bounces", "tail_s"])?;
-    Ok(Stop {
-        bounces: s.whole("bounces", 2, 1, MOST_BOUNCES)? as usize,
-        tail_s: s.number(
-            "tail_s",
-            0.05,
-            super::reader::NumberRange {
-                words: "a number from 0 to 60",
-                test: |x| (0.0..=LONGEST_TAIL_S).contains(&x),
-                hint: "ask for more bounces instead",
-            },
-        )?,
-    })
+fn read_stop(top: &Section<'_>) -> Stop {
+    let s = top.section_or_empty("stop", &["bounces", "tail_s"]);
+    Stop {
+        bounces: s.whole("bounces", 1..=MOST_BOUNCES).unwrap_or(2) as usize,
+        tail_s: s.number("tail_s", TAIL).unwrap_or(0.05),
+    }
 }
 
-fn read_effects(root: &Section<'_>) -> Result<EffectsChoice, SceneError> {
+fn read_effects(top: &Section<'_>) -> EffectsChoice {
     let names = effects::names();
-    match root.get("effects") {
-        None => Ok(EffectsChoice::all(Switch::Auto)),
-        Some(Value::Object(map)) => {
-            // Opening the section checks the names.
-            let s = root.section("effects", &names)?;
+    let automatic = EffectsChoice::all(Switch::Auto);
+    match top.get("effects") {
+        None => automatic,
+        Some(Value::Object(_)) => {
+            let s = top.section_or_empty("effects", &names);
             let words = [("auto", Switch::Auto), ("on", Switch::On), ("off", Switch::Off)];
-            let named = map
-                .keys()
-                .map(|name| Ok((name.clone(), s.choice(name, &words)?)))
-                .collect::<Result<_, SceneError>>()?;
-            Ok(EffectsChoice {
-                default: Switch::Auto,
-                named,
-            })
+            let switch = |name: &&str| s.choice(name, &words, "take one of these words");
+            let named = names
+                .iter()
+                .filter_map(|name| Some(((*name).to_owned(), switch(name)?)))
+                .collect();
+            EffectsChoice { named, ..automatic }
         }
-        Some(value) => parse_effects_word(value.as_str().unwrap_or_default()).ok_or_else(|| {
-            let hint = value
-                .as_str()
-                .and_then(|word| nearest(word, &["auto", "all", "none"]))
-                .map_or_else(
+        Some(value) => {
+            let word = value.as_str().unwrap_or_default();
+            parse_effects_word(word).unwrap_or_else(|| {
+                let hint = nearest(word, ["auto", "all", "none"], Closeness::Guess).map_or_else(
                     || format!("known effects: {}", names.join(", ")),
                     |n| format!("did you mean {n:?}?"),
                 );
-            SceneError::Invalid {
-                key: "effects".into(),
-                found: shown(value),
-                accepted: "\"auto\", \"all\", \"none\" or {\"<effect>\": \"on\" | \"off\" | \"auto\"}".into(),
-                hint,
-            }
-        }),
+                let accepted = "\"auto\", \"all\", \"none\" or {\"<effect>\": \"on\" | \"off\" | \"auto\"}";
+                top.refuse_value("effects", accepted, hint);
+                automatic
+            })
+        }
     }
 }
 

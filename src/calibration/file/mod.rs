@@ -1,20 +1,27 @@
 //! The keys of `calib.json`, one by one.
 
 mod lens;
-pub(super) mod reader;
 mod write;
 
-use super::error::{CalibrationError, Problem};
+use super::error::CalibrationError;
 use super::rectification::{HINT_UP, Rectification};
 use super::{Ball, Calibration, Floor, FloorLine, Launch, SCHEMA, Scale, View};
+use crate::config::{
+    Document, FINITE, FileError, FileKind, FileProblem, NumberRange, POSITIVE, Section, array, read_bytes,
+    text,
+};
 use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};
-pub(crate) use reader::{FINITE, POSITIVE};
-use reader::{Range, Reader, Section, array, json, text};
 use serde_json::Value;
-use std::io::{ErrorKind, Read as _};
 use std::path::Path;
 
+/// A calibration, for messages about a file.
+const KIND: FileKind = FileKind {
+    what: "calibration",
+    form: "one JSON object as in calib/README.md",
+    source: "samples are in the folder calib",
+    least: "{\"schema\": \"track.calib/1\", \"scale\": {\"gravity\": true}}",
+};
 /// No calibration comes near it; a video or a photograph named by mistake does.
 const LARGEST_FILE_BYTES: u64 = 1_000_000;
 /// Larger than any camera's picture.
@@ -43,8 +50,6 @@ const TOP_KEYS: [&str; 18] = [
 const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_factor"];
 const LAUNCH_KEYS: [&str; 3] = ["edge_x_m", "spin_ratio", "track_width_m"];
 const FLOOR_KEYS: [&str; 4] = ["slope_deg", "std_deg", "line_px", "line_std_px"];
-
-const PLAIN: &str = "write a plain number in the unit of the key's ending";
 
 /// Where a key that stands in the wrong place belongs, or what it is called here.
 pub(super) fn home_of(name: &str) -> Option<String> {
@@ -86,7 +91,7 @@ impl Calibration {
     /// # Errors
     /// As [`Self::read`], but for the file system's.
     pub fn parse(text: &str, name: &str) -> Result<Self, CalibrationError> {
-        accepted(inspect_text(text, name)?, name)
+        accepted(inspect_bytes(text.as_bytes(), name)?, name)
     }
 
     /// The calibration in the file's form: [`Self::parse`] reads the same back.
@@ -98,113 +103,72 @@ impl Calibration {
 
 /// What can be made of the file, and every problem in it.
 pub(super) fn inspect(path: &Path) -> Result<Inspected, CalibrationError> {
-    let name = path.display().to_string();
-    let mut bytes = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(LARGEST_FILE_BYTES + 1).read_to_end(&mut bytes))
-        .map_err(|source| CalibrationError::Unreadable {
-            path: path.to_owned(),
-            hint: match source.kind() {
-                ErrorKind::NotFound => "no such file; check the path (samples are in the folder calib)",
-                ErrorKind::IsADirectory => "it is a folder; name the calib.json in that folder",
-                ErrorKind::PermissionDenied => "it may not be read by this user; check its permissions",
-                _ => "the system reports an error; check the path and the disk",
-            },
-            source,
-        })?;
-    if bytes.len() as u64 > LARGEST_FILE_BYTES {
-        return Err(CalibrationError::NotJson {
-            name,
-            found: "a file above 1 MB".into(),
-            hint: "name the calib.json, not a video or picture".into(),
-        });
-    }
-    let text = std::str::from_utf8(&bytes).map_err(|error| CalibrationError::NotJson {
-        name: name.clone(),
-        found: format!("bytes that are not UTF-8 text, from byte {}", error.valid_up_to()),
-        hint: if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
-            "the file is UTF-16: save it as UTF-8".into()
-        } else {
-            "name the calib.json, not a video or picture, or save it as UTF-8".into()
-        },
-    })?;
-    inspect_text(text, &name)
+    let bytes = read_bytes(path, KIND, LARGEST_FILE_BYTES)?;
+    inspect_bytes(&bytes, &path.display().to_string())
 }
 
 /// A calibration with defaults in place of what is wrong (`None` without a scale), and what is wrong.
-pub(super) type Inspected = (Option<Calibration>, Vec<Problem>);
+pub(super) type Inspected = (Option<Calibration>, Vec<FileProblem>);
 
-fn accepted(inspected: Inspected, name: &str) -> Result<Calibration, CalibrationError> {
-    match inspected {
-        (Some(calibration), problems) if problems.is_empty() => Ok(calibration),
-        (_, problems) => Err(CalibrationError::Invalid {
+fn accepted((calibration, problems): Inspected, name: &str) -> Result<Calibration, CalibrationError> {
+    match calibration {
+        Some(calibration) if problems.is_empty() => Ok(calibration),
+        _ => Err(CalibrationError::File(FileError::Invalid {
             name: name.to_owned(),
             problems,
-        }),
+        })),
     }
 }
 
-fn inspect_text(source: &str, name: &str) -> Result<Inspected, CalibrationError> {
-    let value = json(source, name)?;
-    let Value::Object(keys) = &value else {
-        return Err(CalibrationError::NotJson {
-            name: name.to_owned(),
-            found: format!("{}, which is not an object", text(&value)),
-            hint: "put the keys in braces".into(),
-        });
-    };
-    let mut reader = Reader::default();
-    let calibration = calibration(&mut reader, &Section::top(keys));
+fn inspect_bytes(bytes: &[u8], name: &str) -> Result<Inspected, CalibrationError> {
+    let document = Document::from_bytes(bytes, name, KIND, home_of)?;
+    let calibration = calibration(&document.top(&TOP_KEYS));
+    let mut problems = document.problems.into_vec();
     if let Some(calibration) = &calibration {
-        reader.problems.extend(geometry_problems(calibration));
+        problems.extend(geometry_problems(calibration));
     }
-    Ok((calibration, reader.problems))
+    Ok((calibration, problems))
 }
 
 /// `None` where the scale itself is missing or wrong; other problems leave the default in place.
-fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
-    reader.check_keys(top, &TOP_KEYS);
-    schema(reader, top);
-    let view = view(reader, top);
-    let image_size_px = image_size(reader, top);
-    let scale = Scale::read(reader, top);
-    let origin_px = reader.pixel(top, "origin_px");
-    let origin_std_px = reader.number(
-        top,
+fn calibration(top: &Section<'_>) -> Option<Calibration> {
+    schema(top);
+    let view = view(top);
+    let image_size_px = image_size(top);
+    let scale = Scale::read(top);
+    let origin_px = top.pixel("origin_px");
+    let origin_std_px = top.number(
         "origin_std_px",
-        POSITIVE,
-        "leave it out where it is not known",
+        POSITIVE.or_try("leave it out where it is not known"),
     );
-    let up_px = up(reader, top);
-    let up_std_rad = reader
-        .number(top, "up_std_deg", UP_STD, "give degrees, or leave it out")
-        .map(f64::to_radians);
-    let (distance_m, distance_std_m) = distance(reader, top);
-    let lens = lens(reader, top);
-    let lens_std = lens_std(reader, top);
+    let up_px = up(top);
+    let up_std_rad = top.number("up_std_deg", UP_STD).map(f64::to_radians);
+    let (distance_m, distance_std_m) = distance(top);
+    let lens = lens(top);
+    let lens_std = lens_std(top);
     let homography = scale.as_ref().is_some_and(Scale::has_axes);
-    let deviations = deviations(reader, top, lens.is_some(), homography);
-    let frame_rate_hz = reader.number(
-        top,
+    let deviations = deviations(top, lens.is_some(), homography);
+    let frame_rate_hz = top.number(
         "frame_rate_hz",
-        POSITIVE,
-        "give the rate at which the camera captured, or leave it out to use the file's time stamps",
+        POSITIVE.or_try(
+            "give the rate at which the camera captured, or leave it out to use the file's time stamps",
+        ),
     );
-    let gravity_m_s2 = reader
-        .number(top, "gravity_m_s2", POSITIVE, "leave it out for 9.81")
+    let gravity_m_s2 = top
+        .number("gravity_m_s2", POSITIVE.or_try("leave it out for 9.81"))
         .unwrap_or(9.81);
-    let gravity_std_m_s2 = reader.std_uncertainty(top, "gravity_std_m_s2", Some(gravity_m_s2));
-    let ball = ball(reader, top, scale.as_ref());
-    check_outside_ball(reader, distance_m, &ball);
+    let gravity_std_m_s2 = top.std_uncertainty("gravity_std_m_s2", Some(gravity_m_s2));
+    let ball = ball(top, scale.as_ref());
+    check_outside_ball(top, distance_m, &ball);
     let has_origin = top.get("origin_px").is_some() || scale.as_ref().is_some_and(Scale::has_origin);
-    let launch = launch(reader, top, has_origin, &ball);
-    let floor = floor(reader, top);
+    let launch = launch(top, has_origin, &ball);
+    let floor = floor(top);
     if homography {
-        check_beside_homography(reader, top, up_px);
+        check_beside_homography(top, up_px);
     }
     if origin_std_px.is_some() && !has_origin {
-        reader.refuse(
-            "origin_std_px".into(),
+        top.refuse(
+            "origin_std_px",
             "no origin_px beside it",
             "only with origin_px (or world_from_pixel)",
             "give origin_px or remove it",
@@ -234,7 +198,7 @@ fn calibration(reader: &mut Reader, top: &Section<'_>) -> Option<Calibration> {
     })
 }
 
-fn schema(reader: &mut Reader, top: &Section<'_>) {
+fn schema(top: &Section<'_>) {
     let hint = match top.get("schema") {
         Some(Value::String(schema)) if schema == SCHEMA => return,
         Some(Value::String(schema)) if schema.starts_with("track.calib/") => {
@@ -246,17 +210,17 @@ fn schema(reader: &mut Reader, top: &Section<'_>) {
         _ => "begin the file with \"schema\": \"track.calib/1\"",
     };
     let found = top.get("schema").map_or("nothing".to_owned(), text);
-    reader.refuse("schema".into(), found, format!("\"{SCHEMA}\""), hint);
+    top.refuse("schema", found, format!("\"{SCHEMA}\""), hint);
 }
 
-fn view(reader: &mut Reader, top: &Section<'_>) -> View {
+fn view(top: &Section<'_>) -> View {
     match top.get("view") {
         None => View::Side,
         Some(Value::String(view)) if view == "side" => View::Side,
         Some(Value::String(view)) if view == "top" => View::Top,
         Some(other) => {
-            reader.refuse(
-                "view".into(),
+            top.refuse(
+                "view",
                 text(other),
                 "\"side\" or \"top\"",
                 "side: the camera looks at the plane of motion; top: it looks down at the floor",
@@ -266,7 +230,7 @@ fn view(reader: &mut Reader, top: &Section<'_>) -> View {
     }
 }
 
-fn image_size(reader: &mut Reader, top: &Section<'_>) -> Option<(usize, usize)> {
+fn image_size(top: &Section<'_>) -> Option<(usize, usize)> {
     let value = top.get("image_size_px")?;
     let side = |x: &Value| {
         let side = x
@@ -276,8 +240,8 @@ fn image_size(reader: &mut Reader, top: &Section<'_>) -> Option<(usize, usize)> 
     };
     let size = array::<_, 2>(value, side);
     if size.is_none() {
-        reader.refuse(
-            "image_size_px".into(),
+        top.refuse(
+            "image_size_px",
             text(value),
             format!("two whole numbers [width, height], 1 to {LARGEST_SIDE_PX}"),
             "give the size of the recording's pictures, after the rotation tag",
@@ -287,17 +251,17 @@ fn image_size(reader: &mut Reader, top: &Section<'_>) -> Option<(usize, usize)> 
 }
 
 /// A unit vector, the default where the key is missing or wrong.
-fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
+fn up(top: &Section<'_>) -> [f64; 2] {
     const DEFAULT: [f64; 2] = [0.0, -1.0];
-    let Some([du, dv]) = reader.numbers(top, "up_px", FINITE, "a direction [du, dv]", HINT_UP) else {
+    let Some([du, dv]) = top.numbers("up_px", FINITE.or_try(HINT_UP), "a direction [du, dv]") else {
         return DEFAULT;
     };
     let norm = du.hypot(dv);
     if norm >= 1e-9 {
         return [du / norm, dv / norm];
     }
-    reader.refuse(
-        "up_px".into(),
+    top.refuse(
+        "up_px",
         format!("[{du}, {dv}], which has no direction"),
         "a direction [du, dv] that is not zero",
         HINT_UP,
@@ -306,14 +270,14 @@ fn up(reader: &mut Reader, top: &Section<'_>) -> [f64; 2] {
 }
 
 /// How far the camera is from the calibrated plane, m, and its standard uncertainty.
-fn distance(reader: &mut Reader, top: &Section<'_>) -> (Option<f64>, Option<f64>) {
+fn distance(top: &Section<'_>) -> (Option<f64>, Option<f64>) {
     let hint = "the distance in metres from the lens to the calibrated plane, along the optical axis; leave it out \
                 where it is not known";
-    let distance_m = reader.number(top, "distance_m", POSITIVE, hint);
-    let distance_std_m = reader.std_uncertainty(top, "distance_std_m", distance_m);
+    let distance_m = top.number("distance_m", POSITIVE.or_try(hint));
+    let distance_std_m = top.std_uncertainty("distance_std_m", distance_m);
     if distance_std_m.is_some() && top.get("distance_m").is_none() {
-        reader.refuse(
-            "distance_std_m".into(),
+        top.refuse(
+            "distance_std_m",
             "no distance_m beside it",
             "only with distance_m",
             "give distance_m or remove it",
@@ -323,12 +287,12 @@ fn distance(reader: &mut Reader, top: &Section<'_>) -> (Option<f64>, Option<f64>
 }
 
 /// A ball that lies in the calibrated plane (on the floor, in a top view) is in front of the camera.
-fn check_outside_ball(reader: &mut Reader, distance_m: Option<f64>, ball: &Ball) {
+fn check_outside_ball(top: &Section<'_>, distance_m: Option<f64>, ball: &Ball) {
     if let (Some(distance_m), Some(radius_m)) = (distance_m, ball.radius_m)
         && distance_m <= 2.0 * radius_m
     {
-        reader.refuse(
-            "distance_m".into(),
+        top.refuse(
+            "distance_m",
             format!("{distance_m}, within the ball (ball.radius_m is {radius_m})"),
             "more than the ball's diameter",
             "check the unit: metres, from the lens to the calibrated plane",
@@ -336,22 +300,21 @@ fn check_outside_ball(reader: &mut Reader, distance_m: Option<f64>, ball: &Ball)
     }
 }
 
-fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
-    let section = reader.section(top, "ball", &BALL_KEYS);
+fn ball(top: &Section<'_>, scale: Option<&Scale>) -> Ball {
+    let section = top.section("ball", &BALL_KEYS);
     let mut ball = Ball::default();
     if let Some(section) = &section {
-        ball.radius_m = reader.number(section, "radius_m", POSITIVE, "half the diameter, in metres");
-        ball.radius_std_m = reader.std_uncertainty(section, "radius_std_m", ball.radius_m);
-        ball.mass_kg = reader.number(section, "mass_kg", POSITIVE, "give kilograms, or leave it out");
-        let hint = "I / (m R^2): 0.4 for a solid ball, 0.6667 for a thin shell such as a table tennis ball";
-        if let Some(factor) = reader.number(section, "inertia_factor", INERTIA, hint) {
+        ball.radius_m = section.number("radius_m", POSITIVE.or_try("half the diameter, in metres"));
+        ball.radius_std_m = section.std_uncertainty("radius_std_m", ball.radius_m);
+        ball.mass_kg = section.number("mass_kg", POSITIVE.or_try("give kilograms, or leave it out"));
+        if let Some(factor) = section.number("inertia_factor", INERTIA) {
             ball.inertia_factor = factor.min(2.0 / 3.0);
         }
     }
     let given = section.is_some_and(|s| s.get("radius_m").is_some());
     if scale.is_some_and(Scale::rests_on_ball) && !given {
-        reader.refuse(
-            "ball.radius_m".into(),
+        top.refuse(
+            "ball.radius_m",
             "nothing, but the ball is the scale",
             POSITIVE.accepted,
             "measure the ball's diameter and give half of it, in metres",
@@ -360,18 +323,18 @@ fn ball(reader: &mut Reader, top: &Section<'_>, scale: Option<&Scale>) -> Ball {
     ball
 }
 
-fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball) -> Launch {
+fn launch(top: &Section<'_>, has_origin: bool, ball: &Ball) -> Launch {
     let default = Launch {
         edge_x_m: has_origin.then_some(0.0),
         ..Launch::default()
     };
-    let Some(section) = reader.section(top, "launch", &LAUNCH_KEYS) else {
+    let Some(section) = top.section("launch", &LAUNCH_KEYS) else {
         return default;
     };
-    let edge = reader.number(&section, "edge_x_m", FINITE, PLAIN);
+    let edge = section.number("edge_x_m", FINITE);
     // The contract's default written out is harmless; another number would have nothing to refer to.
     if !has_origin && edge.is_some_and(|x| x != 0.0) {
-        reader.refuse(
+        section.refuse(
             section.key("edge_x_m"),
             "no origin_px, so that there is no x axis to place the edge on",
             "only with origin_px (or world_from_pixel)",
@@ -380,15 +343,13 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball)
     }
     let word = section.get("spin_ratio").and_then(Value::as_str);
     let rolling = word == Some(ROLLING);
-    let track_width_m = reader.number(
-        &section,
+    let track_width_m = section.number(
         "track_width_m",
-        POSITIVE,
-        "the distance between the two edges that the ball rolls on, in metres",
+        POSITIVE.or_try("the distance between the two edges that the ball rolls on, in metres"),
     );
     // Beside a word that is misspelt it is no second problem.
     if track_width_m.is_some() && word.is_none() {
-        reader.refuse(
+        section.refuse(
             section.key("track_width_m"),
             "a track without a ball that rolls on it",
             "only with \"spin_ratio\": \"rolling\"",
@@ -396,9 +357,9 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball)
         );
     }
     let spin = if rolling {
-        rolling_ratio(reader, &section, track_width_m, ball)
+        rolling_ratio(&section, track_width_m, ball)
     } else {
-        spin_ratio(reader, &section)
+        spin_ratio(&section)
     };
     Launch {
         edge_x_m: if section.is_explicit_null("edge_x_m") {
@@ -417,24 +378,24 @@ fn launch(reader: &mut Reader, top: &Section<'_>, has_origin: bool, ball: &Ball)
 }
 
 /// A number, where the file does not say "rolling".
-fn spin_ratio(reader: &mut Reader, section: &Section<'_>) -> Option<f64> {
-    const SPIN: Range = Range {
+fn spin_ratio(section: &Section<'_>) -> Option<f64> {
+    const SPIN: NumberRange = NumberRange {
         accepted: "a finite number (to 1e9), \"rolling\" or null",
         holds: FINITE.holds,
+        hint: "R w / u before the first impact: 0 for no spin, \"rolling\" for a ball that rolls off its bench, null for \
+               unknown",
     };
-    let hint = "R w / u before the first impact: 0 for no spin, \"rolling\" for a ball that rolls off its bench, null for \
-                unknown";
     match section.get("spin_ratio") {
         Some(Value::String(word)) if word.parse::<f64>().is_err() => {
-            reader.refuse(
+            section.refuse(
                 section.key("spin_ratio"),
                 text(&word.as_str().into()),
                 SPIN.accepted,
-                hint,
+                SPIN.hint,
             );
             None
         }
-        _ => reader.number(section, "spin_ratio", SPIN, hint),
+        _ => section.number("spin_ratio", SPIN),
     }
 }
 
@@ -442,20 +403,15 @@ fn spin_ratio(reader: &mut Reader, section: &Section<'_>) -> Option<f64> {
 pub(super) const ROLLING: &str = "rolling";
 
 /// R ω/u of a ball that rolls on its bench or track.
-fn rolling_ratio(
-    reader: &mut Reader,
-    section: &Section<'_>,
-    track_width_m: Option<f64>,
-    ball: &Ball,
-) -> Option<f64> {
+fn rolling_ratio(section: &Section<'_>, track_width_m: Option<f64>, ball: &Ball) -> Option<f64> {
     let Some(width_m) = track_width_m else {
         return Some(1.0);
     };
     let Some(radius_m) = ball.radius_m else {
         // A radius that is wrong is one problem, not two.
-        if !reader.problems.iter().any(|p| p.key.starts_with("ball")) {
-            reader.refuse(
-                "ball.radius_m".into(),
+        if !section.problems().any_of("ball") {
+            section.refuse(
+                "ball.radius_m",
                 "nothing, but launch.track_width_m is given",
                 POSITIVE.accepted,
                 "how fast a ball turns on a track depends on its radius: give half of its diameter, in metres",
@@ -465,7 +421,7 @@ fn rolling_ratio(
     };
     let ratio = Launch::rolling_ratio(radius_m, width_m);
     if ratio.is_none() {
-        reader.refuse(
+        section.refuse(
             section.key("track_width_m"),
             format!("{width_m}, through which a ball of radius {radius_m} falls"),
             "less than the ball's diameter",
@@ -479,34 +435,31 @@ fn rolling_ratio(
 const LINE_STD_PX: f64 = 1.0;
 
 /// What is known of the floor's slope.
-fn floor(reader: &mut Reader, top: &Section<'_>) -> Floor {
+fn floor(top: &Section<'_>) -> Floor {
     let default = Floor::default();
-    let Some(section) = reader.section(top, "floor", &FLOOR_KEYS) else {
+    let Some(section) = top.section("floor", &FLOOR_KEYS) else {
         return default;
     };
-    let hint = "the angle by which the floor rises along the launch, in degrees; 0 for level";
-    let slope_deg = reader.number(&section, "slope_deg", SLOPE, hint);
-    let std_deg = reader.number(
-        &section,
+    let slope_deg = section.number("slope_deg", SLOPE);
+    let std_deg = section.number(
         "std_deg",
-        UP_STD,
-        "give degrees, or leave it out for a bench's 0.1",
+        UP_STD.or_try("give degrees, or leave it out for a bench's 0.1"),
     );
     Floor {
         slope_rad: slope_deg.unwrap_or(0.0).to_radians(),
         std_rad: std_deg.map_or(default.std_rad, f64::to_radians),
         given: slope_deg.is_some() || std_deg.is_some(),
-        line: floor_line(reader, &section),
+        line: floor_line(&section),
     }
 }
 
 /// A line along the floor.
-fn floor_line(reader: &mut Reader, section: &Section<'_>) -> Option<FloorLine> {
+fn floor_line(section: &Section<'_>) -> Option<FloorLine> {
     let key = section.key("line_px");
     let hint = "read two pixels off a picture, far apart on a line along the floor in the plane of motion";
     let Some(value) = section.get("line_px") else {
         if section.get("line_std_px").is_some() {
-            reader.refuse(
+            section.refuse(
                 section.key("line_std_px"),
                 "no line_px beside it",
                 "only with line_px",
@@ -517,7 +470,7 @@ fn floor_line(reader: &mut Reader, section: &Section<'_>) -> Option<FloorLine> {
     };
     let number = |x: &Value| x.as_f64().filter(|&x| (FINITE.holds)(x));
     let Some([a, b]) = array::<_, 2>(value, |end| array::<_, 2>(end, number)) else {
-        reader.refuse(key, text(value), "two points [[u, v], [u, v]]", hint);
+        section.refuse(key, text(value), "two points [[u, v], [u, v]]", hint);
         return None;
     };
     let mut line = FloorLine {
@@ -527,7 +480,7 @@ fn floor_line(reader: &mut Reader, section: &Section<'_>) -> Option<FloorLine> {
     };
     let length_px = line.length_px();
     if length_px < FloorLine::LEAST_PX {
-        reader.refuse(
+        section.refuse(
             key,
             format!("{length_px:.1} px from end to end"),
             format!("two points {} px or more apart", FloorLine::LEAST_PX),
@@ -535,18 +488,18 @@ fn floor_line(reader: &mut Reader, section: &Section<'_>) -> Option<FloorLine> {
         );
         return None;
     }
-    if let Some(std_px) = reader.std_uncertainty(section, "line_std_px", Some(length_px)) {
+    if let Some(std_px) = section.std_uncertainty("line_std_px", Some(length_px)) {
         line.std_px = std_px;
     }
     Some(line)
 }
 
 /// A homography has its own origin and axes.
-fn check_beside_homography(reader: &mut Reader, top: &Section<'_>, up_px: [f64; 2]) {
+fn check_beside_homography(top: &Section<'_>, up_px: [f64; 2]) {
     let reason = "nothing beside world_from_pixel, which has its own origin and axes";
     if let Some(value) = top.get("origin_px") {
-        reader.refuse(
-            "origin_px".into(),
+        top.refuse(
+            "origin_px",
             text(value),
             reason,
             "remove it, or move the homography's origin",
@@ -554,27 +507,30 @@ fn check_beside_homography(reader: &mut Reader, top: &Section<'_>, up_px: [f64; 
     }
     if up_px != [0.0, -1.0] {
         let found = top.get("up_px").map_or("nothing".to_owned(), text);
-        reader.refuse("up_px".into(), found, reason, "remove it, or turn the homography");
+        top.refuse("up_px", found, reason, "remove it, or turn the homography");
     }
 }
 
-const UP_STD: Range = Range {
+const UP_STD: NumberRange = NumberRange {
     accepted: "a number above 0 (1e-15) and below 45, in degrees",
     holds: |x| (1e-15..45.0).contains(&x),
+    hint: "give degrees, or leave it out",
 };
-const SLOPE: Range = Range {
+const SLOPE: NumberRange = NumberRange {
     accepted: "a number from -45 to 45, in degrees",
     holds: |x| (-45.0..=45.0).contains(&x),
+    hint: "the angle by which the floor rises along the launch, in degrees; 0 for level",
 };
 /// To 0.667, as people write 2/3.
-pub(crate) const INERTIA: Range = Range {
+pub(crate) const INERTIA: NumberRange = NumberRange {
     accepted: "a number above 0 (1e-6), at most 2/3",
     holds: |x| (1e-6..=0.667).contains(&x),
+    hint: "I / (m R^2): 0.4 for a solid ball, 0.6667 for a thin shell such as a table tennis ball",
 };
 
 /// What only shows when the parts come together: points the lens cannot undistort, ends of a ruler or of a line along the
 /// floor outside the picture, a homography that cannot be inverted.
-fn geometry_problems(c: &Calibration) -> Vec<Problem> {
+fn geometry_problems(c: &Calibration) -> Vec<FileProblem> {
     let of = |error: Option<CalibrationError>| error.map_or(Vec::new(), |e| e.problems().to_vec());
     let mut problems = of(c.rectification().err());
     if let (true, Some(size)) = (c.scale.has_axes(), c.image_size_px)
@@ -589,7 +545,7 @@ fn geometry_problems(c: &Calibration) -> Vec<Problem> {
         if c.image_size_px
             .is_some_and(|(w, h)| !(inside(end.u_px, w) && inside(end.v_px, h)))
         {
-            problems.push(Problem::new(
+            problems.push(FileProblem::new(
                 key,
                 format!("[{}, {}], outside the picture", end.u_px, end.v_px),
                 "a pixel inside image_size_px",
@@ -601,7 +557,7 @@ fn geometry_problems(c: &Calibration) -> Vec<Problem> {
             .as_ref()
             .is_some_and(|map| map.plane_from_pixel(end).is_none())
         {
-            problems.push(Problem::new(
+            problems.push(FileProblem::new(
                 key,
                 format!("[{}, {}], beyond the plane's horizon", end.u_px, end.v_px),
                 "a pixel that shows the plane of motion",

@@ -1,7 +1,7 @@
 //! The ball as the scale: its radius in metres against the radius that the recording shows.
 
 use super::kind::{NoScale, ScaleContext, ScaleEvidence, ScaleKeys, ScaleKind, ratio, usable};
-use crate::calibration::file::reader::{Reader, Section};
+use crate::config::Section;
 use crate::quantity::Quantity;
 use serde_json::{Value, json};
 
@@ -17,9 +17,9 @@ pub(super) static KEYS: ScaleKeys = ScaleKeys {
 };
 
 impl BallScale {
-    pub(super) fn read(reader: &mut Reader, section: &Section<'_>) -> Option<Self> {
+    pub(super) fn read(section: &Section<'_>) -> Option<Self> {
         let hint = "to use another scale, replace the key; the ball's facts belong in ball, at the top level";
-        reader.flag(section, "ball", hint).map(|()| Self)
+        section.flag("ball", hint).map(|()| Self)
     }
 }
 

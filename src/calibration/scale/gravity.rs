@@ -1,8 +1,8 @@
 //! The fall as the scale: the acceleration of free fall in m/s² against the fall that the recording shows.
 
 use super::kind::{NoScale, ScaleContext, ScaleEvidence, ScaleKeys, ScaleKind, ratio, usable};
-use crate::calibration::file::reader::{Reader, Section};
 use crate::calibration::finding::Finding;
+use crate::config::Section;
 use crate::quantity::Quantity;
 use serde_json::{Value, json};
 
@@ -18,10 +18,10 @@ pub(super) static KEYS: ScaleKeys = ScaleKeys {
 };
 
 impl GravityScale {
-    pub(super) fn read(reader: &mut Reader, section: &Section<'_>) -> Option<Self> {
+    pub(super) fn read(section: &Section<'_>) -> Option<Self> {
         let hint =
             "to use another scale, replace the key; the number belongs in gravity_m_s2, at the top level";
-        reader.flag(section, "gravity", hint).map(|()| Self)
+        section.flag("gravity", hint).map(|()| Self)
     }
 }
 

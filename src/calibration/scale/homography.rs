@@ -1,9 +1,9 @@
 //! A homography from undistorted pixels to the world's x and up, in metres: then a plane unit is a metre already.
 
 use super::kind::{Homography, NoScale, ScaleContext, ScaleEvidence, ScaleKeys, ScaleKind, quantity};
-use crate::calibration::file::reader::{Reader, Section};
 use crate::calibration::finding::Finding;
 use crate::calibration::json::{object, rows};
+use crate::config::Section;
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
 use nalgebra::Matrix3;
@@ -17,14 +17,14 @@ pub(super) static KEYS: ScaleKeys = ScaleKeys {
 };
 
 impl Homography {
-    pub(super) fn read(reader: &mut Reader, section: &Section<'_>) -> Option<Self> {
+    pub(super) fn read(section: &Section<'_>) -> Option<Self> {
         let form = "three rows of three numbers [[..], [..], [..]], from undistorted pixels to metres";
-        let matrix = reader.required_matrix(section, "world_from_pixel", form, "write the matrix row by row");
-        let relative_std = reader.std_uncertainty(section, "relative_std", Some(1.0));
+        let matrix = section.required_matrix("world_from_pixel", form, "write the matrix row by row");
+        let relative_std = section.std_uncertainty("relative_std", Some(1.0));
         let unknown = section.get("origin_unknown").is_some();
         if unknown {
             let hint = "leave it out where the matrix's origin is the launch edge at the floor";
-            reader.flag(section, "origin_unknown", hint);
+            section.flag("origin_unknown", hint);
         }
         Some(Self {
             world_from_pixel: matrix?,

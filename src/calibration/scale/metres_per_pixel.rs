@@ -1,9 +1,9 @@
 //! Metres per pixel as the file gives them.
 
 use super::kind::{NoScale, ScaleContext, ScaleEvidence, ScaleKeys, ScaleKind, quantity};
-use crate::calibration::file::reader::{POSITIVE, Reader, Section};
 use crate::calibration::finding::Finding;
 use crate::calibration::json::object;
+use crate::config::{POSITIVE, Section};
 use crate::quantity::Quantity;
 use serde_json::Value;
 
@@ -24,10 +24,10 @@ pub(super) static KEYS: ScaleKeys = ScaleKeys {
 };
 
 impl MetresPerPixel {
-    pub(super) fn read(reader: &mut Reader, section: &Section<'_>) -> Option<Self> {
+    pub(super) fn read(section: &Section<'_>) -> Option<Self> {
         let hint = "a known length in metres over its length in pixels";
-        let value = reader.number(section, "metres_per_pixel", POSITIVE, hint);
-        let std = reader.std_uncertainty(section, "std_uncertainty", value);
+        let value = section.number("metres_per_pixel", POSITIVE.or_try(hint));
+        let std = section.std_uncertainty("std_uncertainty", value);
         Some(Self { value: value?, std })
     }
 }

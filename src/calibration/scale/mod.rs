@@ -29,9 +29,10 @@ pub use kind::{Homography, ScaleEvidence};
 pub use metres_per_pixel::MetresPerPixel;
 pub use ruler::{ROUNDED_PIXEL_STD_PX, Ruler};
 
-use super::error::{CalibrationError, Problem};
-use super::file::reader::{Reader, Section};
+use super::error::CalibrationError;
 use super::finding::Finding;
+use crate::config::FileProblem;
+use crate::config::Section;
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
 use ball::BallScale;
@@ -55,21 +56,17 @@ pub enum Scale {
 }
 
 /// How a kind is read from the object under `scale`.
-type Read = fn(&mut Reader, &Section<'_>) -> Option<Scale>;
+type Read = fn(&Section<'_>) -> Option<Scale>;
 
 /// Every kind: its keys, and its reader.
 static KINDS: [(&ScaleKeys, Read); 5] = [
-    (&metres_per_pixel::KEYS, |r, s| {
-        MetresPerPixel::read(r, s).map(Scale::MetresPerPixel)
+    (&metres_per_pixel::KEYS, |s| {
+        MetresPerPixel::read(s).map(Scale::MetresPerPixel)
     }),
-    (&ruler::KEYS, |r, s| Ruler::read(r, s).map(Scale::Ruler)),
-    (&ball::KEYS, |r, s| BallScale::read(r, s).map(|_| Scale::Ball)),
-    (&gravity::KEYS, |r, s| {
-        GravityScale::read(r, s).map(|_| Scale::Gravity)
-    }),
-    (&homography::KEYS, |r, s| {
-        Homography::read(r, s).map(Scale::Homography)
-    }),
+    (&ruler::KEYS, |s| Ruler::read(s).map(Scale::Ruler)),
+    (&ball::KEYS, |s| BallScale::read(s).map(|_| Scale::Ball)),
+    (&gravity::KEYS, |s| GravityScale::read(s).map(|_| Scale::Gravity)),
+    (&homography::KEYS, |s| Homography::read(s).map(Scale::Homography)),
 ];
 
 impl Scale {
@@ -108,7 +105,7 @@ impl Scale {
             NoScale::Calibration(error) => error,
         })?;
         quantity.filter(|q| q.value > 0.0).ok_or_else(|| {
-            CalibrationError::of(Problem::new(
+            CalibrationError::of(FileProblem::new(
                 "scale",
                 format!("{kind:?}"),
                 "a scale that gives a finite number of metres per unit above 0",
@@ -194,15 +191,15 @@ impl Scale {
     }
 
     /// The scale of the file: exactly one kind, and what may stand beside it; `None` where it is missing or wrong.
-    pub(super) fn read(reader: &mut Reader, top: &Section<'_>) -> Option<Self> {
+    pub(super) fn read(top: &Section<'_>) -> Option<Self> {
         let examples: Vec<&str> = KINDS.iter().map(|(keys, _)| keys.example).collect();
         let one_scale = format!("exactly one of {}", examples.join(", "));
         if top.get("scale").is_none() {
             let hint = "measure a known length in the picture, or let the fall be the scale: \"scale\": {\"gravity\": true}";
-            reader.refuse("scale".into(), "nothing", one_scale, hint);
+            top.refuse("scale", "nothing", one_scale, hint);
             return None;
         }
-        let section = reader.section(top, "scale", &Self::keys())?;
+        let section = top.section("scale", &Self::keys())?;
         let given = |keys: &[&str]| keys.iter().any(|key| section.get(key).is_some());
         let named: Vec<&(&ScaleKeys, Read)> = KINDS.iter().filter(|(keys, _)| given(keys.marks)).collect();
         let [(keys, read)] = named[..] else {
@@ -214,7 +211,7 @@ impl Scale {
                     "keep the one you trust most",
                 ),
             };
-            reader.refuse("scale".into(), found, one_scale, hint);
+            section.refuse("scale", found, one_scale, hint);
             return None;
         };
         let strays = KINDS
@@ -226,14 +223,14 @@ impl Scale {
                 [] => format!("nothing beside {}", keys.name),
                 beside => format!("beside {}: {}", keys.name, beside.join(", ")),
             };
-            reader.refuse(
+            section.refuse(
                 section.key(stray),
                 "a key of another scale",
                 accepted,
                 "remove or replace it",
             );
         }
-        read(reader, &section)
+        read(&section)
     }
 }
 

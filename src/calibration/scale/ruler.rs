@@ -2,10 +2,10 @@
 
 use super::kind::{NoScale, ScaleContext, ScaleEvidence, ScaleKeys, ScaleKind, quantity};
 use crate::calibration::error::CalibrationError;
-use crate::calibration::file::reader::{PAIR, POSITIVE, Reader, Section};
 use crate::calibration::finding::Finding;
 use crate::calibration::json::{object, point};
 use crate::calibration::rectification::Rectification;
+use crate::config::{PAIR, POSITIVE, Section};
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
 use nalgebra::Vector2;
@@ -38,36 +38,32 @@ pub(super) static KEYS: ScaleKeys = ScaleKeys {
 };
 
 impl Ruler {
-    pub(super) fn read(reader: &mut Reader, section: &Section<'_>) -> Option<Self> {
-        let mut end = |name: &str| {
+    pub(super) fn read(section: &Section<'_>) -> Option<Self> {
+        let end = |name: &str| {
             if section.get(name).is_none() {
-                reader.refuse(
+                section.refuse(
                     section.key(name),
                     "nothing",
                     PAIR,
                     "a ruler has two ends: give from_px and to_px",
                 );
             }
-            reader.pixel(section, name)
+            section.pixel(name)
         };
         let (from, to) = (end("from_px"), end("to_px"));
-        let length_m = reader.required_number(
-            section,
+        let length_m = section.required_number(
             "length_m",
-            POSITIVE,
-            "the length between the two ends, in metres",
+            POSITIVE.or_try("the length between the two ends, in metres"),
         );
-        let length_std_m = reader.std_uncertainty(section, "length_std_m", length_m);
-        let point_std_px = reader.number(
-            section,
+        let length_std_m = section.std_uncertainty("length_std_m", length_m);
+        let point_std_px = section.number(
             "point_std_px",
-            POSITIVE,
-            "leave it out for the rounding to whole pixels",
+            POSITIVE.or_try("leave it out for the rounding to whole pixels"),
         );
         let (from, to) = (from?, to?);
         let apart = from.distance_px(to) >= 1.0;
         if !apart {
-            reader.refuse(
+            section.refuse(
                 section.key("to_px"),
                 format!("[{}, {}], less than 1 px from from_px", to.u_px, to.v_px),
                 "two ends at least 1 px apart",

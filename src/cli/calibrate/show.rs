@@ -2,6 +2,7 @@
 
 use super::{Status, answer, beside, check_folder};
 use crate::calibration::{CalibrationError, SCHEMA};
+use crate::config::FileError;
 use crate::frames;
 use crate::report::calibrate_page::{PageFrame, calibrate_html};
 use crate::report::write;
@@ -66,7 +67,9 @@ fn content(path: &Path) -> anyhow::Result<Value> {
             let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
             Ok(serde_json::from_str(text)?)
         }
-        Err(CalibrationError::Unreadable { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+        Err(CalibrationError::File(FileError::Unreadable { source, .. }))
+            if source.kind() == std::io::ErrorKind::NotFound =>
+        {
             Ok(json!({"schema": SCHEMA}))
         }
         Err(error) => Err(error.into()),

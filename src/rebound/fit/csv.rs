@@ -1,18 +1,28 @@
 //! A series from a CSV file.
 //!
-//! Columns go by name, in any order; what is not known is left alone, as `track batch` writes more than a fit needs. `,`,
-//! `;` or a tab may part the cells (with `;` a decimal comma is read, as spreadsheets of half the world write it). Lines
-//! that begin with `#` are comments. Beside any column of numbers may stand `<name>_std`, and `<a>__<b>_corr` for a
+//! How the table itself is read says [`crate::config::table`]. A column that is not known is left alone, as `track batch` writes
+//! more than a fit needs. Beside any column of numbers may stand `<name>_std`, and `<a>__<b>_corr` for a
 //! correlation of two errors. A cell that is empty, `null`, `nan` or `?` is not known. A row with something in `left_out` is
 //! set aside, and that is the reason.
 
 use super::error::FitError;
 use super::series::{Column, ColumnSet, DEFAULT_GROUP, Note, Reading, Row, Series, SetAside};
-use std::collections::HashMap;
+use crate::config::table::{Table, TableRow};
+use crate::config::{Closeness, FileError, FileKind, FileProblem, clipped, nearest, read_bytes};
 use std::path::{Path, PathBuf};
 
 /// The file of a series in the folder of a batch.
 pub const BATCH_SERIES: &str = "series.csv";
+
+/// A series, for messages about a file.
+const KIND: FileKind = FileKind {
+    what: "series",
+    form: "a CSV file in UTF-8 with one line of column names",
+    source: "or give the folder that `track batch` wrote",
+    least: "incident_angle_deg,rebound_angle_deg, a row a bounce below",
+};
+/// A series of a million bounces is smaller.
+const LARGEST_FILE_BYTES: u64 = 1_000_000_000;
 
 /// Reads a series from a file, or from `series.csv` in the folder of a batch.
 ///
@@ -21,10 +31,7 @@ pub const BATCH_SERIES: &str = "series.csv";
 /// See [`FitError`].
 pub fn read(path: &Path) -> Result<Series, FitError> {
     let file = series_file(path)?;
-    let bytes = std::fs::read(&file).map_err(|source| FitError::Unreadable {
-        path: file.clone(),
-        source,
-    })?;
+    let bytes = read_bytes(&file, KIND, LARGEST_FILE_BYTES)?;
     parse(&bytes, &file.display().to_string())
 }
 
@@ -53,37 +60,12 @@ pub fn series_file(path: &Path) -> Result<PathBuf, FitError> {
 ///
 /// See [`FitError`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Series, FitError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    refuse_what_is_no_text(bytes, name)?;
-    let delimiter = delimiter(bytes);
-    let mut reader = ::csv::ReaderBuilder::new()
-        .flexible(true)
-        .has_headers(true)
-        .comment(Some(b'#'))
-        .delimiter(delimiter)
-        .trim(::csv::Trim::All)
-        .from_reader(bytes);
-    let broken = |error: &::csv::Error| FitError::NotCsv {
-        name: name.to_owned(),
-        found: error.to_string(),
-        hint: "save it again as CSV (UTF-8)",
-    };
-    let header = reader.byte_headers().map_err(|e| broken(&e))?.clone();
-    let names: Vec<String> = header
-        .iter()
-        .map(|cell| String::from_utf8_lossy(cell).into_owned())
-        .collect();
-    let header = Header::new(&names, name)?;
+    let table = Table::parse(bytes, name, KIND)?;
+    let header = SeriesHeader::new(&table, name)?;
     let mut rows = Vec::new();
     let mut set_aside = Vec::new();
-    let mut record = ::csv::ByteRecord::new();
-    let mut number = 0;
-    while reader.read_byte_record(&mut record).map_err(|e| broken(&e))? {
-        if record.iter().all(<[u8]>::is_empty) {
-            continue; // A blank line at the end of a spreadsheet is no row.
-        }
-        number += 1;
-        match header.row(&record, number, delimiter == b';') {
+    for (row, number) in table.rows.iter().zip(1..) {
+        match header.row(&table, row, number) {
             Ok(row) => rows.push(row),
             Err(reason) => set_aside.push(reason),
         }
@@ -97,44 +79,6 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Series, FitError> {
     let mut series = Series::of_set(name, set, rows, set_aside);
     series.notes.extend(header.notes(set));
     Ok(series)
-}
-
-fn refuse_what_is_no_text(bytes: &[u8], name: &str) -> Result<(), FitError> {
-    let refuse = |found: &str, hint| {
-        Err(FitError::NotCsv {
-            name: name.to_owned(),
-            found: found.to_owned(),
-            hint,
-        })
-    };
-    if bytes.iter().all(u8::is_ascii_whitespace) {
-        return refuse(
-            "the file is empty",
-            "put the column names into its first line, a row a bounce below",
-        );
-    }
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return refuse("it is text in UTF-16", "save it again as CSV (UTF-8)");
-    }
-    if bytes.starts_with(b"PK\x03\x04") {
-        return refuse("it is a zip archive or a workbook", "export the sheet as CSV");
-    }
-    if bytes[..bytes.len().min(4096)].contains(&0) {
-        return refuse("it is not text (a zero byte)", "give the CSV file of the series");
-    }
-    Ok(())
-}
-
-/// What parts the cells of the column names.
-pub(crate) fn delimiter(bytes: &[u8]) -> u8 {
-    let names = bytes
-        .split(|&b| b == b'\n' || b == b'\r')
-        .find(|line| !line.is_empty() && line[0] != b'#')
-        .unwrap_or_default();
-    [b',', b';', b'\t']
-        .into_iter()
-        .max_by_key(|d| (names.iter().filter(|b| *b == d).count(), *d == b','))
-        .unwrap_or(b',')
 }
 
 /// What a column of the file means.
@@ -176,50 +120,38 @@ impl Meaning {
 }
 
 /// The columns of a file.
-struct Header {
+struct SeriesHeader {
     set: ColumnSet,
     columns: Vec<(String, Meaning)>,
 }
 
-impl Header {
-    fn new(names: &[String], file: &str) -> Result<Self, FitError> {
-        let columns: Vec<(String, Meaning)> = names
-            .iter()
-            .map(|name| (name.clone(), Meaning::of(&name.to_ascii_lowercase())))
-            .collect();
-        let mut seen = HashMap::new();
-        for (name, meaning) in columns.iter().filter(|(_, m)| *m != Meaning::Other) {
-            if seen.insert(name.to_ascii_lowercase(), meaning).is_some() {
-                return Err(FitError::Column {
-                    name: file.to_owned(),
-                    column: name.clone(),
-                    problem: "it is there twice; remove one of the two".to_owned(),
-                });
-            }
-        }
+impl SeriesHeader {
+    fn new(table: &Table, file: &str) -> Result<Self, FitError> {
+        let meaning = |name: &String| (name.clone(), Meaning::of(&name.to_ascii_lowercase()));
+        let columns: Vec<(String, Meaning)> = table.columns.iter().map(meaning).collect();
+        let mut problems = table.columns_there_twice(|i| columns[i].1 != Meaning::Other);
         let has = |column: &Column| columns.iter().any(|(_, m)| *m == Meaning::Value(*column));
         let set = ColumnSet::ALL
             .into_iter()
             .find(|set| set.required().iter().all(has));
-        let Some(set) = set else {
-            return Err(missing(names, file, &has));
-        };
-        for (name, meaning) in &columns {
+        if set.is_none() && problems.is_empty() {
+            return Err(missing(&table.columns, file, &has));
+        }
+        problems.extend(columns.iter().filter_map(|(name, meaning)| {
             let lone = match meaning {
                 Meaning::Std(c) => !has(c),
                 Meaning::Correlation(a, b) => !has(a) || !has(b) || a == b,
                 _ => false,
             };
-            if lone {
-                return Err(FitError::Column {
-                    name: file.to_owned(),
-                    column: name.clone(),
-                    problem: "the column that it belongs to is not there; add it, or remove this one"
-                        .to_owned(),
-                });
-            }
+            lone.then(|| belongs_to_none(table, name))
+        }));
+        match set {
+            Some(set) if problems.is_empty() => Ok(Self { set, columns }),
+            _ => Err(FitError::File(FileError::Invalid {
+                name: file.to_owned(),
+                problems,
+            })),
         }
-        Ok(Self { set, columns })
     }
 
     /// The first set that is there with a number in every column of some row: a batch of top views has the columns of
@@ -233,17 +165,16 @@ impl Header {
     }
 
     /// A row of the file; why it cannot be one.
-    fn row(&self, record: &::csv::ByteRecord, number: usize, decimal_comma: bool) -> Result<Row, SetAside> {
+    fn row(&self, table: &Table, record: &TableRow, number: usize) -> Result<Row, SetAside> {
         let mut row = Row::new(number, DEFAULT_GROUP);
         let mut left_out = None;
-        let text = |cell: &[u8]| String::from_utf8_lossy(cell).into_owned();
-        let cells = || self.columns.iter().zip(record.iter());
+        let cells = || self.columns.iter().zip(&record.cells);
         for ((_, meaning), cell) in cells().filter(|(_, cell)| !cell.is_empty()) {
             match meaning {
-                Meaning::Group => row.group = text(cell),
-                Meaning::Recording => row.recording = Some(text(cell)),
-                Meaning::Page => row.page = Some(text(cell)),
-                Meaning::LeftOut => left_out = Some(text(cell)),
+                Meaning::Group => row.group = cell.clone(),
+                Meaning::Recording => row.recording = Some(cell.clone()),
+                Meaning::Page => row.page = Some(cell.clone()),
+                Meaning::LeftOut => left_out = Some(cell.clone()),
                 _ => {}
             }
         }
@@ -255,10 +186,10 @@ impl Header {
         if let Some(reason) = left_out {
             return Err(aside(reason));
         }
-        if record.len() > self.columns.len() {
+        if record.cells.len() > self.columns.len() {
             return Err(aside(format!(
                 "it has {} cells, the line of column names {}",
-                record.len(),
+                record.cells.len(),
                 self.columns.len()
             )));
         }
@@ -266,8 +197,7 @@ impl Header {
         let mut values = [None; Column::COUNT];
         let mut correlations = Vec::new();
         for ((name, meaning), cell) in cells() {
-            let number =
-                || number_in(cell, decimal_comma).map_err(|found| aside(format!("{name} is {found}")));
+            let number = || number_in(table, cell).map_err(|found| aside(format!("{name} is {found}")));
             match *meaning {
                 Meaning::Value(c) => values[c as usize] = number()?,
                 Meaning::Std(c) => std[c as usize] = number()?,
@@ -320,7 +250,7 @@ impl Header {
             });
         }
         for (name, _) in self.columns.iter().filter(|(_, m)| *m == Meaning::Other) {
-            if let Some(near) = nearest(&name.to_ascii_lowercase()) {
+            if let Some(near) = slip_of(&name.to_ascii_lowercase()) {
                 notes.push(Note {
                     code: "column_not_used",
                     message: format!("column {name} is not used; was {near} meant?"),
@@ -349,7 +279,7 @@ fn missing(names: &[String], file: &str, has: &impl Fn(&Column) -> bool) -> FitE
         .iter()
         .filter(|name| Meaning::of(&name.to_ascii_lowercase()) == Meaning::Other)
         .filter_map(|name| {
-            nearest(&name.to_ascii_lowercase()).map(|near| format!("is {name} meant to be {near}?"))
+            slip_of(&name.to_ascii_lowercase()).map(|near| format!("is {name} meant to be {near}?"))
         })
         .collect();
     let missing = if typos.is_empty() {
@@ -369,53 +299,36 @@ fn missing(names: &[String], file: &str, has: &impl Fn(&Column) -> bool) -> FitE
     }
 }
 
-/// The known name that `name` may be a slip of.
-fn nearest(name: &str) -> Option<String> {
-    let known = Column::ALL
+/// The problem of a standard deviation or correlation of a column that is not there.
+fn belongs_to_none(table: &Table, column: &str) -> FileProblem {
+    table.column_problem(
+        column,
+        "no column that it belongs to",
+        "<name>_std beside <name>, <a>__<b>_corr beside <a> and <b>",
+        "add that column, or remove this one",
+    )
+}
+
+/// The known name that `name` is a slip of.
+fn slip_of(name: &str) -> Option<String> {
+    let of_columns = Column::ALL
         .into_iter()
         .flat_map(|c| [c.name().to_owned(), format!("{}_std", c.name())]);
-    known
-        .chain(["group".to_owned()])
-        .map(|known| (strsim::damerau_levenshtein(name, &known), known))
-        // Two slips in a short name make another name.
-        .filter(|(slips, known)| *slips > 0 && *slips <= 2 && 4 * slips <= known.len())
-        .min()
-        .map(|(_, known)| known)
+    let known: Vec<String> = of_columns.chain(["group".to_owned()]).collect();
+    nearest(name, known.iter().map(String::as_str), Closeness::Slip).map(str::to_owned)
 }
 
 /// The number in a cell: `None` where it is not known; what stands there where it is none.
-fn number_in(cell: &[u8], decimal_comma: bool) -> Result<Option<f64>, String> {
-    let told = || format!("\"{}\", not a number", clipped(&String::from_utf8_lossy(cell)));
-    let Ok(text) = std::str::from_utf8(cell) else {
-        return Err(told());
-    };
-    if matches!(text, "" | "?" | "-")
-        || ["null", "nan", "na", "n/a", "none"]
-            .iter()
-            .any(|w| text.eq_ignore_ascii_case(w))
-    {
+fn number_in(table: &Table, cell: &str) -> Result<Option<f64>, String> {
+    let unknown = ["", "?", "-", "null", "nan", "na", "n/a", "none"];
+    if unknown.iter().any(|word| cell.eq_ignore_ascii_case(word)) {
         return Ok(None);
     }
-    let parsed = if decimal_comma && text.contains(',') {
-        text.replace(',', ".").parse()
-    } else {
-        // A true minus sign, as typeset tables have it.
-        text.parse().or_else(|_| text.replace('\u{2212}', "-").parse())
-    };
-    match parsed {
-        Ok(number) => Ok(Some(number)),
-        Err(_) => Err(told()),
-    }
-}
-
-/// The beginning of a text that may be long.
-fn clipped(text: &str) -> String {
-    const LONGEST: usize = 40;
-    if text.chars().count() <= LONGEST {
-        text.to_owned()
-    } else {
-        text.chars().take(LONGEST).chain("...".chars()).collect()
-    }
+    let number = table.number(cell);
+    number.map_or_else(
+        || Err(format!("\"{}\", not a number", clipped(cell))),
+        |number| Ok(Some(number)),
+    )
 }
 
 #[cfg(test)]
