@@ -1,7 +1,10 @@
 //! What enters the uncertainty of a result beside the scatter of the centres, with where each number comes from.
 //!
 //! What a recording shows of itself (the centres' scatter, duplicate frames, a swing) is worked out from it; here is what it
-//! does not show.
+//! does not show. A number without a publication is from rendered recordings with known truth: centres and radii from
+//! `examples/centre_errors`, swings from `tests/hard_lab`, shadows from `tests/top_view`, faded rims from recordings like those
+//! of `tests/coverage`, which also asks whether all of it together is right: whether intervals hold the truth as often as they
+//! say.
 
 // ---- Centres in the picture ----------------------------------------------------------------------------------------------
 
