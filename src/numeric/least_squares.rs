@@ -306,14 +306,14 @@ pub trait Residuals {
 
 /// When a fit by [`Residuals`] ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stop {
+pub struct StopRule {
     /// Steps at most.
     pub steps: usize,
     /// A step that would lower the cost by less than this part of it (or of 1, where that is more) does not matter.
     pub settled: f64,
 }
 
-impl Default for Stop {
+impl Default for StopRule {
     fn default() -> Self {
         Self {
             steps: 200,
@@ -338,7 +338,7 @@ pub struct Fit {
 }
 
 /// The local minimum near `start`, steps by QR of the rows with Marquardt's damping.
-pub fn fit<R: Residuals>(model: &R, start: DVector<f64>, policy: &Damping, stop: &Stop) -> Fit {
+pub fn fit<R: Residuals>(model: &R, start: DVector<f64>, policy: &Damping, stop: &StopRule) -> Fit {
     let start = DenseState {
         cost: model.cost(&start),
         parameters: start,
@@ -603,7 +603,7 @@ mod tests {
     fn both_forms_find_the_same_minimum_by_every_policy() {
         let decay = Decay::of(2.0, 0.5);
         for policy in [Damping::NIELSEN, Damping::MARQUARDT] {
-            let found = fit(&decay, dvector![1.0, 1.0], &policy, &Stop::default());
+            let found = fit(&decay, dvector![1.0, 1.0], &policy, &StopRule::default());
             assert!(
                 (found.parameters - dvector![2.0, 0.5]).norm() < 1e-5,
                 "{policy:?}"
@@ -644,7 +644,7 @@ mod tests {
             &Rosenbrock,
             dvector![-1.2, 1.0],
             &Damping::NIELSEN,
-            &Stop::default(),
+            &StopRule::default(),
         );
         assert!(
             (found.parameters - dvector![1.0, 1.0]).norm() < 1e-5,
@@ -661,7 +661,7 @@ mod tests {
                 dvector![1.0 - p[0] - p[1], 2.0 - p[0] - p[1]]
             }
         }
-        let found = fit(&Sum, dvector![0.0, 0.0], &Damping::NIELSEN, &Stop::default());
+        let found = fit(&Sum, dvector![0.0, 0.0], &Damping::NIELSEN, &StopRule::default());
         assert!(found.covariance.is_none() && found.rank == 1);
         let (_, end) = minimise(
             &mut Accumulated(&Nothing),
@@ -693,7 +693,7 @@ mod tests {
                 1e-7
             }
         }
-        let found = fit(&Root, dvector![4.0], &Damping::NIELSEN, &Stop::default());
+        let found = fit(&Root, dvector![4.0], &Damping::NIELSEN, &StopRule::default());
         assert!(
             (found.parameters[0] - 0.01).abs() < 1e-6,
             "{}",

@@ -10,11 +10,11 @@
 //! | weigh down outliers, or ask for a median | [`robust`] |
 //!
 //! A fit states three things: what is fitted (the trait), how steps are damped ([`least_squares::Damping`]), and when a
-//! step no longer matters (`is_settled`, or [`least_squares::Stop`]). It ends with a [`least_squares::Termination`].
+//! step no longer matters (`is_settled`, or [`least_squares::StopRule`]). It ends with a [`least_squares::Termination`].
 //!
 //! ```
 //! use nalgebra::{DVector, dvector};
-//! use track::numeric::least_squares::{Damping, Residuals, Stop, fit};
+//! use track::numeric::least_squares::{Damping, Residuals, StopRule, fit};
 //!
 //! /// y = a exp(-b t), seen at four times with a standard uncertainty of 0.1.
 //! struct Decay;
@@ -26,7 +26,7 @@
 //!     }
 //! }
 //!
-//! let found = fit(&Decay, dvector![1.0, 1.0], &Damping::NIELSEN, &Stop::default());
+//! let found = fit(&Decay, dvector![1.0, 1.0], &Damping::NIELSEN, &StopRule::default());
 //! assert!((found.parameters[1] - 0.5).abs() < 1e-3);
 //! let std = found.covariance.expect("both are determined")[(1, 1)].sqrt();
 //! assert!(std > 0.01 && std < 0.1);

@@ -136,9 +136,9 @@ const FACTS: ModelFacts = ModelFacts {
 };
 
 /// The e-e model, whatever its coefficients.
-pub struct Model;
+pub struct EEModel;
 
-impl ReboundModel for Model {
+impl ReboundModel for EEModel {
     fn facts(&self) -> &'static ModelFacts {
         &FACTS
     }

@@ -112,9 +112,9 @@ const FACTS: ModelFacts = ModelFacts {
 };
 
 /// The grip-slide model, whatever its coefficients.
-pub struct Model;
+pub struct GripSlideModel;
 
-impl ReboundModel for Model {
+impl ReboundModel for GripSlideModel {
     fn facts(&self) -> &'static ModelFacts {
         &FACTS
     }

@@ -55,9 +55,9 @@ impl ModelName {
     #[must_use]
     pub fn model(self) -> &'static dyn ReboundModel {
         match self {
-            Self::MuE => &mu_e::Model,
-            Self::EE => &e_e::Model,
-            Self::GripSlide => &grip_slide::Model,
+            Self::MuE => &mu_e::MuEModel,
+            Self::EE => &e_e::EEModel,
+            Self::GripSlide => &grip_slide::GripSlideModel,
         }
     }
 
@@ -155,5 +155,87 @@ impl Contact {
     pub fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64> {
         let angle = self.law().transition_rad(spin_ratio, inertia_factor);
         angle.filter(|angle| angle.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rebound::impulse::{SOLID_SPHERE, slip_share};
+    use crate::rebound::model::Incidence;
+    use crate::rebound::parameter::{E, E_X, MU, Theta};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn names_and_keys_refer_to_what_is_there() {
+        for name in ModelName::ALL {
+            assert_eq!(ModelName::of_name(name.name()), Some(name));
+            assert_eq!(name.special_cases().count(), name.facts().special_cases.len());
+            if let Some((other, _)) = name.model().same_without_sliding() {
+                assert!(ModelName::of_name(other).is_some());
+            }
+            let coefficients = name.facts().coefficients;
+            for (i, coefficient) in coefficients.iter().enumerate() {
+                let earlier = |key| coefficients[..i].iter().any(|c| c.key == key);
+                assert!(coefficient.same_as.is_none_or(earlier), "{}", coefficient.key);
+            }
+        }
+    }
+
+    /// Below the limit of friction the impulse that the fits take is that of the model's own law, with its derivatives.
+    #[test]
+    fn the_law_of_the_fits_is_the_law_of_the_model() {
+        const STEP: f64 = 1e-6;
+        for name in ModelName::ALL {
+            let mut theta: Theta = [0.0; PARAMETERS];
+            (theta[E], theta[MU]) = (0.8, 5.0);
+            theta[E_X] = if name.searched(false)[E_X] { 0.3 } else { 0.0 };
+            let incoming = RigidMotion {
+                velocity_m_s: Vector3::new(1.0, 0.0, -2.0),
+                surface_spin_m_s: Vector3::new(0.0, 0.2, 0.0),
+            };
+            let contact = name.with_fitted(&FittedCoefficients {
+                theta,
+                friction: Some(theta[MU]),
+                static_friction: Some(theta[MU]),
+            });
+            let (after, _) = contact.impact(&incoming, SOLID_SPHERE);
+            let at = |slip_m_s: f64, normal_m_s: f64, theta: &Theta| {
+                let slip_share = slip_share(SOLID_SPHERE);
+                name.model().grip(
+                    &Incidence {
+                        slip_m_s,
+                        normal_m_s,
+                        slip_share,
+                    },
+                    theta,
+                )
+            };
+            let here = at(0.8, 2.0, &theta);
+            let lost = incoming.velocity_m_s.x - after.velocity_m_s.x;
+            assert!(
+                (here.value - lost).abs() < 1e-12,
+                "{name:?}: {} {lost}",
+                here.value
+            );
+            let slope = |ahead: f64, behind: f64| (ahead - behind) / (2.0 * STEP);
+            let by_slip = slope(
+                at(0.8 + STEP, 2.0, &theta).value,
+                at(0.8 - STEP, 2.0, &theta).value,
+            );
+            let by_normal = slope(
+                at(0.8, 2.0 + STEP, &theta).value,
+                at(0.8, 2.0 - STEP, &theta).value,
+            );
+            assert!((by_slip - here.by_slip).abs() < 1e-8 && (by_normal - here.by_normal).abs() < 1e-8);
+            for j in 0..PARAMETERS {
+                let moved = |by: f64| {
+                    let mut theta = theta;
+                    theta[j] += by;
+                    at(0.8, 2.0, &theta).value
+                };
+                assert!((slope(moved(STEP), moved(-STEP)) - here.by_parameter[j]).abs() < 1e-8);
+            }
+        }
     }
 }

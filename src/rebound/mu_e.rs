@@ -148,9 +148,9 @@ const FACTS: ModelFacts = ModelFacts {
 };
 
 /// The μ-e model, whatever its coefficients.
-pub struct Model;
+pub struct MuEModel;
 
-impl ReboundModel for Model {
+impl ReboundModel for MuEModel {
     fn facts(&self) -> &'static ModelFacts {
         &FACTS
     }

@@ -22,7 +22,7 @@ use crate::flight::drag::LIGHTEST_DRAG;
 use crate::flight::motion_model::{ArcFit, FitPoint, autocorrelation_inflation};
 use crate::flight::planar::{ACROSS, DRAG, GRAVITY};
 use crate::flight::segment::TrackSample;
-use crate::numeric::least_squares::{self, Acceptance, Damping, Residuals, Stop};
+use crate::numeric::least_squares::{self, Acceptance, Damping, Residuals, StopRule};
 use crate::numeric::linear::solve;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -41,7 +41,7 @@ const DAMPING: Damping = Damping {
 };
 
 /// Parameters then move by less than a thousandth of their uncertainties.
-const STOP: Stop = Stop {
+const STOP: StopRule = StopRule {
     steps: 200,
     settled: 1e-8,
 };

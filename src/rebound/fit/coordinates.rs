@@ -82,7 +82,7 @@ impl Coordinates {
         restitution: f64,
         shared_spin_ratio: Option<f64>,
     ) -> Option<Self> {
-        let reader = CoordinateReader {
+        let reader = FigureReader {
             row,
             set,
             weights,
@@ -90,13 +90,13 @@ impl Coordinates {
             shared_spin_ratio,
         };
         Some(Self {
-            incident_tangent: reader.mark(CoordinateReader::incident_tangent)?,
+            incident_tangent: reader.mark(FigureReader::incident_tangent)?,
             incident_rad: reader.mark(|r, n| r.incident_tangent(n).map(f64::atan))?,
-            rebound_tangent: reader.mark(CoordinateReader::rebound_tangent),
+            rebound_tangent: reader.mark(FigureReader::rebound_tangent),
             x0_m: reader.mark(|_, n| get(n, Column::X0)),
             distance_ratio: reader.mark(|_, n| Some(get(n, Column::X)? / get(n, Column::X0)?)),
-            spin_ratio: reader.mark(CoordinateReader::spin_ratio),
-            spin_after_ratio: reader.mark(CoordinateReader::spin_after_ratio),
+            spin_ratio: reader.mark(FigureReader::spin_ratio),
+            spin_after_ratio: reader.mark(FigureReader::spin_after_ratio),
         })
     }
 }
@@ -106,7 +106,7 @@ fn get(numbers: &RowNumbers, column: Column) -> Option<f64> {
 }
 
 /// A row and what it is read with.
-struct CoordinateReader<'a> {
+struct FigureReader<'a> {
     row: &'a Row,
     set: ColumnSet,
     weights: Weights,
@@ -114,7 +114,7 @@ struct CoordinateReader<'a> {
     shared_spin_ratio: Option<f64>,
 }
 
-impl CoordinateReader<'_> {
+impl FigureReader<'_> {
     /// A number with its uncertainty, by differences over each of the row's own.
     fn mark(&self, function: impl Fn(&Self, &RowNumbers) -> Option<f64>) -> Option<Mark> {
         let numbers: RowNumbers = COLUMNS.map(|c| self.row.value(c));

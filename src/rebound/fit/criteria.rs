@@ -17,7 +17,7 @@ use std::sync::LazyLock;
 /// Probability of a χ² at least this large below which a model counts as not describing the data.
 pub const LEAST_PROBABILITY: f64 = 0.01;
 
-/// A model's marks on a set of rows.
+/// How well a model does on a set of rows, its parameters counted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InformationCriteria {
     /// N.

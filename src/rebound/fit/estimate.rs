@@ -41,14 +41,14 @@ pub(super) fn model_fit(data: &GroupData, solution: &Solution, rows_order: &[usi
         transition: estimation.transition(limits),
         chi2: solution.best.chi2,
         degrees_of_freedom: freedom,
-        parameter_count: solution.marks.parameters,
+        parameter_count: solution.criteria.parameters,
         p_value: (data.weights == Weights::Stated)
             .then(|| criteria::chi2_tail(solution.best.chi2, freedom))
             .flatten(),
         scatter: estimation.scatter.unwrap_or(1.0),
-        log_likelihood: solution.marks.log_likelihood,
-        aicc: solution.marks.aicc,
-        bic: solution.marks.bic,
+        log_likelihood: solution.criteria.log_likelihood,
+        aicc: solution.criteria.aicc,
+        bic: solution.criteria.bic,
         impossible: estimation.impossible(),
         sliding: estimation.sliding,
         gripping: estimation.gripping,

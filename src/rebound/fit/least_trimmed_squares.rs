@@ -6,7 +6,7 @@
 use super::criteria::{self, MEDIANS, TAIL_RATIOS, chi2_quantile, f_quantile};
 use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::row_law::{E, MU, NearestMotion, PARAMETERS, Regimes, Theta, Variant};
+use super::row_law::{NearestMotion, PARAMETERS, Regimes, Theta, Variant, friction_share};
 use super::search::{Minimum, Task};
 use super::series::Weights;
 use super::starts;
@@ -91,14 +91,9 @@ impl RobustFit {
     /// Static friction is not below friction.
     fn is_possible(&self) -> bool {
         match self.variant.regimes {
-            Regimes::Jump(limit) => self.friction_share() <= limit,
+            Regimes::Jump(limit) => friction_share(&self.theta) <= limit,
             _ => true,
         }
-    }
-
-    /// μ (1 + e).
-    fn friction_share(&self) -> f64 {
-        self.theta[MU] * (1.0 + self.theta[E])
     }
 
     pub fn task<'a>(&self, data: &'a GroupData, chosen: Option<&'a [usize]>) -> Task<'a> {
@@ -116,11 +111,7 @@ fn core_size(rows: usize) -> usize {
 
 /// Least trimmed squares on the sample, from the best of the starts.
 fn robust(data: &GroupData, variant: Variant, starts: Vec<Theta>, followed: usize) -> Vec<RobustFit> {
-    let task = Task {
-        rows: &data.rows,
-        chosen: Some(&data.sample),
-        variant,
-    };
+    let task = Task::of(data, variant, Some(&data.sample));
     let starts = starts::best(&task, starts, CORE, followed);
     starts
         .into_iter()
@@ -186,7 +177,7 @@ fn place_limit(data: &GroupData, fit: &mut RobustFit, cap: f64) {
             .enumerate()
             .step_by(step)
             .map(|(place, pair)| (place, 0.5 * (pair[0].0 + pair[1].0)))
-            .filter(|(_, gap)| *gap >= fit.friction_share())
+            .filter(|(_, gap)| *gap >= friction_share(&fit.theta))
             .chain([(0, limit)])
             .map(|(place, gap)| (cost(gap), place, gap))
             .min_by(|a, b| a.0.total_cmp(&b.0));

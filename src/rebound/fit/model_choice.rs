@@ -42,13 +42,13 @@ pub(super) fn choose(
     for (solution, fit) in solutions.iter().zip(fits) {
         let name = fit.name.name();
         let limit = usize::from(solution.jump().is_some());
-        let marks = InformationCriteria::new(data, solution.best.chi2, solution.rank + limit, spread);
-        match (&fit.impossible, marks.aicc, fit.converged) {
+        let criteria = InformationCriteria::new(data, solution.best.chi2, solution.rank + limit, spread);
+        match (&fit.impossible, criteria.aicc, fit.converged) {
             (Some(why), ..) => excluded.push(format!("{name} cannot be: {why}")),
             (_, _, false) => excluded.push(format!("{name}: the search did not come to an end")),
             (_, None, _) => excluded.push(format!(
                 "{name}: {} equations are too few for {} parameters",
-                marks.equations, marks.parameters
+                criteria.equations, criteria.parameters
             )),
             (None, Some(aicc), true) => candidates.push((fit.name, aicc)),
         }

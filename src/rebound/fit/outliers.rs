@@ -85,7 +85,7 @@ fn agreed(described: Vec<(RobustFit, Vec<bool>)>) -> Option<(RobustFit, Vec<bool
 /// than its own bulk leads one to expect.
 fn describes_all(data: &GroupData, solution: &Solution) -> bool {
     const ENOUGH_FOR_TAILS: usize = 50;
-    let freedom = solution.marks.equations.saturating_sub(solution.rank);
+    let freedom = solution.criteria.equations.saturating_sub(solution.rank);
     let tail = FALSE_ALARM / data.rows.len() as f64;
     let mean = solution.best.chi2 / freedom.max(1) as f64;
     let limit = match data.weights {

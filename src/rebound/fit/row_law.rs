@@ -40,6 +40,11 @@ pub(super) struct Variant {
     pub free: [bool; PARAMETERS],
 }
 
+/// μ (1 + e): the tangential over the incident normal speed that sliding takes.
+pub(super) fn friction_share(theta: &Theta) -> f64 {
+    theta[MU] * (1.0 + theta[E])
+}
+
 impl Variant {
     /// The same in other regimes.
     pub fn with(self, regimes: Regimes) -> Self {
@@ -122,7 +127,7 @@ impl FrictionShare {
         by_parameter[E] = theta[MU];
         by_parameter[MU] = 1.0 + theta[E];
         Self {
-            value: theta[MU] * (1.0 + theta[E]),
+            value: friction_share(theta),
             by_parameter,
         }
     }

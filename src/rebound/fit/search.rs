@@ -5,6 +5,7 @@
 //! a point at which χ² is not a finite number is never accepted. Where rows have exact incidence, χ² has kinks (a row changes sides at once) at which a smooth method stops too early:
 //! there argmin's Nelder-Mead goes on.
 
+use super::group_data::GroupData;
 use super::observation::Observation;
 use super::row_law::averaged::averaged;
 use super::row_law::{self, NearestMotion, PARAMETERS, Theta, Variant};
@@ -85,6 +86,15 @@ impl<'a> Iterator for ChosenRows<'a> {
 }
 
 impl<'a> Task<'a> {
+    /// The rows of a group, or the `chosen` ones, in a model's variant.
+    pub fn of(data: &'a GroupData, variant: Variant, chosen: Option<&'a [usize]>) -> Self {
+        Self {
+            rows: &data.rows,
+            chosen,
+            variant,
+        }
+    }
+
     /// The rows that count.
     pub fn rows(&self) -> ChosenRows<'a> {
         ChosenRows {

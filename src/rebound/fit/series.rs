@@ -170,7 +170,7 @@ impl Series {
     #[must_use]
     pub fn of_set(name: &str, set: ColumnSet, rows: Vec<Row>, set_aside: Vec<SetAside>) -> Self {
         let groups = group_names(&rows, &set_aside);
-        let deviations = Deviations::of(set, &rows);
+        let deviations = StatedDeviations::of(set, &rows);
         let mut series = Self {
             name: name.to_owned(),
             set,
@@ -220,7 +220,7 @@ fn present(rows: &[Row]) -> String {
 }
 
 /// What is known of the rows' deviations, column by column.
-struct Deviations {
+struct StatedDeviations {
     set: ColumnSet,
     /// Columns of the fit in which some row has a deviation, be it zero.
     given: Vec<Column>,
@@ -230,7 +230,7 @@ struct Deviations {
     exact: Vec<&'static [Column]>,
 }
 
-impl Deviations {
+impl StatedDeviations {
     fn of(set: ColumnSet, rows: &[Row]) -> Self {
         let columns = set.required().iter().chain(set.optional());
         let std = |row: &Row, column| row.reading(column).and_then(|r| r.std);

@@ -9,7 +9,7 @@
 
 use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::row_law::{self, E, MU, Regimes, Theta, Variant};
+use super::row_law::{self, E, MU, Regimes, Theta, Variant, friction_share};
 use super::search::{Minimum, Task};
 
 /// More rows than this are not fitted anew for every Λ: one row more or less on a side then moves nothing else.
@@ -67,7 +67,7 @@ impl<'a> Profile<'a> {
     fn fitted(&self, limit: f64) -> Option<Minimum> {
         let task = self.task(limit);
         let found = task.search(self.theta)?;
-        if found.theta[MU] * (1.0 + found.theta[E]) <= limit {
+        if friction_share(&found.theta) <= limit {
             return Some(found);
         }
         let mut pinned = task;
@@ -93,11 +93,11 @@ impl<'a> Profile<'a> {
 
     /// The rows that the limit may move, under a model that jumps at `limit`.
     fn task(&self, limit: f64) -> Task<'_> {
-        Task {
-            rows: &self.data.rows,
-            chosen: Some(&self.rows),
-            variant: self.variant.with(Regimes::Jump(limit)),
-        }
+        Task::of(
+            self.data,
+            self.variant.with(Regimes::Jump(limit)),
+            Some(&self.rows),
+        )
     }
 
     /// Values of Λ in the gaps between rows (at most [`GAPS`], from all over `between`), and below and above all of them.

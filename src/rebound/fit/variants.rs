@@ -14,7 +14,7 @@
 use super::criteria::{self, InformationCriteria, chi2_quantile};
 use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, Variant};
+use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, Variant, friction_share};
 use super::search::{Minimum, Task};
 use super::series::{ColumnSet, Weights};
 use super::starts;
@@ -58,23 +58,23 @@ pub(super) struct Solution {
     pub slips: bool,
     /// μ-e with every row rolling off, where every row sliding would do as well: e is one number then or another.
     pub one_incidence: bool,
-    pub marks: InformationCriteria,
+    pub criteria: InformationCriteria,
 }
 
 impl Solution {
     fn new(data: &GroupData, variant: Variant, best: Minimum) -> Self {
-        let task = Task {
-            rows: &data.rows,
-            chosen: (data.sample.len() < data.rows.len()).then_some(&data.sample),
+        let task = Task::of(
+            data,
             variant,
-        };
+            (data.sample.len() < data.rows.len()).then_some(&data.sample),
+        );
         let (determined, rank) = task.unit_r_factor(&best.theta).determined(&variant.free);
         let limit = usize::from(matches!(variant.regimes, Regimes::Jump(_)));
         Self {
             variant,
             determined,
             rank,
-            marks: InformationCriteria::new(data, best.chi2, rank + limit, 1.0),
+            criteria: InformationCriteria::new(data, best.chi2, rank + limit, 1.0),
             local_minima: Vec::new(),
             slips: true,
             one_incidence: false,
@@ -102,7 +102,7 @@ impl Solution {
     /// Degrees of freedom that it leaves the rows.
     pub fn freedom(&self) -> usize {
         let parameters = self.rank + usize::from(self.jump().is_some());
-        self.marks.equations.saturating_sub(parameters)
+        self.criteria.equations.saturating_sub(parameters)
     }
 
     /// What standard uncertainties are multiplied by; `None` where the rows leave no scatter to tell it from.
@@ -120,11 +120,7 @@ impl Solution {
 
     /// The search's own terms, on all rows.
     pub fn task<'a>(&self, data: &'a GroupData) -> Task<'a> {
-        Task {
-            rows: &data.rows,
-            chosen: None,
-            variant: self.variant,
-        }
+        Task::of(data, self.variant, None)
     }
 }
 
@@ -186,7 +182,7 @@ fn slips(data: &GroupData, rolling: &Solution) -> bool {
     let spread = match data.weights {
         Weights::Stated => 1.0,
         Weights::Unit => {
-            let freedom = rolling.marks.equations.saturating_sub(rolling.rank);
+            let freedom = rolling.criteria.equations.saturating_sub(rolling.rank);
             (rolling.best.chi2 / freedom.max(1) as f64).max(data.rounding)
         }
     };
@@ -228,13 +224,10 @@ fn with_jump(data: &GroupData, name: ModelName, rolling: Option<Solution>) -> Op
     };
     let without = averaged(sliding);
     let jump = Profile::new(data, continuous, sliding.best.theta, spread)
-        .best(
-            sliding.best.theta[MU] * (1.0 + sliding.best.theta[E]),
-            0.5 * JUMPS,
-        )
+        .best(friction_share(&sliding.best.theta), 0.5 * JUMPS)
         .map(|(limit, found)| Solution::new(data, jumping(limit), found))
         // A friction above the limit is the continuous model, pinned.
-        .filter(|s| s.jump() > Some(s.best.theta[MU] * (1.0 + s.best.theta[E])))
+        .filter(|s| s.jump() > Some(friction_share(&s.best.theta)))
         .filter(|s| averaged(s).gain_over(&without, data.weights) > JUMPS)
         .filter(|s| jump_in_deviations(data, s).is_some_and(|jump| jump > SEEN * spread.sqrt()));
     let larger = jump.unwrap_or_else(|| sliding.clone());
@@ -243,7 +236,7 @@ fn with_jump(data: &GroupData, name: ModelName, rolling: Option<Solution>) -> Op
         .shared_spin
         .then(|| solve(data, self::sliding(data, name), &[sliding.best.theta]))
         .flatten()
-        .filter(|slide| !(larger.marks.gain_over(&slide.marks, data.weights) > SHOWS));
+        .filter(|slide| !(larger.criteria.gain_over(&slide.criteria, data.weights) > SHOWS));
     let larger = throughout.unwrap_or(larger);
     Some(if shows(data, rolling, &larger) {
         larger
@@ -271,7 +264,7 @@ fn may_slide(data: &GroupData, name: ModelName, rolling: &Solution) -> bool {
     let Some(sliding) = sliding_throughout(data, name) else {
         return false;
     };
-    if rolling.marks.gain_over(&sliding.marks, data.weights) > SHOWS {
+    if rolling.criteria.gain_over(&sliding.criteria, data.weights) > SHOWS {
         return false;
     }
     let variance = |of: &Solution| {
@@ -324,7 +317,7 @@ fn with_limit(data: &GroupData, name: ModelName, before: &[Solution]) -> Option<
         .into_iter()
         .chain(throughout)
         .reduce(|grips, slides| {
-            if slides.marks.gain_over(&grips.marks, data.weights) > 0.0 {
+            if slides.criteria.gain_over(&grips.criteria, data.weights) > 0.0 {
                 slides
             } else {
                 grips
@@ -357,7 +350,7 @@ fn worth_all_rows(data: &GroupData, name: ModelName, unlimited: Option<&Solution
 
 /// Whether the rows show that some slide.
 fn shows(data: &GroupData, without: &Solution, with: &Solution) -> bool {
-    slides(data, with) && with.marks.gain_over(&without.marks, data.weights) > SHOWS
+    slides(data, with) && with.criteria.gain_over(&without.criteria, data.weights) > SHOWS
 }
 
 /// Whether some row slides.
@@ -371,11 +364,7 @@ fn slides(data: &GroupData, solution: &Solution) -> bool {
 fn solve(data: &GroupData, variant: Variant, from: &[Theta]) -> Option<Solution> {
     let found = search(data, &data.sample, variant, from)?;
     let found = if data.sample.len() < data.rows.len() {
-        let all = Task {
-            rows: &data.rows,
-            chosen: None,
-            variant,
-        };
+        let all = Task::of(data, variant, None);
         all.search(found.theta)?
     } else {
         found
@@ -396,11 +385,7 @@ fn with_the_slip(data: &GroupData, variant: Variant, found: Minimum) -> Minimum 
     let mut mirrored = found.theta;
     mirrored[MU] = -found.theta[MU];
     mirrored[RATIO] = 2.0 - found.theta[RATIO];
-    let task = Task {
-        rows: &data.rows,
-        chosen: None,
-        variant,
-    };
+    let task = Task::of(data, variant, None);
     task.search(mirrored)
         .filter(|other| other.chi2 <= found.chi2 + AS_GOOD * (1.0 + found.chi2))
         .unwrap_or(found)
@@ -464,11 +449,7 @@ pub(super) fn search(
     variant: Variant,
     from: &[Theta],
 ) -> Option<Minimum> {
-    let task = Task {
-        rows: &data.rows,
-        chosen: Some(chosen),
-        variant,
-    };
+    let task = Task::of(data, variant, Some(chosen));
     let mut starts = starts::candidates(data, chosen, &variant.free);
     starts.extend(from);
     starts::best(&task, starts, 1.0, FOLLOWED)

@@ -5,7 +5,7 @@ use super::estimation::{ModelEstimation, NO_SLIP, three_digits};
 use crate::quantity::Quantity;
 use crate::rebound::fit::group_data::friction_demand;
 use crate::rebound::fit::result::{Fitted, Transition};
-use crate::rebound::fit::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta};
+use crate::rebound::fit::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, friction_share};
 use crate::rebound::fit::transition::{LimitInterval, Profile};
 use crate::rebound::model::FrictionLimit;
 use crate::rebound::parameter::SEARCHED;
@@ -14,11 +14,6 @@ use crate::rebound::parameter::SEARCHED;
 const CLOSE: f64 = 1.5;
 
 impl ModelEstimation<'_> {
-    /// μ (1 + e), where the model holds it.
-    pub(super) fn friction_share(theta: &Theta) -> f64 {
-        theta[MU] * (1.0 + theta[E])
-    }
-
     /// How friction ends grip in the model.
     fn friction_limit(&self) -> FrictionLimit {
         self.solution.name().facts().friction_limit
@@ -37,9 +32,9 @@ impl ModelEstimation<'_> {
         match solution.variant.regimes {
             Regimes::Jump(limit) => Some(profile.limits(limit, level)),
             _ => {
-                let share = Self::friction_share(&self.theta);
+                let share = friction_share(&self.theta);
                 let (low, high) = self
-                    .estimate(Self::friction_share, self.all_open())
+                    .estimate(friction_share, self.all_open())
                     .estimate()?
                     .interval_95;
                 let limits = profile.limits(share, level);
@@ -62,7 +57,7 @@ impl ModelEstimation<'_> {
                 }),
             ) => 0.5 * (low + high),
             (Some(limit), _) => limit,
-            (None, _) => Self::friction_share(&self.theta),
+            (None, _) => friction_share(&self.theta),
         }
     }
 
@@ -140,7 +135,7 @@ impl ModelEstimation<'_> {
         if (0..PARAMETERS).any(|j| solution.is_free(j) && !known(j)) {
             return none("it depends on parameters that are not determined");
         }
-        let continuous = |theta: &Theta| self.angle_rad(Self::friction_share(theta), theta);
+        let continuous = |theta: &Theta| self.angle_rad(friction_share(theta), theta);
         let value = continuous(&self.theta);
         if self.friction_limit() == FrictionLimit::AtFriction {
             return of(self.estimate(continuous, self.all_open()), None);
