@@ -109,7 +109,7 @@ impl<'a> ArcSearch<'a> {
         let chain = |flight: &[Stretch]| {
             let mut ranges: Vec<_> = flight.iter().map(|s| s.range.clone()).collect();
             ranges.retain(|r| is_free_flight(&samples[r.clone()], g, falls));
-            longest_chain(samples, merge(samples, ranges, fall), self.interval_s)
+            longest_chain(samples, merge(samples, ranges, self.gravity), self.interval_s)
         };
         // A ball that rolls in between was launched once more.
         let stretches = parabola::stretches(samples, fall);

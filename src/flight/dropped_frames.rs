@@ -9,9 +9,11 @@
 //! before it, by τ (v × v')/|v' − v| where they are nearest: they meet only when it is moved back by that time. A τ of
 //! whole frames is of frames that are missing; where the ball falls straight down, v × v' is 0 and nothing shows.
 
-use super::free_flight::{Flight, SpotUse};
+use super::free_flight::Flight;
 use super::linking::{LinkedSpots, Spot};
 use super::planar::PlanarArcs;
+use crate::numeric::propagation::InputQuantities;
+use nalgebra::Vector2;
 
 /// A place where frames are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,7 +55,7 @@ pub fn find(linked: &LinkedSpots, interval_s: f64) -> Vec<DroppedFrames> {
             .windows(6)
             .filter_map(|w| StepWindow::new([0, 1, 2, 3, 4, 5].map(|k| &spots[w[k]]), interval_s))
             .collect();
-        let scatter = scatter(windows.iter().map(|w| length(w.beyond(0))).collect());
+        let scatter = scatter(windows.iter().map(|w| w.beyond(0).norm()).collect());
         for w in &windows {
             votes[w.frame].push(w.missing(scatter));
         }
@@ -84,25 +86,17 @@ pub fn at_impacts(flight: &Flight) -> Vec<DroppedFrames> {
     if !flight.fit.falls_in_plane() {
         return Vec::new();
     }
-    let skip = |k: usize| {
+    let gap = |k: usize| {
         let (late_s, std_s) = late(flight, k)?;
         let (periods, std) = (late_s / flight.interval_s, std_s / flight.interval_s);
         let whole = (periods - periods.round()).abs() < WHOLE_FRAME_PART
             && WHOLE_FRAME_SIGMAS * std < WHOLE_FRAME_PART;
         let clear = periods > LEAST_LATE_SIGMAS * std && periods < MOST_MISSING;
-        let frame = flight
-            .points
-            .iter()
-            .find(|p| p.use_ == SpotUse::Used(k + 1))?
-            .spot
-            .frame;
-        let missing = periods.round();
-        (whole && clear && missing >= 1.0).then_some(DroppedFrames {
-            frame,
-            missing: missing as usize,
-        })
+        let first = flight.points.iter().find(|p| p.arc() == Some(k + 1))?;
+        let (frame, missing) = (first.spot.frame, periods.round() as usize);
+        (whole && clear && missing >= 1).then_some(DroppedFrames { frame, missing })
     };
-    (0..flight.impacts.len()).filter_map(skip).collect()
+    (0..flight.impacts.len()).filter_map(gap).collect()
 }
 
 /// Time by which arc `k + 1` must be moved back for it to meet arc `k`, and its standard uncertainty, s; `None` where that is
@@ -114,29 +108,14 @@ fn late(flight: &Flight, k: usize) -> Option<(f64, f64)> {
     if !(m.vh < 0.0 && n.vh > 0.0) {
         return None;
     }
-    let late_at = |p: &[f64]| meets_after(&fit.planar(p), k, t);
-    let mut at = fit.parameters.clone();
-    let late_s = late_at(at.as_slice());
-    let slopes = nalgebra::DVector::from_iterator(
-        at.len(),
-        (0..at.len()).map(|j| {
-            let step = 0.1 * fit.covariance[(j, j)].max(0.0).sqrt();
-            if step == 0.0 {
-                return 0.0;
-            }
-            let mut moved = |by: f64| {
-                at[j] = fit.parameters[j] + by;
-                let late_s = late_at(at.as_slice());
-                at[j] = fit.parameters[j];
-                late_s
-            };
-            (moved(step) - moved(-step)) / (2.0 * step)
-        }),
-    );
-    let std_s = (slopes.transpose() * &fit.covariance * &slopes)[(0, 0)]
-        .max(0.0)
-        .sqrt();
-    (late_s.is_finite() && std_s.is_finite()).then_some((late_s, std_s))
+    let inputs = InputQuantities {
+        values: fit.parameters.clone(),
+        covariance: fit.covariance.clone(),
+    };
+    let late = inputs
+        .outputs(|p| vec![meets_after(&fit.planar(p), k, t)])
+        .quantity(0)?;
+    Some((late.value, late.std_uncertainty?))
 }
 
 /// τ such that arc k at some time is where arc k + 1 is τ earlier, from near `t`; NaN where their velocities have one direction.
@@ -185,20 +164,19 @@ const MOST_SPOTS: usize = 4;
 
 /// Whether spots of the frames −2, −1, 1, 2 are of one thing that moves by one step from −1 to 1.
 fn moves_on_by_one([a, b, c, d]: [&Spot; 4], interval_s: f64) -> bool {
-    let step = |p: &Spot, q: &Spot| [q.place.right - p.place.right, q.place.up - p.place.up];
     let lasts = |p: &Spot, q: &Spot, frames: f64| {
         (q.time_s - p.time_s - frames * interval_s).abs() < EVEN_PART * interval_s
     };
     let (before, here, after) = (step(a, b), step(b, c), step(c, d));
-    let usual = [0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])];
-    let size = length(usual);
+    let usual = 0.5 * (before + after);
+    let size = usual.norm();
     let stands_out = size > LEAST_STEP_SIGMAS * a.std.max(b.std).max(c.std).max(d.std);
     lasts(a, b, 1.0)
         && lasts(b, c, 2.0)
         && lasts(c, d, 1.0)
         && stands_out
-        && apart(before, after) < ALIKE_PART * size
-        && apart(here, usual) < WHOLE_PART * size
+        && (before - after).norm() < ALIKE_PART * size
+        && (here - usual).norm() < WHOLE_PART * size
 }
 
 /// Steps that stand out from what rough centres are off by, in their standard uncertainties.
@@ -216,17 +194,14 @@ fn scatter(mut lengths: Vec<f64>) -> f64 {
         .map_or(f64::INFINITY, |quartile| quartile / 0.7585)
 }
 
-fn length(v: [f64; 2]) -> f64 {
-    v[0].hypot(v[1])
-}
-
-fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
-    length([a[0] - b[0], a[1] - b[1]])
+/// From one spot to the next, plane units.
+fn step(p: &Spot, q: &Spot) -> Vector2<f64> {
+    Vector2::new(q.place.right - p.place.right, q.place.up - p.place.up)
 }
 
 /// Five successive steps of a track, the middle one under suspicion.
 struct StepWindow {
-    steps: [[f64; 2]; 5],
+    steps: [Vector2<f64>; 5],
     /// The frame after the middle step.
     frame: usize,
 }
@@ -237,35 +212,26 @@ impl StepWindow {
         let even = spots
             .windows(2)
             .all(|p| (p[1].time_s - p[0].time_s - interval_s).abs() < EVEN_PART * interval_s);
-        let step = |k: usize| {
-            [
-                spots[k + 1].place.right - spots[k].place.right,
-                spots[k + 1].place.up - spots[k].place.up,
-            ]
-        };
         even.then(|| Self {
-            steps: [0, 1, 2, 3, 4].map(step),
+            steps: [0, 1, 2, 3, 4].map(|k| step(spots[k], spots[k + 1])),
             frame: spots[3].frame,
         })
     }
 
     /// Mean of the neighbours of the middle step.
-    fn usual(&self) -> [f64; 2] {
-        let [_, before, _, after, _] = self.steps;
-        [0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])]
+    fn usual(&self) -> Vector2<f64> {
+        0.5 * (self.steps[1] + self.steps[3])
     }
 
     /// What the middle step has beyond that with `missing` frames.
-    fn beyond(&self, missing: usize) -> [f64; 2] {
-        let (usual, here) = (self.usual(), self.steps[2]);
-        let times = missing as f64 + 1.0;
-        [here[0] - times * usual[0], here[1] - times * usual[1]]
+    fn beyond(&self, missing: usize) -> Vector2<f64> {
+        self.steps[2] - (missing as f64 + 1.0) * self.usual()
     }
 
     /// How many frames are missing at the middle step, 0 where it does not tell.
     fn missing(&self, scatter: f64) -> usize {
-        let usual = length(self.usual());
-        let ratio = length(self.steps[2]) / usual;
+        let usual = self.usual().norm();
+        let ratio = self.steps[2].norm() / usual;
         if !(ratio > 1.5 && ratio < MOST_MISSING + 1.0) {
             return 0;
         }
@@ -273,8 +239,8 @@ impl StepWindow {
         let [first, before, _, after, last] = self.steps;
         let smooth = [(first, before), (before, after), (after, last)]
             .iter()
-            .all(|(a, b)| apart(*a, *b) < ALIKE_PART * usual);
-        let whole = length(self.beyond(missing)) < WHOLE_PART * usual;
+            .all(|(a, b)| (a - b).norm() < ALIKE_PART * usual);
+        let whole = self.beyond(missing).norm() < WHOLE_PART * usual;
         let clear = missing as f64 * usual > LEAST_SIGMAS * scatter;
         if smooth && whole && clear { missing } else { 0 }
     }

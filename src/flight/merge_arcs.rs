@@ -1,7 +1,7 @@
 //! Neighbouring stretches of samples, before anything is fitted: whether they are one arc that was cut in two, or an impact
 //! stands between them.
 
-use super::parabola::{self, Fall};
+use super::parabola::{self, Fall, Gravity};
 use super::segment::TrackSample;
 use std::ops::Range;
 
@@ -31,13 +31,13 @@ pub(super) fn merge_by(
     joined
 }
 
-/// The same of parabolas.
-pub(super) fn merge(samples: &[TrackSample], ranges: Vec<Range<usize>>, fall: Fall) -> Vec<Range<usize>> {
+/// The same of parabolas with the fall `g`.
+pub(super) fn merge(samples: &[TrackSample], ranges: Vec<Range<usize>>, g: Gravity) -> Vec<Range<usize>> {
     merge_by(
         samples,
         ranges,
-        |part| parabola::misfit(part, fall),
-        |a, b| impact_stands_between(a, b, fall),
+        |part| parabola::misfit(part, Fall::Known(g)),
+        |a, b| impact_stands_between(a, b, g),
     )
 }
 
@@ -57,7 +57,7 @@ fn shorter_way(a: &[TrackSample], b: &[TrackSample]) -> f64 {
 }
 
 /// Whether the velocities of two neighbouring stretches differ as by an impact where they meet.
-fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bool {
+fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], g: Gravity) -> bool {
     // Near the seam: over a long stretch drag or perspective would pass for a jump.
     let (a, b) = (
         &a[a.len().saturating_sub(SEAM_POINTS)..],
@@ -67,20 +67,19 @@ fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bo
         return false;
     };
     let t = 0.5 * (end.t + start.t);
-    let (Some(before), Some(after)) = (parabola::velocity(a, fall, t), parabola::velocity(b, fall, t)) else {
+    let (Some(before), Some(after)) = (parabola::velocity(a, g, t), parabola::velocity(b, g, t)) else {
         return true;
     };
     let jump = (after.0 - before.0).hypot(after.1 - before.1);
     // One flight is in one place where its parts meet; else they are two things.
-    if let (Some(p), Some(q)) = (parabola::place(a, fall, t), parabola::place(b, fall, t)) {
+    if let (Some(p), Some(q)) = (parabola::place(a, g, t), parabola::place(b, g, t)) {
         let sigma = 1.0 / end.weight.sqrt();
         if (p.0 - q.0).hypot(p.1 - q.1) > MOST_APART_SIGMAS * sigma + 0.02 * shorter_way(a, b) {
             return true;
         }
     }
     // Against the fastest that either is: at an apex every jump is large against the speed there.
-    let fast =
-        |part: &[TrackSample], t: f64| parabola::velocity(part, fall, t).map_or(0.0, |v| v.0.hypot(v.1));
+    let fast = |part: &[TrackSample], t: f64| parabola::velocity(part, g, t).map_or(0.0, |v| v.0.hypot(v.1));
     let speed = [
         fast(a, a[0].t),
         fast(a, end.t),
@@ -90,14 +89,12 @@ fn impact_stands_between(a: &[TrackSample], b: &[TrackSample], fall: Fall) -> bo
     .into_iter()
     .fold(0.0, f64::max);
     // Near an apex cut in two the sign of the rise is noise: the turn must be worth the gap's fall at least.
-    let turn = match fall {
-        Fall::Known(g) if g.down > 0.0 => {
-            let least = 2.0 * g.down * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
-            before.1 < 0.0 && after.1 > 0.0 && after.1 - before.1 > least
-        }
+    let turn = if g.down > 0.0 {
+        let least = 2.0 * g.down * (start.t - end.t) + 0.5 * LEAST_JUMP * speed;
+        before.1 < 0.0 && after.1 > 0.0 && after.1 - before.1 > least
+    } else {
         // Where nothing falls, nothing bends a path but an impact.
-        Fall::Known(g) => g.down == 0.0,
-        Fall::Free { .. } => true,
+        g.down == 0.0
     };
     jump > LEAST_JUMP * speed || turn
 }

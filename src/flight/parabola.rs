@@ -23,11 +23,6 @@ impl Gravity {
         across: 0.0,
     };
 
-    /// The same, or against h alone.
-    fn leaning(self, leaning: bool) -> Self {
-        if leaning { self } else { Self::upright(self.down) }
-    }
-
     /// Against h alone.
     #[must_use]
     pub const fn upright(down: f64) -> Self {
@@ -62,16 +57,11 @@ impl Fall {
 /// The stretches of a track, in time order. `samples` are in time order.
 #[must_use]
 pub fn stretches(samples: &[TrackSample], fall: Fall) -> Vec<Stretch> {
-    let begin = |first: &TrackSample| FallSums {
-        sums: ParabolaSums::new(*first),
-        fall,
-        duration: 0.0,
-    };
     let least = match fall {
         Fall::Free { .. } => 5,
         Fall::Known(_) => 3,
     };
-    divide(samples, least, begin).0
+    divide(samples, least, |first| ParabolaSums::new(*first, fall)).0
 }
 
 /// The arcs of a track: those of its stretches that fall.
@@ -82,39 +72,6 @@ pub fn arcs(samples: &[TrackSample], fall: Fall) -> Vec<Range<usize>> {
 
 /// A bench or a floor rises by no more than this part of the way along it.
 const LEVEL_PART: f64 = 0.2;
-
-struct FallSums {
-    sums: ParabolaSums,
-    fall: Fall,
-    /// From the first sample to the last, s.
-    duration: f64,
-}
-
-impl ArcSums for FallSums {
-    fn add(&mut self, sample: &TrackSample) {
-        self.sums.add(sample);
-        self.duration = sample.t - self.sums.origin.t;
-    }
-
-    fn residual(&self) -> f64 {
-        self.sums.residual(self.fall)
-    }
-
-    fn straight_residual(&self) -> Option<f64> {
-        let Fall::Known(g) = self.fall else { return None };
-        let size = g.down.hypot(g.across);
-        if !(size > 0.0) {
-            return None;
-        }
-        let (vr, vh) = self.sums.line_velocity()?;
-        let rise = (vr * g.across - vh * g.down) / size;
-        let along = (vr * g.down + vh * g.across) / size;
-        // To three standard deviations of a point: a ball that is held moves neither way.
-        let slack = 3.0 / (self.sums.t[0] / self.sums.count).sqrt();
-        let level = rise.abs() * self.duration <= LEVEL_PART * along.abs() * self.duration + slack;
-        level.then(|| self.sums.residual(Fall::Known(Gravity::NONE)))
-    }
-}
 
 /// Own fall of a stretch of samples: (g, its standard deviation), from a free parabola; `None` below 4 points.
 #[must_use]
@@ -129,25 +86,21 @@ pub fn own_gravity(samples: &[TrackSample]) -> Option<(Gravity, f64)> {
     if samples.len() < 4 {
         return None;
     }
-    ParabolaSums::of(samples)?.own_gravity()
+    ParabolaSums::of(samples, Fall::Free { leaning: true })?.own_gravity()
 }
 
 /// Squared residuals of a stretch, in variances, with the best arc through it.
 #[must_use]
 pub fn misfit(samples: &[TrackSample], fall: Fall) -> f64 {
-    ParabolaSums::of(samples).map_or(0.0, |sums| sums.residual(fall))
+    ParabolaSums::of(samples, fall).map_or(0.0, |sums| sums.residual())
 }
 
-/// Place (r, h) at `t` of the best arc through a stretch; `None` below two times.
+/// Place (r, h) at `t` of the best arc with fall `g` through a stretch; `None` below two times.
 #[must_use]
-pub fn place(samples: &[TrackSample], fall: Fall, t: f64) -> Option<(f64, f64)> {
-    let (vr, vh) = velocity(samples, fall, t)?;
+pub fn place(samples: &[TrackSample], g: Gravity, t: f64) -> Option<(f64, f64)> {
+    let (vr, vh) = velocity(samples, g, t)?;
     let mean = |f: fn(&TrackSample) -> f64| samples.iter().map(f).sum::<f64>() / samples.len() as f64;
     let (tm, rm, hm) = (mean(|s| s.t), mean(|s| s.r), mean(|s| s.h));
-    let g = match fall {
-        Fall::Known(g) => g,
-        Fall::Free { leaning } => own_gravity(samples)?.0.leaning(leaning),
-    };
     // The best arc goes through the mean point, but for the curve's own mean.
     let bend = samples.iter().map(|s| (s.t - tm).powi(2)).sum::<f64>() / samples.len() as f64;
     let dt = t - tm;
@@ -155,14 +108,10 @@ pub fn place(samples: &[TrackSample], fall: Fall, t: f64) -> Option<(f64, f64)> 
     Some((at(rm, vr, g.across), at(hm, vh, -g.down)))
 }
 
-/// Velocity (r, h) at `t` of the best arc through a stretch; `None` below two times.
+/// Velocity (r, h) at `t` of the best arc with fall `g` through a stretch; `None` below two times.
 #[must_use]
-pub fn velocity(samples: &[TrackSample], fall: Fall, t: f64) -> Option<(f64, f64)> {
-    let sums = ParabolaSums::of(samples)?;
-    let g = match fall {
-        Fall::Known(g) => g,
-        Fall::Free { leaning } => sums.own_gravity()?.0.leaning(leaning),
-    };
+pub fn velocity(samples: &[TrackSample], g: Gravity, t: f64) -> Option<(f64, f64)> {
+    let sums = ParabolaSums::of(samples, Fall::Known(g))?;
     let [s0, s1, s2, s3, _] = sums.t;
     let det = s0 * s2 - s1 * s1;
     // Without the curve the rest is a straight line.
@@ -175,7 +124,10 @@ pub fn velocity(samples: &[TrackSample], fall: Fall, t: f64) -> Option<(f64, f64
 
 /// Weighted sums relative to the first sample.
 struct ParabolaSums {
+    fall: Fall,
     origin: TrackSample,
+    /// From the first sample to the last, s.
+    duration: f64,
     count: f64,
     t: [f64; 5],
     r: [f64; 3],
@@ -184,29 +136,11 @@ struct ParabolaSums {
     hh: f64,
 }
 
-impl ParabolaSums {
-    fn new(origin: TrackSample) -> Self {
-        Self {
-            origin,
-            count: 0.0,
-            t: [0.0; 5],
-            r: [0.0; 3],
-            rr: 0.0,
-            h: [0.0; 3],
-            hh: 0.0,
-        }
-    }
-
-    /// Of all `samples`; `None` where there are none.
-    fn of(samples: &[TrackSample]) -> Option<Self> {
-        let mut sums = Self::new(*samples.first()?);
-        samples.iter().for_each(|s| sums.add(s));
-        Some(sums)
-    }
-
+impl ArcSums for ParabolaSums {
     fn add(&mut self, s: &TrackSample) {
         let t = s.t - self.origin.t;
         let (r, h, w) = (s.r - self.origin.r, s.h - self.origin.h, s.weight);
+        self.duration = t;
         self.count += 1.0;
         let mut power = w;
         for k in 0..5 {
@@ -221,22 +155,61 @@ impl ParabolaSums {
         self.hh += w * h * h;
     }
 
-    fn residual(&self, fall: Fall) -> f64 {
-        let (along, up) = match fall {
-            Fall::Known(g) => (
-                self.known_residual(&self.r, self.rr, g.across),
-                self.known_residual(&self.h, self.hh, -g.down),
-            ),
-            Fall::Free { leaning: false } => (
-                self.known_residual(&self.r, self.rr, 0.0),
-                self.free_residual(&self.h, self.hh),
-            ),
-            Fall::Free { leaning: true } => (
-                self.free_residual(&self.r, self.rr),
-                self.free_residual(&self.h, self.hh),
-            ),
-        };
-        along + up
+    fn residual(&self) -> f64 {
+        match self.fall {
+            Fall::Known(g) => self.residual_under(g),
+            Fall::Free { leaning } => {
+                let along = if leaning {
+                    self.free_residual(&self.r, self.rr)
+                } else {
+                    self.known_residual(&self.r, self.rr, 0.0)
+                };
+                along + self.free_residual(&self.h, self.hh)
+            }
+        }
+    }
+
+    fn straight_residual(&self) -> Option<f64> {
+        let Fall::Known(g) = self.fall else { return None };
+        let size = g.down.hypot(g.across);
+        if !(size > 0.0) {
+            return None;
+        }
+        let (vr, vh) = self.line_velocity()?;
+        let rise = (vr * g.across - vh * g.down) / size;
+        let along = (vr * g.down + vh * g.across) / size;
+        // To three standard deviations of a point: a ball that is held moves neither way.
+        let slack = 3.0 / (self.t[0] / self.count).sqrt();
+        let level = rise.abs() * self.duration <= LEVEL_PART * along.abs() * self.duration + slack;
+        level.then(|| self.residual_under(Gravity::NONE))
+    }
+}
+
+impl ParabolaSums {
+    fn new(origin: TrackSample, fall: Fall) -> Self {
+        Self {
+            fall,
+            origin,
+            duration: 0.0,
+            count: 0.0,
+            t: [0.0; 5],
+            r: [0.0; 3],
+            rr: 0.0,
+            h: [0.0; 3],
+            hh: 0.0,
+        }
+    }
+
+    /// Of all `samples`; `None` where there are none.
+    fn of(samples: &[TrackSample], fall: Fall) -> Option<Self> {
+        let mut sums = Self::new(*samples.first()?, fall);
+        samples.iter().for_each(|s| sums.add(s));
+        Some(sums)
+    }
+
+    /// Squared residuals of the best arc with this fall.
+    fn residual_under(&self, g: Gravity) -> f64 {
+        self.known_residual(&self.r, self.rr, g.across) + self.known_residual(&self.h, self.hh, -g.down)
     }
 
     /// Squared residuals of a coordinate whose acceleration is `a`: y − a t²/2 is a straight line.
@@ -373,9 +346,13 @@ mod tests {
         for fall in [Fall::Free { leaning: true }, Fall::Known(fall)] {
             let found = arcs(&samples, fall);
             assert_eq!(found.len(), 2, "{found:?}");
+            let g = match fall {
+                Fall::Known(g) => g,
+                Fall::Free { .. } => own_gravity(&samples[..100]).unwrap().0,
+            };
             let (v, w) = (
-                velocity(&samples[..100], fall, 0.2).unwrap(),
-                place(&samples[..100], fall, 0.2).unwrap(),
+                velocity(&samples[..100], g, 0.2).unwrap(),
+                place(&samples[..100], g, 0.2).unwrap(),
             );
             let (vr, vh) = (100.0 * cos - 196.2 * sin, -196.2 * cos - 100.0 * sin);
             assert!((v.0 - vr).abs() < 1e-6 && (v.1 - vh).abs() < 1e-6, "{v:?}");

@@ -15,6 +15,35 @@ pub struct Motion {
     pub vh: f64,
 }
 
+impl Motion {
+    /// This motion and `s` times a `slope` of it.
+    pub(super) fn along(&self, slope: &Self, s: f64) -> Self {
+        Self {
+            r: self.r + s * slope.r,
+            h: self.h + s * slope.h,
+            vr: self.vr + s * slope.vr,
+            vh: self.vh + s * slope.vh,
+        }
+    }
+}
+
+/// A step `s` of the Runge-Kutta method of fourth order from `m`, whose slope is `rate`; `along` adds a part of a slope.
+pub(super) fn runge_kutta_step<M>(
+    m: &M,
+    s: f64,
+    rate: impl Fn(&M) -> M,
+    along: impl Fn(&M, &M, f64) -> M,
+) -> M {
+    let a = rate(m);
+    let b = rate(&along(m, &a, 0.5 * s));
+    let c = rate(&along(m, &b, 0.5 * s));
+    let d = rate(&along(m, &c, s));
+    let m = along(m, &a, s / 6.0);
+    let m = along(&m, &b, s * 2.0 / 6.0);
+    let m = along(&m, &c, s * 2.0 / 6.0);
+    along(&m, &d, s / 6.0)
+}
+
 /// Index of gravity in the parameters.
 pub const GRAVITY: usize = 0;
 /// Index of drag in the parameters.
@@ -124,23 +153,11 @@ impl PlanarArcs<'_> {
                 vh: slow * m.vh - g,
             }
         };
-        let along = |m: &Motion, d: &Motion, s: f64| Motion {
-            r: m.r + s * d.r,
-            h: m.h + s * d.h,
-            vr: m.vr + s * d.vr,
-            vh: m.vh + s * d.vh,
-        };
         let s = dt / PARTS as f64;
         let mut m = start;
         for _ in 0..PARTS {
             let beta = beta * self.law.at(speed(m.vr + 0.5 * across * s, m.vh - 0.5 * g * s));
-            let a = rate(&m, beta);
-            let b = rate(&along(&m, &a, 0.5 * s), beta);
-            let c = rate(&along(&m, &b, 0.5 * s), beta);
-            let d = rate(&along(&m, &c, s), beta);
-            for (part, slope) in [(1.0, &a), (2.0, &b), (2.0, &c), (1.0, &d)] {
-                m = along(&m, slope, s * part / 6.0);
-            }
+            m = runge_kutta_step(&m, s, |m| rate(m, beta), Motion::along);
         }
         m
     }

@@ -1,6 +1,6 @@
 //! What every reported number of a motion depends on: the arcs' parameters, and errors that no arc shows.
 
-use super::propagation::{InputQuantities, OutputQuantities};
+use crate::numeric::propagation::{InputQuantities, OutputQuantities};
 use crate::flight::planar::{ACROSS, GRAVITY};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};

@@ -18,7 +18,6 @@ mod floor;
 pub mod from_flight;
 mod inputs;
 pub mod motion;
-pub mod propagation;
 pub mod reading;
 pub mod relations;
 mod side_bounce;

@@ -3,7 +3,7 @@
 use super::floor::turned;
 use super::inputs::InputValues;
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
-use super::propagation::OutputQuantities;
+use crate::numeric::propagation::OutputQuantities;
 use super::relations::ImpactVelocities;
 use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, reading};
 

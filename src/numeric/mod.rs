@@ -8,6 +8,7 @@
 //! | run the loop on a state of your own (poses, a block structure, another cost) | [`least_squares::Problem`] and [`least_squares::minimise`] |
 //! | take in weighted rows one at a time, weights spanning many orders of magnitude | [`r_factor::RFactor`] |
 //! | weigh down outliers, or ask for a median | [`robust`] |
+//! | carry a covariance through any function | [`propagation`] |
 //!
 //! A fit states three things: what is fitted (the trait), how steps are damped ([`least_squares::Damping`]), and when a
 //! step no longer matters (`is_settled`, or [`least_squares::StopRule`]). It ends with a [`least_squares::Termination`].
@@ -34,5 +35,6 @@
 
 pub mod least_squares;
 pub mod linear;
+pub mod propagation;
 pub mod r_factor;
 pub mod robust;

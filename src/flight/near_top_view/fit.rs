@@ -180,8 +180,8 @@ impl Residuals for SpatialProblem<'_> {
             let columns = self.local(k);
             for i in 0..local.nrows() {
                 right[LOCAL * k + i] = left[i];
-                for (j, column) in columns.into_iter().enumerate() {
-                    matrix[(LOCAL * k + i, column)] = local[(i, j)];
+                for (j, column) in columns.iter().enumerate() {
+                    matrix[(LOCAL * k + i, *column)] = local[(i, j)];
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use super::camera::{NearTopView, SpatialMotion};
 use crate::flight::drag::DragLaw;
-use crate::flight::planar::{ARCS, DRAG, Motion};
+use crate::flight::planar::{ARCS, DRAG, Motion, runge_kutta_step};
 use crate::geometry::PlanePoint;
 
 /// Where the parameters of a fit of `arcs` arcs stand. The first are those of [`crate::flight::motion_model::ArcFit`]: no gravity in
@@ -175,25 +175,10 @@ fn integrate(start: SpatialMotion, fall: f64, air: &AirForces, dt: f64) -> Spati
         }
     };
     let along = |m: &SpatialMotion, d: &SpatialMotion, s: f64| SpatialMotion {
-        ground: Motion {
-            r: m.ground.r + s * d.ground.r,
-            h: m.ground.h + s * d.ground.h,
-            vr: m.ground.vr + s * d.ground.vr,
-            vh: m.ground.vh + s * d.ground.vh,
-        },
+        ground: m.ground.along(&d.ground, s),
         zeta: m.zeta + s * d.zeta,
         rate: m.rate + s * d.rate,
     };
-    let s = dt / PARTS as f64;
-    let mut m = start;
-    for _ in 0..PARTS {
-        let a = rate(&m);
-        let b = rate(&along(&m, &a, 0.5 * s));
-        let c = rate(&along(&m, &b, 0.5 * s));
-        let d = rate(&along(&m, &c, s));
-        for (part, slope) in [(1.0, &a), (2.0, &b), (2.0, &c), (1.0, &d)] {
-            m = along(&m, slope, s * part / 6.0);
-        }
-    }
-    m
+    let step = |m, _| runge_kutta_step(&m, dt / PARTS as f64, rate, along);
+    (0..PARTS).fold(start, step)
 }

@@ -1,6 +1,5 @@
 //! What is known of a flight besides its points, as rows for the fit; see [`super::fit`].
 
-use super::kinematics::spatial_motion;
 use super::lift;
 use super::problem::SpatialProblem;
 use crate::flight::planar::{ACROSS, DRAG, GRAVITY};
@@ -23,16 +22,6 @@ pub(super) struct PriorRow {
     pub(super) residual: f64,
 }
 
-impl PriorRow {
-    /// That parameter `i`, now `value`, is `expected` ± `std`.
-    fn prior(i: usize, value: f64, expected: f64, std: f64) -> Self {
-        Self {
-            by: vec![(i, 1.0 / std)],
-            residual: (expected - value) / std,
-        }
-    }
-}
-
 impl SpatialProblem<'_> {
     /// How large lifts may be and how well arcs meet, by the speeds that `p` has.
     pub(super) fn update_prior_widths(&mut self, p: &DVector<f64>, lift_drag: f64) {
@@ -43,38 +32,32 @@ impl SpatialProblem<'_> {
     /// Everything that is known besides the points.
     pub(super) fn priors(&self, p: &DVector<f64>) -> Vec<PriorRow> {
         let (view, layout) = (&self.view, self.layout);
+        let mut rows = Vec::new();
+        // That parameter `i` is `expected` ± `std`.
+        let mut prior = |i: usize, expected: f64, std: f64| {
+            rows.push(PriorRow {
+                by: vec![(i, 1.0 / std)],
+                residual: (expected - p[i]) / std,
+            });
+        };
         // There is no gravity in the plane.
-        let mut rows: Vec<PriorRow> = [GRAVITY, ACROSS]
-            .map(|i| PriorRow::prior(i, p[i], 0.0, 1.0))
-            .into();
-        for (i, expected) in [view.nadir.right, view.nadir.up].into_iter().enumerate() {
-            rows.push(PriorRow::prior(
-                layout.nadir() + i,
-                p[layout.nadir() + i],
-                expected,
-                view.nadir_std,
-            ));
-        }
-        rows.push(PriorRow::prior(
-            layout.fall(),
-            p[layout.fall()],
-            0.0,
-            view.fall_relative_std,
-        ));
-        rows.push(PriorRow::prior(DRAG, p[DRAG], self.drag.0, self.drag.1));
-        for i in layout.shadow_pull()..layout.shadow_pull() + 2 {
-            rows.push(PriorRow::prior(i, p[i], 0.0, SHADOW_PULL_PART * view.radius()));
-        }
-        let half = layout.half_contact();
-        rows.push(PriorRow::prior(half, p[half], 0.0, HALF_CONTACT_STD_S));
+        prior(GRAVITY, 0.0, 1.0);
+        prior(ACROSS, 0.0, 1.0);
+        prior(layout.nadir(), view.nadir.right, view.nadir_std);
+        prior(layout.nadir() + 1, view.nadir.up, view.nadir_std);
+        prior(layout.fall(), 0.0, view.fall_relative_std);
+        prior(DRAG, self.drag.0, self.drag.1);
+        prior(layout.shadow_pull(), 0.0, SHADOW_PULL_PART * view.radius());
+        prior(layout.shadow_pull() + 1, 0.0, SHADOW_PULL_PART * view.radius());
+        prior(layout.half_contact(), 0.0, HALF_CONTACT_STD_S);
         for k in 0..self.arcs() {
-            let rise = layout.rise(k);
-            rows.push(PriorRow::prior(rise, p[rise], view.touching(), 1.0));
-            rows.push(PriorRow::prior(rise + 1, p[rise + 1], 0.0, view.fastest_per_s()));
+            prior(layout.rise(k), view.touching(), 1.0);
+            prior(layout.rise(k) + 1, 0.0, view.fastest_per_s());
         }
         for (k, lift) in self.lifts.iter().enumerate() {
-            let first = layout.lift(k);
-            rows.extend((0..3).map(|i| PriorRow::prior(first + i, p[first + i], lift.mean[i], lift.std[i])));
+            for (i, (mean, std)) in lift.mean.into_iter().zip(lift.std).enumerate() {
+                prior(layout.lift(k) + i, mean, std);
+            }
         }
         for k in 0..self.arcs() - 1 {
             self.impact(p, k, &mut rows);
@@ -86,8 +69,8 @@ impl SpatialProblem<'_> {
     /// the contact's middle is uncertain, at least that of the slowest fall.
     fn impact_std(&self, p: &DVector<f64>, k: usize) -> (f64, f64) {
         let t = p[self.layout.impact(k)];
-        let a = spatial_motion(&self.view, p.as_slice(), &self.times, k, t);
-        let b = spatial_motion(&self.view, p.as_slice(), &self.times, k + 1, t);
+        let a = self.motion(p, k, t);
+        let b = self.motion(p, k + 1, t);
         let turn = (b.ground.vr - a.ground.vr).hypot(b.ground.vh - a.ground.vh);
         let slow = 0.1 * self.view.fastest_per_s();
         (
@@ -102,13 +85,12 @@ impl SpatialProblem<'_> {
         let (along, up) = self.impact_stds[k];
         let residual = |p: &DVector<f64>| -> [f64; 4] {
             let (t, half) = (p[layout.impact(k)], p[layout.half_contact()]);
-            let at = |k: usize, t: f64| spatial_motion(&self.view, p.as_slice(), &self.times, k, t);
-            let (a, b) = (at(k, t).ground, at(k + 1, t).ground);
+            let (a, b) = (self.motion(p, k, t).ground, self.motion(p, k + 1, t).ground);
             [
                 (a.r - b.r) / along,
                 (a.h - b.h) / along,
-                (self.view.touching() - at(k, t - half).zeta) / up,
-                (self.view.touching() - at(k + 1, t + half).zeta) / up,
+                (self.view.touching() - self.motion(p, k, t - half).zeta) / up,
+                (self.view.touching() - self.motion(p, k + 1, t + half).zeta) / up,
             ]
         };
         let here = residual(p);

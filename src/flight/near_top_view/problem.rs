@@ -1,10 +1,10 @@
 //! The points of a flight seen from above as a least-squares problem: what the picture shows of them under any parameters.
 
-use super::camera::NearTopView;
+use super::camera::{NearTopView, SpatialMotion};
 use super::kinematics::{SpatialLayout, seen, spatial_motion};
 use super::lift::LiftPrior;
 use crate::flight::motion_model::{FitPoint, mean_times};
-use crate::flight::planar::DRAG;
+use crate::flight::planar::{DRAG, Motion};
 use nalgebra::{DMatrix, DVector};
 
 /// Parameters that one arc's points depend on: r, vr, h, vh, ζ, ω, lift's three; drag, the nadir's two, the fall's, the
@@ -54,12 +54,22 @@ impl<'a> SpatialProblem<'a> {
         self.times.len()
     }
 
+    /// Motion on arc `k` at time `t`.
+    pub(super) fn motion(&self, p: &DVector<f64>, k: usize, t: f64) -> SpatialMotion {
+        spatial_motion(&self.view, p.as_slice(), &self.times, k, t)
+    }
+
+    /// The same, and as the picture shows it.
+    fn seen(&self, p: &DVector<f64>, k: usize, t: f64) -> (SpatialMotion, Motion) {
+        let motion = self.motion(p, k, t);
+        (motion, seen(&self.view, p.as_slice(), &self.times, &motion))
+    }
+
     /// Whitened residuals of all points, two each.
     pub(super) fn point_residuals(&self, p: &DVector<f64>) -> DVector<f64> {
         let all = self.parts.iter().flat_map(|part| part.iter()).flat_map(|point| {
             let s = &point.sample;
-            let m = spatial_motion(&self.view, p.as_slice(), &self.times, point.arc, s.t);
-            let (seen, w) = (seen(&self.view, p.as_slice(), &self.times, &m), s.weight.sqrt());
+            let ((m, seen), w) = (self.seen(p, point.arc, s.t), s.weight.sqrt());
             // Beyond the camera there is no picture.
             let w = if m.zeta < 1.0 { w } else { f64::INFINITY };
             [w * (s.r - seen.r), w * (s.h - seen.h)]
@@ -72,15 +82,8 @@ impl<'a> SpatialProblem<'a> {
         let points = self.parts[k];
         let columns = self.local(k);
         let seen = |p: &DVector<f64>| -> Vec<[f64; 2]> {
-            let p = p.as_slice();
-            points
-                .iter()
-                .map(|point| {
-                    let m = spatial_motion(&self.view, p, &self.times, k, point.sample.t);
-                    let m = seen(&self.view, p, &self.times, &m);
-                    [m.r, m.h]
-                })
-                .collect()
+            let seen = points.iter().map(|point| self.seen(p, k, point.sample.t).1);
+            seen.map(|m| [m.r, m.h]).collect()
         };
         let here = seen(p);
         let mut matrix = DMatrix::zeros(2 * points.len(), LOCAL);
@@ -110,27 +113,13 @@ impl<'a> SpatialProblem<'a> {
         (qr.r(), right.rows(0, LOCAL).into_owned())
     }
 
-    /// The parameters that arc `k`'s points depend on.
-    pub(super) fn local(&self, k: usize) -> [usize; LOCAL] {
-        let (g, v, l) = (self.layout.ground(k), self.layout.rise(k), self.layout.lift(k));
-        let (f, fall, shadow_pull) = (self.layout.nadir(), self.layout.fall(), self.layout.shadow_pull());
-        [
-            g,
-            g + 1,
-            g + 2,
-            g + 3,
-            v,
-            v + 1,
-            l,
-            l + 1,
-            l + 2,
-            DRAG,
-            f,
-            f + 1,
-            fall,
-            shadow_pull,
-            shadow_pull + 1,
-        ]
+    /// The parameters that arc `k`'s points depend on, [`LOCAL`] of them.
+    pub(super) fn local(&self, k: usize) -> Vec<usize> {
+        let (ground, rise, lift) = (self.layout.ground(k), self.layout.rise(k), self.layout.lift(k));
+        let (nadir, pull) = (self.layout.nadir(), self.layout.shadow_pull());
+        let own = (ground..ground + 4).chain(rise..rise + 2).chain(lift..lift + 3);
+        let shared = [DRAG, nadir, nadir + 1, self.layout.fall(), pull, pull + 1];
+        own.chain(shared).collect()
     }
 
     /// A step of parameter `i` for differences: a millionth of what matters in it, far above rounding.
