@@ -1,7 +1,7 @@
 //! What every reported number of a motion depends on: the arcs' parameters, and errors that no arc shows.
 
-use crate::numeric::propagation::{InputQuantities, OutputQuantities};
 use crate::flight::planar::{ACROSS, GRAVITY};
+use crate::numeric::propagation::{InputQuantities, OutputQuantities};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 

@@ -3,9 +3,9 @@
 use super::floor::turned;
 use super::inputs::InputValues;
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
-use crate::numeric::propagation::OutputQuantities;
 use super::relations::ImpactVelocities;
 use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, reading};
+use crate::numeric::propagation::OutputQuantities;
 
 use crate::rebound::Regime;
 use SideOutput as Out;

@@ -179,7 +179,12 @@ impl Residuals for SpatialProblem<'_> {
             points += weight * weight * residuals.rows(first, 2 * part.len()).norm_squared();
             first += 2 * part.len();
         }
-        points + self.priors(p).iter().map(|row| row.residual * row.residual).sum::<f64>()
+        points
+            + self
+                .priors(p)
+                .iter()
+                .map(|row| row.residual * row.residual)
+                .sum::<f64>()
     }
 
     /// All whitened rows and what is left to explain: each arc's points reduced to [`LOCAL`] rows, then the priors.
