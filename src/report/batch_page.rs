@@ -1,10 +1,10 @@
 //! `report.html` of a batch: what of it failed, the page of its series, and every recording with a link to its own page.
 
-use super::page::{self, PageError, escape};
+use super::page::{PageError, document};
 use super::words::{NO_VALUE, counted};
 use super::{series_page, series_rows};
 use crate::rebound::fit::{Series, SeriesFit};
-use std::fmt::Write as _;
+use maud::{Markup, html};
 
 /// A recording of the batch.
 #[derive(Debug, Clone)]
@@ -60,29 +60,23 @@ pub fn report_html(
     series: &Series,
     fit: &SeriesFit,
 ) -> Result<String, PageError> {
-    let mut html = String::new();
     let title = format!("A series of {}", counted(entries.len() as u64, "recording"));
-    let _ = write!(
-        html,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{title}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
-        page::STYLE
-    );
-    header(&mut html, &title, entries, fit);
-    troubles(&mut html, entries);
-    series_page::sections(&mut html, series, fit)?;
-    recordings(&mut html, entries);
-    let _ = writeln!(
-        html,
-        "<footer><p>track {}; ± is one standard uncertainty (k = 1). The table: <a href=\"series.csv\">series.csv</a>; the \
-         fit: <a href=\"fit.json\">fit.json</a>.</p></footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    );
-    Ok(html)
+    let body = html! {
+        (header(&title, entries, fit))
+        (not_measured(entries))
+        (series_page::sections(series, fit)?)
+        (recordings(entries))
+        footer {
+            p {
+                "track " (env!("CARGO_PKG_VERSION")) "; ± is one standard uncertainty (k = 1). The table: "
+                a href="series.csv" { "series.csv" } "; the fit: " a href="fit.json" { "fit.json" } "."
+            }
+        }
+    };
+    Ok(document(&title, "", &body))
 }
 
-fn header(html: &mut String, title: &str, entries: &[RecordingEntry<'_>], fit: &SeriesFit) {
+fn header(title: &str, entries: &[RecordingEntry<'_>], fit: &SeriesFit) -> Markup {
     let count = |word: &str| entries.iter().filter(|e| e.state.word() == word).count();
     let states: Vec<String> = ["measured", "rejected", "failed", "not yet measured"]
         .into_iter()
@@ -91,94 +85,85 @@ fn header(html: &mut String, title: &str, entries: &[RecordingEntry<'_>], fit: &
         .collect();
     let rows: usize = fit.groups.iter().map(|g| g.rows).sum();
     let used: usize = fit.groups.iter().map(|g| g.rows_used.len()).sum();
-    let _ = writeln!(html, "<header>\n<h1>{title}</h1>\n<p>{}</p>", states.join(", "));
-    if used == 0 {
-        let why = if rows == 0 {
-            "No bounce was measured.".to_owned()
-        } else {
-            format!(
-                "None of {} can be used; see why below.",
-                counted(rows as u64, "bounce")
-            )
-        };
-        let _ = writeln!(
-            html,
-            "<div class=\"rejected\"><strong>✗ Not fitted</strong>\n<p>{why}</p></div>"
-        );
-    } else {
-        let _ = writeln!(
-            html,
-            "<p><span class=\"status\">✓ fitted</span> — {used} of {} in {}</p>",
-            counted(rows as u64, "bounce"),
-            counted(fit.groups.len() as u64, "group")
-        );
+    let bounces = counted(rows as u64, "bounce");
+    html! {
+        header {
+            h1 { (title) }
+            p { (states.join(", ")) }
+            @if used == 0 {
+                div.rejected {
+                    strong { "✗ Not fitted" }
+                    p {
+                        @if rows == 0 { "No bounce was measured." }
+                        @else { "None of " (bounces) " can be used; see why below." }
+                    }
+                }
+            } @else {
+                p {
+                    span.status { "✓ fitted" } " — " (used) " of " (bounces) " in "
+                    (counted(fit.groups.len() as u64, "group"))
+                }
+            }
+        }
     }
-    html.push_str("</header>\n");
 }
 
 /// What was not measured, and why.
-fn troubles(html: &mut String, entries: &[RecordingEntry<'_>]) {
-    let not_measured: Vec<(&RecordingEntry<'_>, &str)> = entries
+fn not_measured(entries: &[RecordingEntry<'_>]) -> Markup {
+    let reasons: Vec<(&RecordingEntry<'_>, &str)> = entries
         .iter()
         .filter_map(|e| match e.state {
             RecordingState::Rejected(reason) | RecordingState::Failed(reason) => Some((e, reason)),
             RecordingState::Waiting | RecordingState::Measured => None,
         })
         .collect();
-    if not_measured.is_empty() {
-        return;
+    html! {
+        @if !reasons.is_empty() {
+            section {
+                h2 { (counted(reasons.len() as u64, "recording")) " not measured" }
+                table.facts {
+                    @for (entry, reason) in &reasons {
+                        tr { th scope="row" { (name(entry)) } td { (entry.state.word()) ": " (reason) } }
+                    }
+                }
+            }
+        }
     }
-    let _ = writeln!(
-        html,
-        "<section>\n<h2>{} not measured</h2>\n<table class=\"facts\">",
-        counted(not_measured.len() as u64, "recording")
-    );
-    for (entry, reason) in not_measured {
-        let _ = writeln!(
-            html,
-            "<tr><th scope=\"row\">{}</th><td>{}: {}</td></tr>",
-            name(entry),
-            entry.state.word(),
-            escape(reason)
-        );
-    }
-    html.push_str("</table>\n</section>\n");
 }
 
-fn recordings(html: &mut String, entries: &[RecordingEntry<'_>]) {
-    html.push_str(
-        "<section>\n<h2>Recordings</h2>\n<div class=\"scroll\"><table class=\"bounces rows\">\n<thead><tr><th scope=\"row\">\
-         recording</th><th scope=\"col\">group</th><th scope=\"col\">bounces</th><th scope=\"col\"></th><th scope=\"col\">\
-         warnings</th></tr></thead>\n<tbody>\n",
-    );
-    for entry in entries {
-        let _ = writeln!(
-            html,
-            "<tr><th scope=\"row\">{}</th><td class=\"symbol\">{}</td><td class=\"v\">{}</td><td class=\"symbol\">{}</td>\
-             <td class=\"symbol\">{}</td></tr>",
-            name(entry),
-            escape(entry.group),
-            if entry.state.has_page() {
-                entry.bounces.to_string()
-            } else {
-                NO_VALUE.to_owned()
-            },
-            entry.state.word(),
-            escape(&entry.warnings.join(", ")),
-        );
+fn recordings(entries: &[RecordingEntry<'_>]) -> Markup {
+    html! {
+        section {
+            h2 { "Recordings" }
+            div.scroll {
+                table.bounces.rows {
+                    thead {
+                        tr {
+                            th scope="row" { "recording" }
+                            @for head in ["group", "bounces", "", "warnings"] { th scope="col" { (head) } }
+                        }
+                    }
+                    tbody {
+                        @for entry in entries {
+                            tr {
+                                th scope="row" { (name(entry)) }
+                                td.symbol { (entry.group) }
+                                td.v { @if entry.state.has_page() { (entry.bounces) } @else { (NO_VALUE) } }
+                                td.symbol { (entry.state.word()) }
+                                td.symbol { (entry.warnings.join(", ")) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
     }
-    html.push_str("</tbody></table></div>\n</section>\n");
 }
 
 /// The recording's name, linked to its page if it has one.
-fn name(entry: &RecordingEntry<'_>) -> String {
-    if entry.state.has_page() {
-        format!(
-            "<a href=\"{}\">{}</a>",
-            escape(&series_rows::encoded(&entry.page)),
-            escape(entry.name)
-        )
-    } else {
-        escape(entry.name)
+fn name(entry: &RecordingEntry<'_>) -> Markup {
+    html! {
+        @if entry.state.has_page() { a href=(series_rows::encoded(&entry.page)) { (entry.name) } }
+        @else { (entry.name) }
     }
 }

@@ -2,12 +2,13 @@
 //!
 //! One file, no script, no address outside; it prints in grey.
 
-use super::page::{self, PageError, escape};
+use super::page::{PageError, document};
 use super::words::NO_VALUE;
-use super::{cost_table, work_precision};
+use super::cost_table::{self, significant};
+use super::work_precision;
 use crate::cost::recordings::Check;
 use crate::cost::{CostReport, Diagram, Run, Subject};
-use std::fmt::Write as _;
+use maud::{Markup, PreEscaped, html};
 
 /// What this page has beyond the others.
 const STYLE: &str = "body { max-width: 1500px; }\n\
@@ -24,26 +25,13 @@ const STYLE: &str = "body { max-width: 1500px; }\n\
 /// # Errors
 /// See [`PageError`].
 pub fn cost_html(report: &CostReport, check: Option<&Check>) -> Result<String, PageError> {
-    let mut page = String::new();
-    let _ = write!(
-        page,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>What accuracy costs</title>\n<style>\n{}{STYLE}</style>\n</head>\n<body>\n",
-        page::STYLE
-    );
-    header(&mut page, report);
-    for section in &report.sections {
-        section_html(&mut page, section)?;
-    }
-    recommendation(&mut page, report, check);
-    let _ = writeln!(
-        page,
-        "<footer><p>track {}; {}.</p></footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION"),
-        escape(&report.machine.words())
-    );
-    Ok(page)
+    let body = html! {
+        (header(report))
+        @for section in &report.sections { (section_html(section)?) }
+        (recommendation(report, check))
+        footer { p { "track " (env!("CARGO_PKG_VERSION")) "; " (report.machine.words()) "." } }
+    };
+    Ok(document("What accuracy costs", STYLE, &body))
 }
 
 /// A diagram of each subject, two in a row: for a place where a page is too much.
@@ -76,77 +64,78 @@ fn short(section: &Subject, diagram: &Diagram) -> String {
     format!("{}: {what}", section.title)
 }
 
-fn header(page: &mut String, report: &CostReport) {
+fn header(report: &CostReport) -> Markup {
     let kind = if report.quick {
         "coarse version (--quick)"
     } else {
         "full version"
     };
-    let _ = write!(
-        page,
-        "<header>\n<h1>What accuracy costs</h1>\n<p>Error against work on scenes with known truth, both logarithmic: further \
-         down is more exact, further left is cheaper. track {}, {kind}, made in {:.0} s on {}.</p>\n\
-         <p class=\"soft\">Broad grey line: the Pareto front, what no other setting in the diagram beats in both. Ring: what \
-         the program takes by itself. Dashed and named: floors. Bars: quartiles of the repeats, the marker being their \
-         median. Cross at the edge: a setting that failed, wholly or on some recordings.</p>\n</header>\n",
-        env!("CARGO_PKG_VERSION"),
-        report.took_s,
-        escape(&report.machine.words())
-    );
+    html! {
+        header {
+            h1 { "What accuracy costs" }
+            p {
+                "Error against work on scenes with known truth, both logarithmic: further down is more exact, further left \
+                 is cheaper. track " (env!("CARGO_PKG_VERSION")) ", " (kind) ", made in " (format!("{:.0}", report.took_s))
+                " s on " (report.machine.words()) "."
+            }
+            p.soft {
+                "Broad grey line: the Pareto front, what no other setting in the diagram beats in both. Ring: what the \
+                 program takes by itself. Dashed and named: floors. Bars: quartiles of the repeats, the marker being their \
+                 median. Cross at the edge: a setting that failed, wholly or on some recordings."
+            }
+        }
+    }
 }
 
-fn section_html(page: &mut String, section: &Subject) -> Result<(), PageError> {
-    let _ = writeln!(page, "<section>\n<h2>{}</h2>", escape(section.title));
-    for paragraph in &section.words {
-        let _ = writeln!(page, "<p>{}</p>", escape(paragraph));
-    }
-    page.push_str("<div class=\"pairs\">\n");
-    for diagram in &section.diagrams {
-        let svg = work_precision::svg(diagram, &section.runs, &short(section, diagram))?;
-        let _ = writeln!(
-            page,
-            "<figure><div class=\"scroll\">{svg}</div><figcaption>{}</figcaption></figure>",
-            escape(&diagram.title)
-        );
-    }
-    page.push_str("</div>\n");
-    runs_table(page, section);
-    page.push_str("</section>\n");
-    Ok(())
+fn section_html(section: &Subject) -> Result<Markup, PageError> {
+    Ok(html! {
+        section {
+            h2 { (section.title) }
+            @for paragraph in &section.words { p { (paragraph) } }
+            div.pairs {
+                @for diagram in &section.diagrams {
+                    figure {
+                        div.scroll {
+                            (PreEscaped(work_precision::svg(diagram, &section.runs, &short(section, diagram))?))
+                        }
+                        figcaption { (diagram.title) }
+                    }
+                }
+            }
+            (runs_table(section))
+        }
+    })
 }
 
 /// Every run; defaults in bold.
-fn runs_table(page: &mut String, section: &Subject) {
-    let names: Vec<&str> = longest(section, |r| r.settings.iter().map(|(k, _)| *k).collect());
-    let counts: Vec<&str> = longest(section, |r| r.counts.iter().map(|(k, _)| *k).collect());
-    let _ = write!(
-        page,
-        "<details><summary>All {} runs in numbers</summary>\n<div class=\"scroll\"><table class=\"runs\">\n<thead><tr>",
-        section.runs.len()
-    );
-    for name in &names {
-        let _ = write!(page, "<th class=\"text\">{}</th>", escape(name));
-    }
-    for error in &section.errors {
-        for part in ["rms", "|bias|", "95 %"] {
-            let _ = write!(page, "<th>{}<br>{part}</th>", escape(error.name));
+fn runs_table(section: &Subject) -> Markup {
+    let names: Vec<&str> = all_names(section, |r| r.settings.iter().map(|(k, _)| *k).collect());
+    let counts: Vec<&str> = all_names(section, |r| r.counts.iter().map(|(k, _)| *k).collect());
+    html! {
+        details {
+            summary { "All " (section.runs.len()) " runs in numbers" }
+            div.scroll {
+                table.runs {
+                    thead {
+                        tr {
+                            @for name in &names { th.text { (name) } }
+                            @for error in &section.errors {
+                                @for part in ["rms", "|bias|", "95 %"] { th { (error.name) br; (part) } }
+                            }
+                            @for work in &section.works { th { (work.name) br; "median (min)" } }
+                            @for count in &counts { th { (count) } }
+                            th.text { "failed" }
+                        }
+                    }
+                    tbody { @for run in &section.runs { (row(section, run, &names, &counts)) } }
+                }
+            }
         }
     }
-    for work in &section.works {
-        let _ = write!(page, "<th>{}<br>median (min)</th>", escape(work.name));
-    }
-    for count in &counts {
-        let _ = write!(page, "<th>{}</th>", escape(count));
-    }
-    page.push_str("<th class=\"text\">failed</th></tr></thead>\n<tbody>\n");
-    for run in &section.runs {
-        row(page, section, run, &names, &counts);
-    }
-    page.push_str("</tbody></table></div></details>\n");
 }
 
 /// The names of a kind over all runs, in the order in which they first appear.
-fn longest<'a>(section: &'a Subject, of: impl Fn(&'a Run) -> Vec<&'static str>) -> Vec<&'static str> {
+fn all_names<'a>(section: &'a Subject, of: impl Fn(&'a Run) -> Vec<&'static str>) -> Vec<&'static str> {
     let mut names = Vec::new();
     for name in section.runs.iter().flat_map(of) {
         if !names.contains(&name) {
@@ -156,71 +145,48 @@ fn longest<'a>(section: &'a Subject, of: impl Fn(&'a Run) -> Vec<&'static str>) 
     names
 }
 
-fn row(page: &mut String, section: &Subject, run: &Run, names: &[&str], counts: &[&str]) {
-    page.push_str(if run.is_default {
-        "<tr class=\"default\">"
-    } else {
-        "<tr>"
-    });
-    for name in names {
-        let value = run.setting(name).unwrap_or(NO_VALUE);
-        let _ = write!(page, "<td class=\"text\">{}</td>", escape(value));
-    }
-    for error in &section.errors {
-        match run.error(error.name) {
-            Some(e) => {
-                let _ = write!(
-                    page,
-                    "<td>{}</td><td>{}</td><td>{}</td>",
-                    number(e.rms),
-                    number(e.bias),
-                    number(e.p95)
-                );
+fn row(section: &Subject, run: &Run, names: &[&str], counts: &[&str]) -> Markup {
+    let none = || NO_VALUE.to_owned();
+    let error = |name| {
+        let error = run.error(name);
+        error.map_or([none(), none(), none()], |e| [e.rms, e.bias, e.p95].map(significant))
+    };
+    let work = |name| {
+        run.work(name).map_or_else(none, |s| {
+            if s.repeats > 1 {
+                format!("{} ({})", significant(s.median), significant(s.min))
+            } else {
+                significant(s.median)
             }
-            None => {
-                let _ = write!(page, "<td>{NO_VALUE}</td><td>{NO_VALUE}</td><td>{NO_VALUE}</td>");
+        })
+    };
+    let count = |name: &str| {
+        let count = run.counts.iter().find(|(known, _)| *known == name);
+        count.map_or_else(none, |(_, c)| format!("{}", c.round()))
+    };
+    html! {
+        tr.default[run.is_default] {
+            @for name in names { td.text { (run.setting(name).unwrap_or(NO_VALUE)) } }
+            @for metric in &section.errors { @for number in error(metric.name) { td { (number) } } }
+            @for metric in &section.works { td { (work(metric.name)) } }
+            @for name in counts { td { (count(name)) } }
+            td.text { (run.failed.as_deref().unwrap_or("")) }
+        }
+    }
+}
+
+fn recommendation(report: &CostReport, check: Option<&Check>) -> Markup {
+    html! {
+        section {
+            h2 { "What to take" }
+            p { (report.recommendation.words) }
+            @if let Some(check) = check { p { (cost_table::check_words(check)) } }
+            p.soft {
+                "“95 % of all within” is a bound: with errors that are normal about 0 it holds with 95 % confidence, and no \
+                 error that was seen is above it. It is wider the fewer recordings there are."
             }
         }
     }
-    for work in &section.works {
-        let text = run.work(work.name).map_or(NO_VALUE.to_owned(), |s| {
-            if s.repeats > 1 {
-                format!("{} ({})", number(s.median), number(s.min))
-            } else {
-                number(s.median)
-            }
-        });
-        let _ = write!(page, "<td>{text}</td>");
-    }
-    for count in counts {
-        let value = run.counts.iter().find(|(name, _)| name == count);
-        let text = value.map_or(NO_VALUE.to_owned(), |(_, c)| format!("{}", c.round()));
-        let _ = write!(page, "<td>{text}</td>");
-    }
-    let _ = writeln!(
-        page,
-        "<td class=\"text\">{}</td></tr>",
-        escape(run.failed.as_deref().unwrap_or(""))
-    );
-}
-
-fn number(x: f64) -> String {
-    cost_table::significant(x)
-}
-
-fn recommendation(page: &mut String, report: &CostReport, check: Option<&Check>) {
-    let _ = writeln!(
-        page,
-        "<section>\n<h2>What to take</h2>\n<p>{}</p>",
-        escape(&report.recommendation.words)
-    );
-    if let Some(check) = check {
-        let _ = writeln!(page, "<p>{}</p>", escape(&cost_table::check_words(check)));
-    }
-    page.push_str(
-        "<p class=\"soft\">“95 % of all within” is a bound: with errors that are normal about 0 it holds with 95 % confidence, \
-         and no error that was seen is above it. It is wider the fewer recordings there are.</p>\n</section>\n",
-    );
 }
 
 #[cfg(test)]
@@ -292,7 +258,7 @@ mod tests {
     #[test]
     fn the_page_is_whole_escaped_and_needs_nothing_from_outside() {
         let page = cost_html(&report(), None).unwrap();
-        page::tests::assert_well_formed(&page);
+        crate::report::page::tests::assert_well_formed(&page);
         for forbidden in [
             "<b>fast",
             "<flight>",

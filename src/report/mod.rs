@@ -7,7 +7,8 @@
 //! | [`write`](mod@write) | files that appear whole or not at all |
 //! | [`table`], [`series_table`], [`board`], [`cost_table`] | the tables for people on stdout |
 //! | `words` | numbers with their uncertainties, and findings, in words |
-//! | [`page`] | `<stem>.report.html`: picture, numbers and plots in one file |
+//! | [`page`] | what every page shares |
+//! | [`recording_page`] | `<stem>.report.html`: picture, numbers and plots in one file |
 //! | [`strobe`], [`track_plots`] | the stroboscopic picture of that page, its plots |
 //! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows (`chart`, `series_figures`, `series_rows`) |
 //! | [`batch_page`] | `report.html` of a batch: the same with a list of its recordings |
@@ -31,6 +32,7 @@ mod jpeg;
 pub mod marked_frame;
 pub mod overlay;
 pub mod page;
+pub mod recording_page;
 mod series_figures;
 pub mod series_page;
 mod series_rows;

@@ -4,64 +4,55 @@
 //! was found and why; the parameters once more as plain numbers to copy; every row with what became of it, and a link to its
 //! recording's page where there is one. One file, no script, no address outside; it prints in grey.
 
-use super::page::{self, PageError, escape, symbol_html};
+use super::page::{PageError, document, symbol_html, warning};
 use super::series_figures::{self, GroupDrawing, SeriesFigure, group_marker};
 use super::series_rows::{rows_table, to_copy};
 use super::series_table::{self, missing, model_rows, preferred};
 use super::track_plots::PlotError;
 use super::words::{counted, format_quantity};
 use super::{chart::LineStyle, chart::PointMarker};
-use crate::rebound::fit::{GroupFit, ModelFit, ModelName, Note, Parameter, Preferred, Series, SeriesFit};
-use std::fmt::Write as _;
+use crate::rebound::fit::{GroupFit, ModelFit, ModelName, Parameter, Preferred, Series, SeriesFit};
+use maud::{Markup, PreEscaped, html};
 
 /// The page, complete. Links of rows are relative to where it lies.
 ///
 /// # Errors
 /// See [`PageError`].
 pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError> {
-    let name = escape(short_name(&fit.name));
-    let mut page = String::new();
-    let _ = write!(
-        page,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{name}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
-        page::STYLE
-    );
-    header(&mut page, fit, &name);
-    sections(&mut page, series, fit)?;
-    let _ = writeln!(
-        page,
-        "<footer><p>track {}; ± is one standard uncertainty (k = 1).</p></footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    );
-    Ok(page)
+    let name = short_name(&fit.name);
+    let body = html! {
+        (header(fit, name))
+        (sections(series, fit)?)
+        footer { p { "track " (env!("CARGO_PKG_VERSION")) "; ± is one standard uncertainty (k = 1)." } }
+    };
+    Ok(document(name, "", &body))
 }
 
 /// Everything between the head of the page and its foot.
-pub(super) fn sections(page: &mut String, series: &Series, fit: &SeriesFit) -> Result<(), PageError> {
-    notes(page, &fit.notes, "");
-    for group in &fit.groups {
-        let prefix = if fit.groups.len() > 1 {
-            format!("group {}: ", group.name)
-        } else {
-            String::new()
-        };
-        notes(page, &group.notes, &prefix);
-    }
-    let drawings: Vec<GroupDrawing<'_>> = fit
-        .groups
-        .iter()
-        .map(|group| GroupDrawing::new(series, group))
-        .collect();
-    if fit.groups.len() > 1 {
-        overview(page, fit, &drawings)?;
-    }
-    for (group, drawing) in fit.groups.iter().zip(&drawings) {
-        group_section(page, series, fit, group, drawing)?;
-    }
-    to_copy(page, fit);
-    Ok(())
+pub(super) fn sections(series: &Series, fit: &SeriesFit) -> Result<Markup, PageError> {
+    let drawings = fit.groups.iter().map(|group| GroupDrawing::new(series, group));
+    let drawings: Vec<GroupDrawing<'_>> = drawings.collect();
+    let several = fit.groups.len() > 1;
+    Ok(html! {
+        @for note in &fit.notes { (warning(note.code, &note.message)) }
+        @for group in &fit.groups {
+            @let of_group = if several { format!("group {}: ", group.name) } else { String::new() };
+            @for note in &group.notes { (warning(note.code, format!("{of_group}{}", note.message))) }
+        }
+        @if several { (overview(fit, &drawings)?) }
+        @for (group, drawing) in fit.groups.iter().zip(&drawings) {
+            section {
+                h2 { @if several { "Group " (group.name) } @else { "The fit" } }
+                (verdict(group))
+                @if !group.models.is_empty() {
+                    (models_table(group))
+                    (figures(drawing)?)
+                }
+                (rows_table(series, fit, group))
+            }
+        }
+        (to_copy(fit))
+    })
 }
 
 /// The file's name, with its folder where it is a batch's `series.csv`.
@@ -76,148 +67,114 @@ fn short_name(name: &str) -> &str {
     }
 }
 
-fn header(page: &mut String, fit: &SeriesFit, name: &str) {
+fn header(fit: &SeriesFit, name: &str) -> Markup {
     let rows: usize = fit.groups.iter().map(|g| g.rows).sum();
     let used: usize = fit.groups.iter().map(|g| g.rows_used.len()).sum();
-    let _ = writeln!(page, "<header>\n<h1>{name}</h1>");
-    if used == 0 {
-        let _ = writeln!(
-            page,
-            "<div class=\"rejected\"><strong>✗ Not fitted</strong>\n<p>None of {} can be used; see why below.</p></div>",
-            counted(rows as u64, "row")
-        );
-    } else {
-        let _ = writeln!(
-            page,
-            "<p><span class=\"status\">✓ fitted</span> — {used} of {} in {}, by {}</p>",
-            counted(rows as u64, "row"),
-            counted(fit.groups.len() as u64, "group"),
-            fit.set.name()
-        );
-    }
-    page.push_str("</header>\n");
-}
-
-fn notes(page: &mut String, notes: &[Note], prefix: &str) {
-    for note in notes {
-        let _ = writeln!(
-            page,
-            "<p class=\"warning\"><code>⚠ {}</code><br>{}{}</p>",
-            escape(note.code),
-            escape(prefix),
-            escape(&note.message)
-        );
-    }
-}
-
-fn overview(page: &mut String, fit: &SeriesFit, drawings: &[GroupDrawing<'_>]) -> Result<(), PageError> {
-    page.push_str(
-        "<section>\n<h2>All groups</h2>\n<div class=\"scroll\"><table class=\"bounces\">\n<thead><tr>",
-    );
-    for head in ["", "group", "rows", "preferred", "e", "μ", "e_x", "θ_L"] {
-        let _ = write!(page, "<th scope=\"col\">{}</th>", symbol_or_text(head));
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for (i, group) in fit.groups.iter().enumerate() {
-        let shown = group.shown();
-        let cell = |p: Parameter| format_quantity(shown.and_then(|fit| fit.parameter(p).quantity()), "");
-        let angle = shown.and_then(|fit| fit.transition.angle_rad.quantity());
-        let _ = writeln!(
-            page,
-            "<tr><td>{}</td><th scope=\"row\">{}</th><td class=\"v\">{}</td><td class=\"symbol\">{}</td><td \
-             class=\"symbol\">{}</td><td class=\"symbol\">{}</td><td class=\"symbol\">{}</td><td \
-             class=\"symbol\">{}</td></tr>",
-            marker_key(group_marker(i)),
-            escape(&group.name),
-            group.rows_used.len(),
-            escape(group.preferred.name()),
-            cell(Parameter::Restitution),
-            cell(Parameter::Friction),
-            cell(Parameter::TangentialRestitution),
-            format_quantity(super::words::degrees(angle), "°"),
-        );
-    }
-    page.push_str("</tbody></table></div>\n");
-    for figure in [SeriesFigure::Angles, SeriesFigure::Distances, SeriesFigure::Spin] {
-        if let Some(chart) = series_figures::overview(drawings, figure) {
-            let _ = writeln!(
-                page,
-                "<figure class=\"scroll\">\n{}<figcaption>{}: all groups, markers as in the table; lines: the model of \
-                 each.</figcaption></figure>",
-                chart.svg()?,
-                figure.title()
-            );
+    let rows = counted(rows as u64, "row");
+    html! {
+        header {
+            h1 { (name) }
+            @if used == 0 {
+                div.rejected {
+                    strong { "✗ Not fitted" }
+                    p { "None of " (rows) " can be used; see why below." }
+                }
+            } @else {
+                p {
+                    span.status { "✓ fitted" } " — " (used) " of " (rows) " in "
+                    (counted(fit.groups.len() as u64, "group")) ", by " (fit.set.name())
+                }
+            }
         }
     }
-    page.push_str("</section>\n");
-    Ok(())
 }
 
-fn symbol_or_text(head: &str) -> String {
-    match head {
-        "e" | "μ" | "e_x" | "θ_L" => symbol_html(head),
-        other => escape(other),
-    }
-}
-
-fn group_section(
-    page: &mut String,
-    series: &Series,
-    fit: &SeriesFit,
-    group: &GroupFit,
-    drawing: &GroupDrawing<'_>,
-) -> Result<(), PageError> {
-    let title = if fit.groups.len() > 1 {
-        format!("Group {}", escape(&group.name))
-    } else {
-        "The fit".to_owned()
+fn overview(fit: &SeriesFit, drawings: &[GroupDrawing<'_>]) -> Result<Markup, PageError> {
+    let cell = |group: &GroupFit, parameter| {
+        let shown = group.shown();
+        format_quantity(shown.and_then(|fit| fit.parameter(parameter).quantity()), "")
     };
-    let _ = writeln!(page, "<section>\n<h2>{title}</h2>");
-    verdict(page, group);
-    if !group.models.is_empty() {
-        models_table(page, group);
-        figures(page, drawing)?;
-    }
-    rows_table(page, series, fit, group);
-    page.push_str("</section>\n");
-    Ok(())
+    let angle = |group: &GroupFit| {
+        let shown = group.shown();
+        let angle = shown.and_then(|fit| fit.transition.angle_rad.quantity());
+        format_quantity(super::words::degrees(angle), "°")
+    };
+    Ok(html! {
+        section {
+            h2 { "All groups" }
+            div.scroll {
+                table.bounces {
+                    thead {
+                        tr {
+                            @for head in ["", "group", "rows", "preferred"] { th scope="col" { (head) } }
+                            @for symbol in ["e", "μ", "e_x", "θ_L"] { th scope="col" { (symbol_html(symbol)) } }
+                        }
+                    }
+                    tbody {
+                        @for (i, group) in fit.groups.iter().enumerate() {
+                            tr {
+                                td { (marker_key(group_marker(i))) }
+                                th scope="row" { (group.name) }
+                                td.v { (group.rows_used.len()) }
+                                td.symbol { (group.preferred.name()) }
+                                @for parameter in [
+                                    Parameter::Restitution,
+                                    Parameter::Friction,
+                                    Parameter::TangentialRestitution,
+                                ] {
+                                    td.symbol { (cell(group, parameter)) }
+                                }
+                                td.symbol { (angle(group)) }
+                            }
+                        }
+                    }
+                }
+            }
+            @for figure in [SeriesFigure::Angles, SeriesFigure::Distances, SeriesFigure::Spin] {
+                @if let Some(chart) = series_figures::overview(drawings, figure) {
+                    figure.scroll {
+                        (PreEscaped(chart.svg()?))
+                        figcaption {
+                            (figure.title()) ": all groups, markers as in the table; lines: the model of each."
+                        }
+                    }
+                }
+            }
+        }
+    })
 }
 
-fn verdict(page: &mut String, group: &GroupFit) {
+fn verdict(group: &GroupFit) -> Markup {
     let mark = match group.preferred {
         Preferred::Model(_) => "✓ preferred: ",
         Preferred::Undetermined => "",
     };
-    let _ = writeln!(
-        page,
-        "<p><span class=\"status\">{mark}{}</span></p>\n<p>{}</p>",
-        escape(&preferred(group.preferred)),
-        escape(&sentence(&group.reason))
-    );
-    if let Some(shown) = group.shown() {
-        let mut facts: Vec<String> = missing(shown)
-            .into_iter()
-            .map(|(symbol, reason)| format!("{}: {}", symbol_words(symbol), escape(reason)))
+    let facts = group.shown().map(|shown| {
+        let missing = missing(shown).into_iter();
+        let mut facts: Vec<Markup> = missing
+            .map(|(symbol, reason)| html! { (symbol_or_words(symbol)) ": " (reason) })
             .collect();
-        facts.extend(transition_fact(shown));
-        if !facts.is_empty() {
-            let _ = writeln!(page, "<p class=\"soft\">{}</p>", facts.join("<br>\n"));
+        facts.extend(transition_fact(shown).map(|fact| html! { (fact) }));
+        facts
+    });
+    html! {
+        p { span.status { (mark) (preferred(group.preferred)) } }
+        p { (sentence(&group.reason)) }
+        @if let Some(facts) = facts.filter(|facts| !facts.is_empty()) {
+            p.soft { @for (i, fact) in facts.iter().enumerate() { @if i > 0 { br; } (fact) } }
         }
-    }
-    if let Some(pace) = &group.court_pace {
-        let _ = writeln!(
-            page,
-            "<p><b>Court pace rating</b> (ITF CS 01/02): {}</p>",
-            escape(&series_table::court_pace(pace))
-        );
+        @if let Some(pace) = &group.court_pace {
+            p { b { "Court pace rating" } " (ITF CS 01/02): " (series_table::court_pace(pace)) }
+        }
     }
 }
 
-fn symbol_words(symbol: &str) -> String {
-    if symbol.contains(' ') {
-        escape(symbol)
+/// What is one word is a symbol with its index, or an acronym.
+fn symbol_or_words(text: &str) -> Markup {
+    if text.contains(' ') || text == "AICc" {
+        html! { (text) }
     } else {
-        symbol_html(symbol)
+        symbol_html(text)
     }
 }
 
@@ -249,136 +206,116 @@ fn sentence(text: &str) -> String {
         .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-fn models_table(page: &mut String, group: &GroupFit) {
-    page.push_str(
-        "<div class=\"scroll\"><table class=\"bounces\">\n<thead><tr><th scope=\"row\" colspan=\"2\">model</th>",
-    );
-    for fit in &group.models {
-        let mark = if group.preferred == Preferred::Model(fit.name) {
-            "✓ "
-        } else {
-            ""
-        };
-        let _ = write!(page, "<th scope=\"col\">{mark}{}</th>", fit.name.name());
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for (name, symbol, cell) in model_rows(group) {
-        let symbol = if symbol == "AICc" {
-            escape(symbol)
-        } else {
-            symbol_html(symbol)
-        };
-        let _ = write!(
-            page,
-            "<tr><th scope=\"row\">{}</th><td class=\"symbol\">{symbol}</td>",
-            escape(name.trim())
-        );
-        for fit in &group.models {
-            let _ = write!(page, "<td class=\"symbol\">{}</td>", escape(&cell(fit)));
+fn models_table(group: &GroupFit) -> Markup {
+    let preferred = |name| group.preferred == Preferred::Model(name);
+    html! {
+        div.scroll {
+            table.bounces {
+                thead {
+                    tr {
+                        th scope="row" colspan="2" { "model" }
+                        @for fit in &group.models {
+                            th scope="col" { @if preferred(fit.name) { "✓ " } (fit.name.name()) }
+                        }
+                    }
+                }
+                tbody {
+                    @for (name, symbol, cell) in model_rows(group) {
+                        tr {
+                            th scope="row" { (name.trim()) }
+                            td.symbol { (symbol_or_words(symbol)) }
+                            @for fit in &group.models { td.symbol { (cell(fit)) } }
+                        }
+                    }
+                }
+            }
         }
-        page.push_str("</tr>\n");
-    }
-    page.push_str("</tbody></table></div>\n");
-    for fit in &group.models {
-        if let Some(why) = &fit.impossible {
-            let _ = writeln!(
-                page,
-                "<p class=\"soft\">{} cannot be: {}.</p>",
-                fit.name.name(),
-                escape(why)
-            );
+        @for fit in &group.models {
+            @if let Some(why) = &fit.impossible { p.soft { (fit.name.name()) " cannot be: " (why) "." } }
         }
     }
 }
 
-fn figures(page: &mut String, drawing: &GroupDrawing<'_>) -> Result<(), PlotError> {
-    for figure in SeriesFigure::ALL {
-        let Some(chart) = drawing.figure(figure) else {
-            continue;
-        };
-        let _ = writeln!(
-            page,
-            "<figure class=\"scroll\">\n<h3>{}</h3>\n{}<figcaption>{}</figcaption></figure>",
-            figure.title(),
-            chart.svg()?,
-            caption(figure, &chart, drawing)
-        );
-    }
-    Ok(())
+fn figures(drawing: &GroupDrawing<'_>) -> Result<Markup, PlotError> {
+    Ok(html! {
+        @for figure in SeriesFigure::ALL {
+            @if let Some(chart) = drawing.figure(figure) {
+                figure.scroll {
+                    h3 { (figure.title()) }
+                    (PreEscaped(chart.svg()?))
+                    figcaption { (caption(figure, &chart, drawing)) }
+                }
+            }
+        }
+    })
 }
 
-fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDrawing<'_>) -> String {
-    let mut parts = Vec::new();
-    let has = |marker: PointMarker| chart.dots.iter().any(|dot| dot.marker == marker);
-    for (marker, words) in [
+fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDrawing<'_>) -> Markup {
+    let markers = [
         (PointMarker::Disc, "slides"),
         (PointMarker::Ring, "grips, or leaves rolling"),
         (PointMarker::Cross, "set aside"),
-    ] {
-        if has(marker) {
-            parts.push(format!("{} {words}", marker_key(marker)));
-        }
-    }
-    for (stroke, words) in [
+    ];
+    let strokes = [
         (LineStyle::Solid, "μ-e"),
         (LineStyle::Dashed, "e-e"),
         (LineStyle::Broad, "grip-slide"),
-    ] {
-        if chart.curves.iter().any(|(s, _)| *s == stroke) {
-            parts.push(format!("{} {words}", stroke_key(stroke)));
-        }
-    }
+    ];
+    let mut keys: Vec<(Markup, &str)> = Vec::new();
+    let shown = markers.iter().filter(|(m, _)| chart.dots.iter().any(|dot| dot.marker == *m));
+    keys.extend(shown.map(|(marker, words)| (marker_key(*marker), *words)));
+    let shown = strokes.iter().filter(|(s, _)| chart.curves.iter().any(|(style, _)| style == s));
+    keys.extend(shown.map(|(stroke, words)| (stroke_key(*stroke), *words)));
     if !chart.transitions.is_empty() {
-        parts.push(format!("{} sliding begins", stroke_key(LineStyle::Fine)));
+        keys.push((stroke_key(LineStyle::Fine), "sliding begins"));
     }
-    let mut text = parts.join(" &nbsp; ");
-    if figure == SeriesFigure::Regimes {
-        text.push_str("<br>Lines: where sliding begins, by the models that slide. A ball that rolls already (1) never slides.");
-    } else {
-        text.push_str(
-            "<br>Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model.",
-        );
-        if drawing.spins_differ() {
-            text.push_str(" The rows differ in spin before the bounce: curves are for the commonest, residuals for each its own.");
+    html! {
+        @for (i, (key, words)) in keys.iter().enumerate() {
+            @if i > 0 { " \u{a0} " }
+            (key) " " (words)
         }
+        br;
+        @if figure == SeriesFigure::Regimes {
+            "Lines: where sliding begins, by the models that slide. A ball that rolls already (1) never slides."
+        } @else {
+            "Bars: one standard uncertainty. Below: measured minus the preferred (else the best) model."
+            @if drawing.spins_differ() {
+                " The rows differ in spin before the bounce: curves are for the commonest, residuals for each its own."
+            }
+        }
+        @if drawing.every > 1 { " One row in " (drawing.every) " is drawn." }
     }
-    if drawing.every > 1 {
-        let _ = write!(text, " One row in {} is drawn.", drawing.every);
-    }
-    text
 }
 
 /// A marker for a legend.
-fn marker_key(marker: PointMarker) -> String {
+fn marker_key(marker: PointMarker) -> Markup {
     let shape = match marker {
-        PointMarker::Disc => "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#222\"/>",
-        PointMarker::Ring => {
-            "<circle cx=\"8\" cy=\"8\" r=\"5\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.6\"/>"
-        }
-        PointMarker::Triangle => "<path d=\"M8 3 13 13H3Z\" fill=\"#222\"/>",
+        PointMarker::Disc => r##"<circle cx="8" cy="8" r="5" fill="#222"/>"##,
+        PointMarker::Ring => r##"<circle cx="8" cy="8" r="5" fill="#fff" stroke="#222" stroke-width="1.6"/>"##,
+        PointMarker::Triangle => r##"<path d="M8 3 13 13H3Z" fill="#222"/>"##,
         PointMarker::OpenTriangle => {
-            "<path d=\"M8 3 13 13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>"
+            r##"<path d="M8 3 13 13H3Z" fill="#fff" stroke="#222" stroke-width="1.5"/>"##
         }
-        PointMarker::Block => "<path d=\"M3 3H13V13H3Z\" fill=\"#222\"/>",
-        PointMarker::Square => {
-            "<path d=\"M3 3H13V13H3Z\" fill=\"#fff\" stroke=\"#222\" stroke-width=\"1.5\"/>"
-        }
-        PointMarker::Cross => "<path d=\"M3 3 13 13M13 3 3 13\" stroke=\"#777\" stroke-width=\"1.8\"/>",
+        PointMarker::Block => r##"<path d="M3 3H13V13H3Z" fill="#222"/>"##,
+        PointMarker::Square => r##"<path d="M3 3H13V13H3Z" fill="#fff" stroke="#222" stroke-width="1.5"/>"##,
+        PointMarker::Cross => r##"<path d="M3 3 13 13M13 3 3 13" stroke="#777" stroke-width="1.8"/>"##,
     };
-    format!("<svg class=\"key\" viewBox=\"0 0 16 16\" aria-hidden=\"true\">{shape}</svg>")
+    html! { svg.key viewBox="0 0 16 16" aria-hidden="true" { (PreEscaped(shape)) } }
 }
 
-/// A line for a legend.
-fn stroke_key(stroke: LineStyle) -> String {
-    let style = match stroke {
-        LineStyle::Solid => "stroke=\"#2660b0\" stroke-width=\"1.6\"",
-        LineStyle::Dashed => "stroke=\"#222\" stroke-width=\"1.6\" stroke-dasharray=\"9 5\"",
-        LineStyle::Broad => "stroke=\"#bababa\" stroke-width=\"5\"",
-        LineStyle::Fine => "stroke=\"#9c1c1c\" stroke-width=\"1.4\" stroke-dasharray=\"2 4\"",
+/// A line for a legend: its colour, width and dashes.
+fn stroke_key(stroke: LineStyle) -> Markup {
+    let (colour, width, dashes) = match stroke {
+        LineStyle::Solid => ("#2660b0", "1.6", None),
+        LineStyle::Dashed => ("#222", "1.6", Some("9 5")),
+        LineStyle::Broad => ("#bababa", "5", None),
+        LineStyle::Fine => ("#9c1c1c", "1.4", Some("2 4")),
     };
-    format!(
-        "<svg class=\"key line\" viewBox=\"0 0 34 16\" aria-hidden=\"true\"><path d=\"M1 8H33\" fill=\"none\" {style}/></svg>"
-    )
+    html! {
+        svg.key.line viewBox="0 0 34 16" aria-hidden="true" {
+            path d="M1 8H33" fill="none" stroke=(colour) stroke-width=(width) stroke-dasharray=[dashes] {}
+        }
+    }
 }
 
 #[cfg(test)]

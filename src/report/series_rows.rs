@@ -1,11 +1,11 @@
 //! The tables of a series' page: every row with what became of it, every number plain.
 
-use super::page::escape;
 use super::words::{NO_VALUE, counted, trimmed};
 use crate::rebound::fit::coordinates::Coordinates;
 use crate::rebound::fit::{
-    Estimate, Fitted, GroupFit, ModelFit, Parameter, Preferred, Row, RowRegime, Series, SeriesFit, Weights,
+    Estimate, GroupFit, ModelFit, Parameter, Preferred, Row, RowRegime, Series, SeriesFit, Weights,
 };
+use maud::{Markup, html};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
@@ -13,69 +13,77 @@ use std::fmt::Write as _;
 const MOST_ROWS: usize = 300;
 
 /// The rows that were set aside, and those in the fit.
-pub(super) fn rows_table(page: &mut String, series: &Series, fit: &SeriesFit, group: &GroupFit) {
-    if !group.rows_set_aside.is_empty() {
-        let _ = writeln!(
-            page,
-            "<h3>{} set aside</h3>\n<table class=\"facts\">",
-            counted(group.rows_set_aside.len() as u64, "row")
-        );
-        let names: HashMap<usize, &Row> = series.rows.iter().map(|row| (row.number, row)).collect();
-        for aside in group.rows_set_aside.iter().take(MOST_ROWS) {
-            let label = names
-                .get(&aside.row)
-                .map_or_else(String::new, |row| recording(row));
-            let _ = writeln!(
-                page,
-                "<tr><th scope=\"row\">row {}</th><td>{label} {}</td></tr>",
-                aside.row,
-                escape(&aside.reason)
-            );
+pub(super) fn rows_table(series: &Series, fit: &SeriesFit, group: &GroupFit) -> Markup {
+    html! {
+        @if !group.rows_set_aside.is_empty() { (rows_set_aside(series, group)) }
+        @if let Some(shown) = group.shown() { (rows_in_fit(series, fit, group, shown)) }
+    }
+}
+
+fn rows_set_aside(series: &Series, group: &GroupFit) -> Markup {
+    let names: HashMap<usize, &Row> = series.rows.iter().map(|row| (row.number, row)).collect();
+    html! {
+        h3 { (counted(group.rows_set_aside.len() as u64, "row")) " set aside" }
+        table.facts {
+            @for aside in group.rows_set_aside.iter().take(MOST_ROWS) {
+                tr {
+                    th scope="row" { "row " (aside.row) }
+                    td { @if let Some(row) = names.get(&aside.row) { (recording(row)) } " " (aside.reason) }
+                }
+            }
         }
-        page.push_str("</table>\n");
-        more(page, group.rows_set_aside.len());
+        (more(group.rows_set_aside.len()))
     }
-    let Some(shown) = group.shown() else { return };
-    page.push_str(
-        "<h3>Rows in the fit</h3>\n<div class=\"scroll\"><table class=\"bounces rows\">\n<thead><tr>",
-    );
-    let labelled = group
-        .row_indices
-        .iter()
-        .any(|&i| series.rows[i].recording.is_some() || series.rows[i].page.is_some());
-    let mut heads = vec!["row"];
-    if labelled {
-        heads.push("recording");
-    }
-    heads.extend(["θ", "regime", "distance from the model"]);
-    for head in heads {
-        let _ = write!(page, "<th scope=\"col\">{head}</th>");
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for (place, &index) in group.row_indices.iter().enumerate().take(MOST_ROWS) {
-        let row = &series.rows[index];
-        let _ = write!(page, "<tr><td class=\"v\">{}</td>", row.number);
-        if labelled {
-            let _ = write!(page, "<td class=\"symbol\">{}</td>", recording(row));
-        }
-        let angle = Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None).map_or_else(
+}
+
+fn rows_in_fit(series: &Series, fit: &SeriesFit, group: &GroupFit, shown: &ModelFit) -> Markup {
+    let rows = || group.row_indices.iter().map(|&i| &series.rows[i]);
+    let labelled = rows().any(|row| row.recording.is_some() || row.page.is_some());
+    let angle = |row: &Row| {
+        Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None).map_or_else(
             || NO_VALUE.to_owned(),
             |c| format!("{:.2}°", c.incident_rad.value.to_degrees()),
-        );
-        let (regime, distance) = shown.rows.get(place).map_or((NO_VALUE, String::new()), |r| {
-            let regime = match r.regime {
-                RowRegime::Sliding => "slides",
-                RowRegime::Gripping => "grips",
-            };
-            (regime, distance(fit, shown, r.chi2))
-        });
-        let _ = writeln!(
-            page,
-            "<td class=\"v\">{angle}</td><td class=\"symbol\">{regime}</td><td class=\"symbol\">{distance}</td></tr>"
-        );
+        )
+    };
+    html! {
+        h3 { "Rows in the fit" }
+        div.scroll {
+            table.bounces.rows {
+                thead {
+                    tr {
+                        th scope="col" { "row" }
+                        @if labelled { th scope="col" { "recording" } }
+                        @for head in ["θ", "regime", "distance from the model"] { th scope="col" { (head) } }
+                    }
+                }
+                tbody {
+                    @for (place, row) in rows().enumerate().take(MOST_ROWS) {
+                        @let (regime, distance) = regime_and_distance(fit, shown, place);
+                        tr {
+                            td.v { (row.number) }
+                            @if labelled { td.symbol { (recording(row)) } }
+                            td.v { (angle(row)) }
+                            td.symbol { (regime) }
+                            td.symbol { (distance) }
+                        }
+                    }
+                }
+            }
+        }
+        (more(group.row_indices.len()))
     }
-    page.push_str("</tbody></table></div>\n");
-    more(page, group.row_indices.len());
+}
+
+/// What the row does in the model, and how far from it it lies.
+fn regime_and_distance(fit: &SeriesFit, shown: &ModelFit, place: usize) -> (&'static str, String) {
+    let Some(row) = shown.rows.get(place) else {
+        return (NO_VALUE, String::new());
+    };
+    let regime = match row.regime {
+        RowRegime::Sliding => "slides",
+        RowRegime::Gripping => "grips",
+    };
+    (regime, distance(fit, shown, row.chi2))
 }
 
 /// How far a row lies from its model, in its own standard deviations, or (without) in the scatter of all rows.
@@ -89,25 +97,24 @@ fn distance(fit: &SeriesFit, shown: &ModelFit, chi2: f64) -> String {
     }
 }
 
-fn more(page: &mut String, count: usize) {
-    if count > MOST_ROWS {
-        let _ = writeln!(
-            page,
-            "<p class=\"soft\">The first {MOST_ROWS} of {count}; fit.json has all of them.</p>"
-        );
+fn more(count: usize) -> Markup {
+    html! {
+        @if count > MOST_ROWS { p.soft { "The first " (MOST_ROWS) " of " (count) "; fit.json has all of them." } }
     }
 }
 
 /// The recording's name, linked to its page where that lies beside or below this one.
-fn recording(row: &Row) -> String {
+fn recording(row: &Row) -> Markup {
     let name = row
         .recording
         .as_deref()
         .or(row.page.as_deref())
         .unwrap_or_default();
-    match row.page.as_deref().filter(|page| is_relative(page)) {
-        Some(page) => format!("<a href=\"{}\">{}</a>", escape(&encoded(page)), escape(name)),
-        None => escape(name),
+    html! {
+        @match row.page.as_deref().filter(|page| is_relative(page)) {
+            Some(page) => a href=(encoded(page)) { (name) },
+            None => (name),
+        }
     }
 }
 
@@ -130,51 +137,59 @@ pub(super) fn encoded(path: &str) -> String {
 }
 
 /// Every number of every model, plain, to be copied into a sheet.
-pub(super) fn to_copy(page: &mut String, fit: &SeriesFit) {
-    page.push_str(
-        "<section>\n<h2>Parameters, to copy</h2>\n<div class=\"scroll\"><table class=\"copy\">\n<thead><tr><th>group</th>\
-         <th>model</th><th>preferred</th><th>parameter</th><th>value</th><th>std_uncertainty</th><th>from (95 %)</th>\
-         <th>to (95 %)</th></tr></thead>\n<tbody>\n",
-    );
-    for group in &fit.groups {
-        for model in &group.models {
-            let preferred = if group.preferred == Preferred::Model(model.name) {
-                "yes"
-            } else {
-                "no"
-            };
-            let mut line = |name: &str, fitted: &Fitted, factor: f64| {
-                let Some(Estimate {
-                    quantity,
-                    interval_95,
-                }) = fitted.estimate()
-                else {
-                    return;
-                };
-                let cell = |x: Option<f64>| x.map_or_else(String::new, |x| plain(factor * x));
-                let _ = writeln!(
-                    page,
-                    "<tr><td>{}</td><td>{}</td><td>{preferred}</td><td>{name}</td><td>{}</td><td>{}</td><td>{}</td>\
-                     <td>{}</td></tr>",
-                    escape(&group.name),
-                    model.name.name(),
-                    cell(Some(quantity.value)),
-                    cell(quantity.std_uncertainty),
-                    cell(interval_95.0),
-                    cell(interval_95.1),
-                );
-            };
-            for parameter in Parameter::ALL {
-                line(parameter.name(), model.parameter(parameter), 1.0);
+pub(super) fn to_copy(fit: &SeriesFit) -> Markup {
+    let heads = [
+        "group",
+        "model",
+        "preferred",
+        "parameter",
+        "value",
+        "std_uncertainty",
+        "from (95 %)",
+        "to (95 %)",
+    ];
+    html! {
+        section {
+            h2 { "Parameters, to copy" }
+            div.scroll {
+                table.copy {
+                    thead { tr { @for head in heads { th { (head) } } } }
+                    tbody {
+                        @for group in &fit.groups {
+                            @for model in &group.models {
+                                @for (name, estimate, factor) in estimates(model) {
+                                    tr {
+                                        td { (group.name) }
+                                        td { (model.name.name()) }
+                                        td { @if group.preferred == Preferred::Model(model.name) { "yes" } @else { "no" } }
+                                        td { (name) }
+                                        @for number in [
+                                            Some(estimate.quantity.value),
+                                            estimate.quantity.std_uncertainty,
+                                            estimate.interval_95.0,
+                                            estimate.interval_95.1,
+                                        ] {
+                                            td { @if let Some(x) = number { (plain(factor * x)) } }
+                                        }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
             }
-            line(
-                "transition_angle_deg",
-                &model.transition.angle_rad,
-                1_f64.to_degrees(),
-            );
         }
     }
-    page.push_str("</tbody></table></div>\n</section>\n");
+}
+
+/// What a model determines: name, number, and the factor that brings it to the unit in its name.
+fn estimates(model: &ModelFit) -> impl Iterator<Item = (&'static str, &Estimate, f64)> {
+    let transition = ("transition_angle_deg", &model.transition.angle_rad, 1_f64.to_degrees());
+    Parameter::ALL
+        .into_iter()
+        .map(|parameter| (parameter.name(), model.parameter(parameter), 1.0))
+        .chain([transition])
+        .filter_map(|(name, fitted, factor)| Some((name, fitted.estimate()?, factor)))
 }
 
 /// Seven digits, with a plain minus and point, as a spreadsheet reads them.

@@ -2,7 +2,7 @@
 
 use super::{Contents, OutputFormat};
 use crate::pipeline::Measurement;
-use crate::report::page;
+use crate::report::recording_page;
 use std::error::Error;
 
 /// The page for people.
@@ -17,6 +17,6 @@ impl OutputFormat for Page {
         &self,
         measurement: &'a Measurement,
     ) -> Result<Contents<'a>, Box<dyn Error + Send + Sync>> {
-        Ok(Contents::Bytes(page::report_html(measurement)?.into_bytes()))
+        Ok(Contents::Bytes(recording_page::report_html(measurement)?.into_bytes()))
     }
 }
