@@ -33,7 +33,8 @@
 //! * World: x along the launch, z up, the floor at z = 0 (the ball's centre touches at z = R).
 //! * A measured number is a [`quantity::Quantity`]; what could not be measured is `None`, never 0 or NaN.
 //! * Core code neither prints nor reads the clock (but for the time limit of a batch's processes).
-//! * OpenCV types stay in `detect`, `calibration` and the renderer; FFmpeg's in `frames`.
+//! * OpenCV types stay in `detect`, `calibration`, the renderer, and the two files of `report` that make images (`jpeg`,
+//!   `marked_frame`); FFmpeg's in `frames`.
 
 pub mod batch;
 pub mod calibration;

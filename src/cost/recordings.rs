@@ -19,7 +19,7 @@ use super::recommendation::Requirement;
 use super::recording_metrics::{DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE};
 use super::rendering::{Rendered, decode, folder, render};
 use super::stats::{ErrorStatistics, Quartiles};
-use super::study::{CostError, Diagram, Run, SettingCurve, Stopwatch, Subject};
+use super::study::{CostError, Diagram, Metric, Run, SettingCurve, Stopwatch, Subject};
 use crate::detect::centre::Accuracy;
 use crate::pipeline::{Measurement, Outcome, PointUse, measure};
 use crate::simulate::Scene;
@@ -65,11 +65,7 @@ impl RecordingSetting {
     /// Size of the picture in a word.
     #[must_use]
     pub fn picture(&self) -> &'static str {
-        match self.reduction {
-            1 => "full",
-            2 => "half",
-            _ => "quarter",
-        }
+        picture_name(self.reduction)
     }
 
     fn named(&self) -> Vec<(&'static str, String)> {
@@ -84,6 +80,15 @@ impl RecordingSetting {
     /// The same camera with another accuracy.
     fn with(self, accuracy: Accuracy) -> Self {
         Self { accuracy, ..self }
+    }
+}
+
+/// Size of a picture in a word, by how many pixels of the full one make one of its own.
+fn picture_name(reduction: usize) -> &'static str {
+    match reduction {
+        1 => "full",
+        2 => "half",
+        _ => "quarter",
     }
 }
 
@@ -399,102 +404,101 @@ fn diagrams(plan: &RecordingPlan, settings: &[RecordingSetting]) -> Vec<Diagram>
     let exposure_s = middle(&plan.exposures_s, RecordingSetting::DEFAULT.exposure_s);
     // The largest picture there is.
     let largest = plan.reductions.iter().copied().min().unwrap_or(1);
-    let ms = |s: f64| format!("{} ms", (1e4 * s).round() / 10.0);
-    let matching = |what: &dyn Fn(&RecordingSetting) -> bool| -> Vec<usize> {
-        settings
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| what(s))
-            .map(|(i, _)| i)
-            .collect()
+    let rates: Vec<String> = plan.frame_rates_hz.iter().map(f64::to_string).collect();
+    let rates = rates.join(", ");
+    let kinds = [
+        (
+            SECONDS,
+            format!(
+                "against time; exposure {}, along a curve {rates} Hz",
+                milliseconds(exposure_s)
+            ),
+            curves_against_time(plan, settings, exposure_s),
+        ),
+        (
+            LIGHT,
+            format!(
+                "against light; standard, {} picture, along a curve the exposure",
+                picture_name(largest)
+            ),
+            curves_against_light(plan, settings, largest),
+        ),
+        (
+            STORAGE,
+            format!("against storage; standard, along a curve {rates} Hz"),
+            curves_against_storage(plan, settings),
+        ),
+    ];
+    let of_quantity = |error: Metric| {
+        kinds.iter().map(move |(work, how, curves)| Diagram {
+            title: format!("{} {how}", error.name),
+            error,
+            work: *work,
+            floors: Vec::new(),
+            curves: curves.clone(),
+            alternatives: true,
+            overview: error == QUANTITIES[0] && *work != STORAGE,
+        })
     };
-    let mut by_time = Vec::new();
-    for &reduction in &plan.reductions {
-        for &accuracy in &plan.accuracies {
-            let like = RecordingSetting {
-                accuracy,
-                reduction,
-                exposure_s,
-                ..RecordingSetting::DEFAULT
-            };
-            by_time.push(SettingCurve {
-                name: format!("{}, {}", like.picture(), accuracy),
-                runs: matching(&|s| {
-                    s.accuracy == accuracy && s.reduction == reduction && s.exposure_s == exposure_s
-                }),
-            });
-        }
-    }
-    let by_light = plan.frame_rates_hz.iter().map(|&rate| SettingCurve {
-        name: format!("{rate} Hz"),
-        runs: matching(&|s| {
-            s.accuracy == Accuracy::Standard && s.reduction == largest && s.frame_rate_hz == rate
-        }),
+    QUANTITIES.into_iter().flat_map(of_quantity).collect()
+}
+
+/// A curve a picture size and accuracy, along which the frame rate grows.
+fn curves_against_time(
+    plan: &RecordingPlan,
+    settings: &[RecordingSetting],
+    exposure_s: f64,
+) -> Vec<SettingCurve> {
+    let each = plan.reductions.iter().flat_map(|&reduction| {
+        plan.accuracies.iter().map(move |&accuracy| {
+            let name = format!("{}, {}", picture_name(reduction), accuracy);
+            curve(name, settings, |s| {
+                s.accuracy == accuracy && s.reduction == reduction && s.exposure_s == exposure_s
+            })
+        })
     });
-    let by_light: Vec<SettingCurve> = by_light.collect();
-    let mut by_storage = Vec::new();
-    for &exposure in &plan.exposures_s {
-        for &reduction in &plan.reductions {
-            let like = RecordingSetting {
-                reduction,
-                ..RecordingSetting::DEFAULT
-            };
-            by_storage.push(SettingCurve {
-                name: format!("{}, {}", like.picture(), ms(exposure)),
-                runs: matching(&|s| {
-                    s.accuracy == Accuracy::Standard && s.reduction == reduction && s.exposure_s == exposure
-                }),
-            });
-        }
-    }
-    let rates = plan
-        .frame_rates_hz
-        .iter()
-        .map(f64::to_string)
-        .collect::<Vec<_>>()
-        .join(", ");
-    let mut diagrams = Vec::new();
-    for error in QUANTITIES {
-        let kinds = [
-            (
-                SECONDS,
-                format!(
-                    "against time; exposure {}, along a curve {rates} Hz",
-                    ms(exposure_s)
-                ),
-                &by_time,
-            ),
-            (
-                LIGHT,
-                format!(
-                    "against light; standard, {} picture, along a curve the exposure",
-                    RecordingSetting {
-                        reduction: largest,
-                        ..RecordingSetting::DEFAULT
-                    }
-                    .picture()
-                ),
-                &by_light,
-            ),
-            (
-                STORAGE,
-                format!("against storage; standard, along a curve {rates} Hz"),
-                &by_storage,
-            ),
-        ];
-        for (work, how, curves) in kinds {
-            diagrams.push(Diagram {
-                title: format!("{} {how}", error.name),
-                error,
-                work,
-                floors: Vec::new(),
-                curves: curves.iter().filter(|c| !c.runs.is_empty()).cloned().collect(),
-                alternatives: true,
-                overview: error == QUANTITIES[0] && work != STORAGE,
-            });
-        }
-    }
-    diagrams
+    each.flatten().collect()
+}
+
+/// A curve a frame rate, along which the exposure grows.
+fn curves_against_light(
+    plan: &RecordingPlan,
+    settings: &[RecordingSetting],
+    reduction: usize,
+) -> Vec<SettingCurve> {
+    let each = plan.frame_rates_hz.iter().map(|&rate| {
+        curve(format!("{rate} Hz"), settings, |s| {
+            s.accuracy == Accuracy::Standard && s.reduction == reduction && s.frame_rate_hz == rate
+        })
+    });
+    each.flatten().collect()
+}
+
+/// A curve an exposure and picture size, along which the frame rate grows.
+fn curves_against_storage(plan: &RecordingPlan, settings: &[RecordingSetting]) -> Vec<SettingCurve> {
+    let each = plan.exposures_s.iter().flat_map(|&exposure_s| {
+        plan.reductions.iter().map(move |&reduction| {
+            let name = format!("{}, {}", picture_name(reduction), milliseconds(exposure_s));
+            curve(name, settings, |s| {
+                s.accuracy == Accuracy::Standard && s.reduction == reduction && s.exposure_s == exposure_s
+            })
+        })
+    });
+    each.flatten().collect()
+}
+
+/// The settings that `belongs` holds of; `None` without any.
+fn curve(
+    name: String,
+    settings: &[RecordingSetting],
+    belongs: impl Fn(&RecordingSetting) -> bool,
+) -> Option<SettingCurve> {
+    let runs: Vec<usize> = (0..settings.len()).filter(|&i| belongs(&settings[i])).collect();
+    (!runs.is_empty()).then_some(SettingCurve { name, runs })
+}
+
+fn milliseconds(seconds: f64) -> String {
+    format!("{} ms", (1e4 * seconds).round() / 10.0)
 }
 
 /// `wanted` where it is among `values`, or the first of them.

@@ -2,7 +2,10 @@
 //!
 //! Shapes, dashes and widths carry the meaning; colour only helps, so that grey print loses nothing.
 
-use super::track_plots::{ARC, Area, FINE, IMPACT, INK, Panel, PanelAxes, PlotError, UNUSED, WIDTH, panel};
+use super::figure::{
+    self, ARC, Area, Axis, Dashes, FINE, IMPACT, INK, Panel, PanelAxes, PlotError, Symbol, SymbolShape,
+    UNUSED, WIDTH, clipped, error_bar, panel, text_style,
+};
 use plotters::prelude::*;
 use std::ops::Range;
 
@@ -63,7 +66,7 @@ pub(super) struct Chart {
     pub y_label: String,
     pub x: Range<f64>,
     pub y: Range<f64>,
-    /// DrawnRow in this order, below the points.
+    /// Drawn in this order, below the points.
     pub curves: Vec<(LineStyle, Vec<(f64, f64)>)>,
     pub dots: Vec<PlotPoint>,
     /// Abscissae of transitions.
@@ -80,22 +83,11 @@ impl Chart {
         let below = !self.residuals.is_empty();
         let main_height = MAIN_HEIGHT + if below { 0 } else { AXIS_HEIGHT };
         let height = main_height + if below { RESIDUAL_HEIGHT + AXIS_HEIGHT } else { 0 };
-        let mut svg = String::new();
-        {
-            let root = SVGBackend::with_string(&mut svg, (WIDTH * FINE, height * FINE)).into_drawing_area();
+        figure::svg((WIDTH, height), &figure::for_a_page(&self.name), |root| {
             let (main, rest) = root.split_vertically(main_height * FINE);
             self.main(&main, !below)?;
-            if below {
-                self.residual(&rest)?;
-            }
-            root.present()?;
-        }
-        let size = format!(r#"width="{}" height="{}""#, WIDTH * FINE, height * FINE);
-        let name = format!(
-            r#"class="plot" role="img" aria-label="{}""#,
-            super::page::escape(&self.name)
-        );
-        Ok(svg.replacen(&size, &name, 1))
+            if below { self.residual(&rest) } else { Ok(()) }
+        })
     }
 
     fn main(&self, area: &Area<'_>, axis: bool) -> Result<(), PlotError> {
@@ -109,10 +101,7 @@ impl Chart {
         for dot in &self.dots {
             draw_dot(&mut panel, dot, &self.x, &self.y)?;
         }
-        let style = ("sans-serif", 15 * FINE)
-            .into_font()
-            .style(FontStyle::Italic)
-            .color(&INK);
+        let style = text_style(15, FontStyle::Italic, &INK);
         for (x, y, text) in &self.words {
             panel
                 .draw_series([EmptyElement::at((*x, *y)) + Text::new(text.clone(), (0, 0), style.clone())])?;
@@ -158,14 +147,16 @@ impl Chart {
         axis: bool,
     ) -> Result<Panel<'a, 'b>, PlotError> {
         let axes = PanelAxes {
-            x: self.x.clone(),
-            y,
-            ticks,
+            x: Axis::new(self.x.clone(), 9),
+            y: Axis::new(y, ticks),
             x_label: axis.then_some(self.x_label.as_str()),
             y_label,
             above: 10,
             left: 74,
             below: AXIS_HEIGHT,
+            right: 14,
+            font: 16,
+            light_lines: false,
         };
         panel(area, axes)
     }
@@ -179,31 +170,13 @@ impl Chart {
 }
 
 fn draw_curve(panel: &mut Panel<'_, '_>, stroke: LineStyle, points: &[(f64, f64)]) -> Result<(), PlotError> {
-    let points = points.iter().copied();
-    match stroke {
-        LineStyle::Solid => {
-            panel.draw_series(LineSeries::new(points, ARC.stroke_width(12)))?;
-        }
-        LineStyle::Broad => {
-            panel.draw_series(LineSeries::new(points, GREY.stroke_width(50)))?;
-        }
-        LineStyle::Dashed => {
-            panel.draw_series(DashedLineSeries::new(
-                points,
-                9 * FINE,
-                6 * FINE,
-                INK.stroke_width(13),
-            ))?;
-        }
-        LineStyle::Fine => {
-            panel.draw_series(DashedLineSeries::new(
-                points,
-                2 * FINE,
-                4 * FINE,
-                IMPACT.stroke_width(11),
-            ))?;
-        }
-    }
+    let style = match stroke {
+        LineStyle::Solid => Dashes::style(None, ARC, 12),
+        LineStyle::Broad => Dashes::style(None, GREY, 50),
+        LineStyle::Dashed => Dashes::style(Some(Dashes::Wide), INK, 13),
+        LineStyle::Fine => Dashes::style(Some(Dashes::Fine), IMPACT, 11),
+    };
+    panel.draw_series(LineSeries::new(points.iter().copied(), style))?;
     Ok(())
 }
 
@@ -227,110 +200,41 @@ fn draw_dot(
             ((dot.x - std).max(x.start), dot.y),
             ((dot.x + std).min(x.end), dot.y),
         ];
-        panel.draw_series([PathElement::new(ends, ink.stroke_width(8))])?;
+        error_bar(panel, ends, ink.stroke_width(8))?;
     }
     if let Some(std) = dot.y_std {
         let ends = [
             (dot.x, (dot.y - std).max(y.start)),
             (dot.x, (dot.y + std).min(y.end)),
         ];
-        panel.draw_series([PathElement::new(ends, ink.stroke_width(8))])?;
+        error_bar(panel, ends, ink.stroke_width(8))?;
     }
-    const SIZE: i32 = 36;
-    let corner = |dx: i32, dy: i32| (dx * SIZE, dy * SIZE);
-    let square = || vec![corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
-    let triangle = || vec![corner(0, -1), corner(1, 1), corner(-1, 1)];
-    let closed = |mut points: Vec<(i32, i32)>| {
-        points.push(points[0]);
-        PathElement::new(points, INK.stroke_width(11))
+    const SIZE: i32 = 34;
+    let symbol = |shape, filled| Symbol {
+        shape,
+        filled,
+        size: SIZE,
+        ink: INK,
     };
-    let here = || EmptyElement::at(at);
-    match dot.marker {
-        PointMarker::Disc => panel
-            .draw_series([Circle::new(at, SIZE, INK.filled())])
-            .map(drop)?,
-        PointMarker::Ring => {
-            panel.draw_series([Circle::new(at, SIZE, WHITE.filled())])?;
-            panel.draw_series([Circle::new(at, SIZE, INK.stroke_width(12))])?;
-        }
-        PointMarker::Triangle => {
-            panel.draw_series([here() + Polygon::new(triangle(), INK.filled())])?;
-        }
-        PointMarker::OpenTriangle => {
-            panel.draw_series([here() + Polygon::new(triangle(), WHITE.filled()) + closed(triangle())])?;
-        }
-        PointMarker::Block => {
-            panel.draw_series([here() + Polygon::new(square(), INK.filled())])?;
-        }
-        PointMarker::Square => {
-            panel.draw_series([here() + Polygon::new(square(), WHITE.filled()) + closed(square())])?;
-        }
+    let symbol = match dot.marker {
+        PointMarker::Disc => symbol(SymbolShape::Disc, true),
+        PointMarker::Ring => symbol(SymbolShape::Disc, false),
+        PointMarker::Triangle => symbol(SymbolShape::Triangle, true),
+        PointMarker::OpenTriangle => symbol(SymbolShape::Triangle, false),
+        PointMarker::Block => symbol(SymbolShape::Square, true),
+        PointMarker::Square => symbol(SymbolShape::Square, false),
         PointMarker::Cross => {
             panel.draw_series([Cross::new(at, SIZE, UNUSED.stroke_width(13))])?;
+            return Ok(());
         }
-    }
+    };
+    panel.draw_series([symbol.at(at)])?;
     Ok(())
-}
-
-/// The pieces of a line that lie inside, cut at the edges.
-fn clipped(points: &[(f64, f64)], x: &Range<f64>, y: &Range<f64>) -> Vec<Vec<(f64, f64)>> {
-    let inside = |p: &(f64, f64)| (x.start..=x.end).contains(&p.0) && (y.start..=y.end).contains(&p.1);
-    let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
-    let mut piece: Vec<(f64, f64)> = Vec::new();
-    for pair in points.windows(2) {
-        let (a, b) = (pair[0], pair[1]);
-        match (inside(&a), inside(&b)) {
-            (true, true) => {
-                if piece.is_empty() {
-                    piece.push(a);
-                }
-                piece.push(b);
-            }
-            (true, false) => {
-                if piece.is_empty() {
-                    piece.push(a);
-                }
-                piece.push(edge(a, b, &inside));
-                pieces.push(std::mem::take(&mut piece));
-            }
-            (false, true) => piece = vec![edge(b, a, &inside), b],
-            (false, false) => {}
-        }
-    }
-    pieces.push(piece);
-    pieces.retain(|piece| piece.len() > 1);
-    pieces
-}
-
-/// The last point inside on the way from `from` (inside) to `to` (outside).
-fn edge(from: (f64, f64), to: (f64, f64), inside: &impl Fn(&(f64, f64)) -> bool) -> (f64, f64) {
-    let at = |t: f64| (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1));
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..30 {
-        let middle = 0.5 * (low + high);
-        if inside(&at(middle)) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    at(low)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_line_is_cut_at_the_edges() {
-        let line = [(0.0, 0.0), (1.0, 2.0), (2.0, 0.0), (3.0, -2.0)];
-        let pieces = clipped(&line, &(0.0..3.0), &(-1.0..1.0));
-        assert_eq!(pieces.len(), 2);
-        assert!((pieces[0][1].0 - 0.5).abs() < 1e-6 && (pieces[0][1].1 - 1.0).abs() < 1e-6);
-        assert!((pieces[1][0].0 - 1.5).abs() < 1e-6);
-        assert!((pieces[1].last().unwrap().1 + 1.0).abs() < 1e-6);
-        assert!(clipped(&line, &(5.0..6.0), &(0.0..1.0)).is_empty());
-    }
 
     #[test]
     fn every_marker_is_drawn() {

@@ -2,9 +2,9 @@
 //!
 //! One file, no script, no address outside; it prints in grey.
 
+use super::cost_table::{self, significant};
 use super::page::{PageError, document};
 use super::words::NO_VALUE;
-use super::cost_table::{self, significant};
 use super::work_precision;
 use crate::cost::recordings::Check;
 use crate::cost::{CostReport, Diagram, Run, Subject};
@@ -149,7 +149,9 @@ fn row(section: &Subject, run: &Run, names: &[&str], counts: &[&str]) -> Markup 
     let none = || NO_VALUE.to_owned();
     let error = |name| {
         let error = run.error(name);
-        error.map_or([none(), none(), none()], |e| [e.rms, e.bias, e.p95].map(significant))
+        error.map_or([none(), none(), none()], |e| {
+            [e.rms, e.bias, e.p95].map(significant)
+        })
     };
     let work = |name| {
         run.work(name).map_or_else(none, |s| {

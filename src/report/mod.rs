@@ -9,6 +9,7 @@
 //! | `words` | numbers with their uncertainties, and findings, in words |
 //! | [`page`] | what every page shares |
 //! | [`recording_page`] | `<stem>.report.html`: picture, numbers and plots in one file |
+//! | [`figure`] | the figure layer over plotters that every plot is made of |
 //! | [`strobe`], [`track_plots`] | the stroboscopic picture of that page, its plots |
 //! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows (`chart`, `series_figures`, `series_rows`) |
 //! | [`batch_page`] | `report.html` of a batch: the same with a list of its recordings |
@@ -27,6 +28,7 @@ pub mod cost_page;
 pub mod cost_table;
 pub mod documents;
 mod drawing_geometry;
+pub mod figure;
 pub mod formats;
 mod jpeg;
 pub mod marked_frame;

@@ -3,7 +3,7 @@
 //!
 //! Pages are `maud` templates, which escape whatever is put into them; only finished SVG goes in as it is.
 
-use super::{strobe, track_plots};
+use super::{figure, strobe};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use thiserror::Error;
 
@@ -15,7 +15,7 @@ pub(super) const STYLE: &str = include_str!("page.css");
 pub enum PageError {
     /// A plot failed.
     #[error(transparent)]
-    Plot(#[from] track_plots::PlotError),
+    Plot(#[from] figure::PlotError),
     /// The picture failed.
     #[error(transparent)]
     Strobe(#[from] strobe::StrobeError),

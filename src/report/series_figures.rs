@@ -1,7 +1,7 @@
 //! The paper's figures from a series: which points and curves each holds.
 
 use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
-use super::track_plots::span;
+use super::figure::span;
 use crate::numeric::robust::{commonest, median};
 use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
 use crate::rebound::fit::{GroupFit, ModelFit, ModelName, RowRegime, Series};

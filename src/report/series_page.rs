@@ -4,11 +4,11 @@
 //! was found and why; the parameters once more as plain numbers to copy; every row with what became of it, and a link to its
 //! recording's page where there is one. One file, no script, no address outside; it prints in grey.
 
+use super::figure::PlotError;
 use super::page::{PageError, document, symbol_html, warning};
 use super::series_figures::{self, GroupDrawing, SeriesFigure, group_marker};
 use super::series_rows::{rows_table, to_copy};
 use super::series_table::{self, missing, model_rows, preferred};
-use super::track_plots::PlotError;
 use super::words::{counted, format_quantity};
 use super::{chart::LineStyle, chart::PointMarker};
 use crate::rebound::fit::{GroupFit, ModelFit, ModelName, Parameter, Preferred, Series, SeriesFit};
@@ -262,9 +262,13 @@ fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDra
         (LineStyle::Broad, "grip-slide"),
     ];
     let mut keys: Vec<(Markup, &str)> = Vec::new();
-    let shown = markers.iter().filter(|(m, _)| chart.dots.iter().any(|dot| dot.marker == *m));
+    let shown = markers
+        .iter()
+        .filter(|(m, _)| chart.dots.iter().any(|dot| dot.marker == *m));
     keys.extend(shown.map(|(marker, words)| (marker_key(*marker), *words)));
-    let shown = strokes.iter().filter(|(s, _)| chart.curves.iter().any(|(style, _)| style == s));
+    let shown = strokes
+        .iter()
+        .filter(|(s, _)| chart.curves.iter().any(|(style, _)| style == s));
     keys.extend(shown.map(|(stroke, words)| (stroke_key(*stroke), *words)));
     if !chart.transitions.is_empty() {
         keys.push((stroke_key(LineStyle::Fine), "sliding begins"));
@@ -291,7 +295,9 @@ fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDra
 fn marker_key(marker: PointMarker) -> Markup {
     let shape = match marker {
         PointMarker::Disc => r##"<circle cx="8" cy="8" r="5" fill="#222"/>"##,
-        PointMarker::Ring => r##"<circle cx="8" cy="8" r="5" fill="#fff" stroke="#222" stroke-width="1.6"/>"##,
+        PointMarker::Ring => {
+            r##"<circle cx="8" cy="8" r="5" fill="#fff" stroke="#222" stroke-width="1.6"/>"##
+        }
         PointMarker::Triangle => r##"<path d="M8 3 13 13H3Z" fill="#222"/>"##,
         PointMarker::OpenTriangle => {
             r##"<path d="M8 3 13 13H3Z" fill="#fff" stroke="#222" stroke-width="1.5"/>"##

@@ -184,7 +184,11 @@ pub(super) fn to_copy(fit: &SeriesFit) -> Markup {
 
 /// What a model determines: name, number, and the factor that brings it to the unit in its name.
 fn estimates(model: &ModelFit) -> impl Iterator<Item = (&'static str, &Estimate, f64)> {
-    let transition = ("transition_angle_deg", &model.transition.angle_rad, 1_f64.to_degrees());
+    let transition = (
+        "transition_angle_deg",
+        &model.transition.angle_rad,
+        1_f64.to_degrees(),
+    );
     Parameter::ALL
         .into_iter()
         .map(|parameter| (parameter.name(), model.parameter(parameter), 1.0))

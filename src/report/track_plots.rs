@@ -1,43 +1,24 @@
 //! The plots of the page: a coordinate against time, and below it what is left after the arcs are taken away.
 //!
-//! SVG by plotters. It places everything on whole units, so the drawing is made `FINE` times larger than it is meant
-//! and the page scales it down. Shapes and dashes carry the meaning; colour only helps, so that grey print loses nothing.
+//! A dot is a centre in use, a cross one that is not; dashed lines are impacts, numbered as in the tables.
 
 use super::drawing_geometry;
+use super::figure::{
+    self, ARC, Area, Axis, Dashes, FINE, IMPACT, INK, Panel, PanelAxes, PlotError, UNUSED, WIDTH, error_bar,
+    panel, span, text_style,
+};
 use crate::pipeline::{ArcTrace, Measurement, PointUse, TrackPoint, View};
-use plotters::coord::Shift;
-use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use std::ops::Range;
-use thiserror::Error;
 
-/// Units of the drawing a screen pixel of its design.
-pub(super) const FINE: u32 = 10;
 /// Design size, screen pixels.
-pub(super) const WIDTH: u32 = 760;
 const MAIN_HEIGHT: u32 = 250;
 const RESIDUAL_HEIGHT: u32 = 130;
 const TIME_AXIS_HEIGHT: u32 = 44;
 /// At most this many points are drawn a panel; of a longer track every n-th.
 const MAX_POINTS: usize = 400;
 
-pub(super) const INK: RGBColor = RGBColor(34, 34, 34);
-pub(super) const GRID: RGBColor = RGBColor(224, 224, 224);
-pub(super) const UNUSED: RGBColor = RGBColor(140, 140, 140);
-pub(super) const ARC: RGBColor = RGBColor(38, 96, 176);
-pub(super) const IMPACT: RGBColor = RGBColor(156, 28, 28);
 const BAND: RGBColor = RGBColor(228, 228, 228);
-
-/// Why a plot could not be drawn.
-#[derive(Debug, Error)]
-#[error("a plot could not be drawn: {0} (a fault of track)")]
-pub struct PlotError(String);
-
-impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
-    fn from(error: DrawingAreaErrorKind<E>) -> Self {
-        Self(error.to_string())
-    }
-}
 
 /// Which coordinate is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,18 +58,17 @@ pub fn coordinate_plot(measurement: &Measurement, coordinate: Coordinate) -> Res
         } else {
             0
         };
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, (WIDTH * FINE, height * FINE)).into_drawing_area();
+    let name = figure::for_a_page(&format!("{} against time", data.symbol));
+    let svg = figure::svg((WIDTH, height), &name, |root| {
         let (main, below) = root.split_vertically(main_height * FINE);
         main_panel(&main, &data, !residuals)?;
-        if let Some(reach) = data.residual_reach {
-            residual_panel(&below, &data, reach)?;
+        match data.residual_reach {
+            Some(reach) => residual_panel(&below, &data, reach),
+            None => Ok(()),
         }
-        root.present()?;
-    }
+    })?;
     Ok(Some(Plot {
-        svg: for_a_page(&svg, height, &data),
+        svg,
         symbol: data.symbol,
         every: data.every,
         residuals,
@@ -248,24 +228,6 @@ impl CoordinateReader {
     }
 }
 
-/// From the least to the greatest value with `margin` of the whole at each end; `None` without values.
-pub(super) fn span(values: impl Iterator<Item = f64>, margin: f64) -> Option<Range<f64>> {
-    let (least, most) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
-        (least.min(value), most.max(value))
-    });
-    if !(least.is_finite() && most.is_finite()) {
-        return None;
-    }
-    let whole = most - least;
-    // A single value still needs an axis around it.
-    let room = if whole > 0.0 {
-        margin * whole
-    } else {
-        0.5 * least.abs().max(1e-3)
-    };
-    Some(least - room..most + room)
-}
-
 /// Half the height of the residual panel: room for every used point and for the band. Points that were thrown out may
 /// lie beyond it; they are drawn at its edge.
 fn reach(points: &[TimePoint], band: Option<f64>) -> Option<f64> {
@@ -278,52 +240,6 @@ fn reach(points: &[TimePoint], band: Option<f64>) -> Option<f64> {
     let reach = 1.2 * largest.max(2.0 * band.unwrap_or(0.0));
     Some(if reach > 0.0 { reach } else { 1.0 })
 }
-
-/// An axis whose ticks are round numbers, labelled with the decimals that they need. The range may run either way.
-pub(super) struct Axis {
-    range: Range<f64>,
-    ticks: Vec<f64>,
-    decimals: usize,
-}
-
-impl Axis {
-    /// About `wanted` ticks.
-    pub fn new(range: Range<f64>, wanted: usize) -> Self {
-        let (ticks, decimals) = round_ticks(&range, wanted);
-        Self {
-            range,
-            ticks,
-            decimals,
-        }
-    }
-}
-
-impl Ranged for Axis {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
-        let share = (value - self.range.start) / (self.range.end - self.range.start);
-        low + (share * f64::from(high - low)).round() as i32
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
-        self.ticks.clone()
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.range.clone()
-    }
-}
-
-impl ValueFormatter<f64> for Axis {
-    fn format_ext(&self, value: &f64) -> String {
-        number(*value, self.decimals)
-    }
-}
-
-pub(super) type Panel<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 fn main_panel(area: &Area<'_>, data: &CoordinateData, time_axis: bool) -> Result<(), PlotError> {
     let label = format!("{} / {}", data.symbol, data.unit);
@@ -372,55 +288,12 @@ fn residual_panel(area: &Area<'_>, data: &CoordinateData, reach: f64) -> Result<
         }
         if let Some(std) = point.std.filter(|std| point.used && *std > 0.0) {
             let (low, high) = ((residual - std).max(-reach), (residual + std).min(reach));
-            panel.draw_series([PathElement::new(
-                [(point.time_s, low), (point.time_s, high)],
-                UNUSED.stroke_width(7),
-            )])?;
+            let ends = [(point.time_s, low), (point.time_s, high)];
+            error_bar(&mut panel, ends, UNUSED.stroke_width(7))?;
         }
         draw_point(&mut panel, (point.time_s, residual), point.used, dot)?;
     }
     Ok(())
-}
-
-/// What a panel shows, and how much room its labels take in screen pixels.
-pub(super) struct PanelAxes<'a> {
-    pub x: Range<f64>,
-    pub y: Range<f64>,
-    /// About how many on the ordinate.
-    pub ticks: usize,
-    /// `None` where another panel below has it.
-    pub x_label: Option<&'a str>,
-    pub y_label: &'a str,
-    pub above: u32,
-    pub left: u32,
-    pub below: u32,
-}
-
-/// PanelAxes, ticks at round numbers and their labels.
-pub(super) fn panel<'a, 'b>(area: &'a Area<'b>, axes: PanelAxes<'_>) -> Result<Panel<'a, 'b>, PlotError> {
-    let below = if axes.x_label.is_some() { axes.below } else { 0 };
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(axes.above * FINE)
-        .margin_right(14 * FINE)
-        .margin_left(4 * FINE)
-        .set_label_area_size(LabelAreaPosition::Left, axes.left * FINE)
-        .set_label_area_size(LabelAreaPosition::Bottom, below * FINE)
-        .build_cartesian_2d(Axis::new(axes.x, 9), Axis::new(axes.y, axes.ticks))?;
-    let text = ("sans-serif", 16 * FINE).into_font().color(&INK);
-    let mut mesh = chart.configure_mesh();
-    mesh.max_light_lines(1)
-        .light_line_style(GRID.stroke_width(0))
-        .bold_line_style(GRID.stroke_width(8))
-        .axis_style(INK.stroke_width(9))
-        .label_style(text.clone())
-        .axis_desc_style(text)
-        .set_all_tick_mark_size(4 * FINE)
-        .y_desc(axes.y_label);
-    if let Some(label) = axes.x_label {
-        mesh.x_desc(label);
-    }
-    mesh.draw()?;
-    Ok(chart)
 }
 
 fn time_panel<'a, 'b>(
@@ -432,14 +305,16 @@ fn time_panel<'a, 'b>(
     time_axis: bool,
 ) -> Result<Panel<'a, 'b>, PlotError> {
     let axes = PanelAxes {
-        x: data.time.clone(),
-        y,
-        ticks,
+        x: Axis::new(data.time.clone(), 9),
+        y: Axis::new(y, ticks),
         x_label: time_axis.then_some("time / s"),
         y_label,
         above: 12,
         left: 66,
         below: TIME_AXIS_HEIGHT,
+        right: 14,
+        font: 16,
+        light_lines: false,
     };
     panel(area, axes)
 }
@@ -452,17 +327,11 @@ fn draw_impacts(
 ) -> Result<(), PlotError> {
     let shown = |time: &f64| data.time.contains(time);
     for (number, time) in data.impacts.iter().filter(|(_, time)| shown(time)) {
-        panel.draw_series(DashedLineSeries::new(
-            [(*time, value.start), (*time, value.end)],
-            5 * FINE,
-            3 * FINE,
-            IMPACT.stroke_width(9),
-        ))?;
+        let line = [(*time, value.start), (*time, value.end)];
+        let style = Dashes::style(Some(Dashes::Short), IMPACT, 9);
+        panel.draw_series(LineSeries::new(line, style))?;
         if numbered {
-            let style = ("sans-serif", 16 * FINE)
-                .into_font()
-                .style(FontStyle::Bold)
-                .color(&IMPACT);
+            let style = text_style(16, FontStyle::Bold, &IMPACT);
             let place = EmptyElement::at((*time, value.end))
                 + Text::new(number.to_string(), (4 * FINE as i32, 3 * FINE as i32), style);
             panel.draw_series([place])?;
@@ -481,50 +350,6 @@ fn draw_point(panel: &mut Panel<'_, '_>, at: (f64, f64), used: bool, dot: u32) -
     Ok(())
 }
 
-/// Multiples of a round step within a range (either way round), about `wanted` of them, and the decimals they need.
-fn round_ticks(range: &Range<f64>, wanted: usize) -> (Vec<f64>, usize) {
-    let (low, high) = (range.start.min(range.end), range.start.max(range.end));
-    let raw = (high - low) / wanted as f64;
-    if !(raw.is_finite() && raw > 0.0) {
-        return (vec![low], 3);
-    }
-    // One step up from the round number below, unless that one is it.
-    let below = drawing_geometry::round_below(raw);
-    let step = if below >= raw * (1.0 - 1e-9) {
-        below
-    } else {
-        drawing_geometry::round_below(2.5 * below)
-    };
-    let first = (low / step).ceil() as i64;
-    let last = (high / step).floor() as i64;
-    let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
-    // At most `wanted` + 1 by construction; the limit guards against a range too narrow for its place on the axis.
-    (
-        (first..=last.min(first + 50)).map(|i| i as f64 * step).collect(),
-        decimals,
-    )
-}
-
-/// A tick's label, with a true minus sign and no minus zero.
-fn number(value: f64, decimals: usize) -> String {
-    let text = format!("{:.decimals$}", value + 0.0);
-    match text.strip_prefix('-') {
-        Some(digits) if digits.bytes().any(|b| (b'1'..=b'9').contains(&b)) => format!("−{digits}"),
-        Some(digits) => digits.to_owned(),
-        None => text,
-    }
-}
-
-/// The drawing without its own size, so that the page gives it one, and with a name for those who cannot see it.
-fn for_a_page(svg: &str, height: u32, data: &CoordinateData) -> String {
-    let size = format!(r#"width="{}" height="{}""#, WIDTH * FINE, height * FINE);
-    let name = format!(
-        r#"class="plot" role="img" aria-label="{} against time""#,
-        data.symbol
-    );
-    svg.replacen(&size, &name, 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -532,25 +357,6 @@ mod tests {
 
     fn plot(measurement: &Measurement, coordinate: Coordinate) -> Plot {
         coordinate_plot(measurement, coordinate).unwrap().unwrap()
-    }
-
-    #[test]
-    fn ticks_are_round_and_inside() {
-        let (ticks, places) = round_ticks(&(0.03..0.97), 6);
-        assert_eq!(places, 1);
-        assert_eq!(
-            ticks.iter().map(|t| number(*t, places)).collect::<Vec<_>>(),
-            ["0.2", "0.4", "0.6", "0.8"]
-        );
-        let (ticks, places) = round_ticks(&(-0.13..0.13), 4);
-        assert_eq!(
-            ticks.iter().map(|t| number(*t, places)).collect::<Vec<_>>(),
-            ["−0.1", "0.0", "0.1"]
-        );
-        let (ticks, places) = round_ticks(&(720.0..0.0), 6);
-        assert_eq!((ticks.len(), places), (4, 0));
-        assert_eq!(round_ticks(&(3600.0..3600.9), 9).0.len(), 10);
-        assert_eq!(round_ticks(&(1.0..1.0), 4).0, [1.0]);
     }
 
     #[test]

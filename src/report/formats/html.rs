@@ -17,6 +17,8 @@ impl OutputFormat for Page {
         &self,
         measurement: &'a Measurement,
     ) -> Result<Contents<'a>, Box<dyn Error + Send + Sync>> {
-        Ok(Contents::Bytes(recording_page::report_html(measurement)?.into_bytes()))
+        Ok(Contents::Bytes(
+            recording_page::report_html(measurement)?.into_bytes(),
+        ))
     }
 }
