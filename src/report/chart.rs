@@ -228,7 +228,7 @@ fn draw_dot(
             return Ok(());
         }
     };
-    panel.draw_series([symbol.at(at)])?;
+    panel.plotting_area().draw(&symbol.at(at))?;
     Ok(())
 }
 

@@ -198,7 +198,8 @@ fn warnings(warnings: &[Warning]) -> Markup {
 }
 
 fn models(readings: &Readings) -> Markup {
-    let number = |symbol: &str, quantity| html! { (symbol_html(symbol)) " = " (format_quantity(quantity, "")) };
+    let number =
+        |symbol: &str, quantity| html! { (symbol_html(symbol)) " = " (format_quantity(quantity, "")) };
     html! {
         section {
             h2 { "What the two models make of it" }
