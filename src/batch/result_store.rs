@@ -6,6 +6,7 @@
 use super::key::ResultKey;
 use super::{BatchError, BatchRecording};
 use crate::report::documents;
+use crate::report::formats::batch_formats;
 use crate::report::write::{self, WriteError};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
@@ -16,8 +17,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What each file of a recording ends in.
-const FILES: [&str; 3] = ["result.json", "points.csv", "report.html"];
+/// What the file of a recording's result ends in, and that of its key.
+const RESULT: &str = "result.json";
 const KEY: &str = "key.json";
 
 /// The folder of results, by name.
@@ -77,7 +78,7 @@ impl ResultStore {
 
     /// The stored result of a recording, whatever it was measured with.
     pub fn result(&self, recording: &BatchRecording) -> io::Result<Value> {
-        let bytes = fs::read(self.path(recording, FILES[0]))?;
+        let bytes = fs::read(self.path(recording, RESULT))?;
         serde_json::from_slice(&bytes).map_err(io::Error::from)
     }
 
@@ -93,7 +94,7 @@ impl ResultStore {
             .key_with_files(recording, key, &work_dir)
             .map_err(|e| contents(&key_path, Box::new(e)))?;
         let text = documents::json_text(&whole).map_err(|e| contents(&key_path, Box::new(e)))?;
-        for file in FILES {
+        for file in files() {
             write::rename(&file_of(&work_dir, recording, file), &self.path(recording, file))?;
         }
         write::write_atomically(&key_path, &text)
@@ -102,15 +103,13 @@ impl ResultStore {
     /// Whether the recording's process has left a complete set of files in its work directory.
     pub fn is_complete(&self, recording: &BatchRecording) -> bool {
         let work_dir = self.work_dir(recording);
-        FILES
-            .iter()
-            .all(|file| file_of(&work_dir, recording, file).is_file())
+        files().all(|file| file_of(&work_dir, recording, file).is_file())
     }
 
     /// Removes a result that no longer belongs to its recording. Whether there was one.
     pub fn discard(&self, recording: &BatchRecording) -> Result<bool, WriteError> {
         let mut any = false;
-        for file in [KEY].into_iter().chain(FILES) {
+        for file in [KEY].into_iter().chain(files()) {
             let path = self.path(recording, file);
             match fs::remove_file(&path) {
                 Ok(()) => any = true,
@@ -124,7 +123,7 @@ impl ResultStore {
     /// Names of results that belong to none of `recordings`.
     pub fn others(&self, recordings: &[BatchRecording]) -> Vec<String> {
         let ours: HashSet<&str> = recordings.iter().map(|r| r.name.as_str()).collect();
-        let ending = format!(".{}", FILES[0]);
+        let ending = format!(".{RESULT}");
         let mut others: Vec<String> = fs::read_dir(&self.results)
             .into_iter()
             .flatten()
@@ -160,12 +159,10 @@ impl ResultStore {
         key: &ResultKey,
         folder: &Path,
     ) -> io::Result<Value> {
-        let paths = FILES.map(|file| file_of(folder, recording, file));
-        let files: Vec<(&str, &Path)> = FILES
-            .iter()
-            .zip(&paths)
-            .map(|(&file, path)| (file, path.as_path()))
+        let paths: Vec<(&str, PathBuf)> = files()
+            .map(|file| (file, file_of(folder, recording, file)))
             .collect();
+        let files: Vec<(&str, &Path)> = paths.iter().map(|(file, path)| (*file, path.as_path())).collect();
         key.with_files(&files)
     }
 
@@ -179,6 +176,11 @@ impl Drop for ResultStore {
         // Where it fails, the next batch in this folder does it.
         let _ = self.clear_work_dirs();
     }
+}
+
+/// What each file of a recording ends in.
+fn files() -> impl Iterator<Item = &'static str> {
+    batch_formats().map(|format| format.suffix())
 }
 
 fn file_of(folder: &Path, recording: &BatchRecording, file: &str) -> PathBuf {

@@ -10,7 +10,7 @@ use crate::batch::{
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
 use crate::pipeline::measure;
-use crate::report::formats::{FORMATS, write_recording};
+use crate::report::formats::{batch_formats, write_recording};
 use crate::report::series_table;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -121,8 +121,7 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     let calibration = changes.applied(Calibration::read(&args.calib)?);
     let name = args.calib.display().to_string();
     let measurement = measure(&args.video, &calibration, &name, args.accuracy, &mut |_| {})?;
-    let formats = FORMATS.iter().filter(|format| !format.needs_frames());
-    write_recording(&measurement, &args.out, &args.name, formats)?;
+    write_recording(&measurement, &args.out, &args.name, batch_formats())?;
     Ok(match measurement.outcome {
         crate::pipeline::Outcome::Measured => Status::Done,
         crate::pipeline::Outcome::Rejected { .. } => Status::Rejected,

@@ -340,44 +340,54 @@ fn timed_methods(
             stopwatch.advance(cost(radius_px));
         }
     }
-    let frames = recording.frames as f64;
-    let us = 1e6 / frames;
-    let decode_s = Quartiles::of(&decoding_s).map_or(0.0, |s| s.median);
-    Ok(ComparedMethod::all()
+    let runs = ComparedMethod::all()
         .into_iter()
         .zip(&totals_s)
         .zip(found)
-        .map(|((method, totals_s), found)| {
-            // Where decoding in its own thread hides all of it, a hundredth of the whole stands for "next to nothing".
-            let analysis: Vec<f64> = totals_s
-                .iter()
-                .map(|t| us * (t - decode_s).max(0.01 * t))
-                .collect();
-            let decoding: Vec<f64> = decoding_s.iter().map(|t| us * t).collect();
-            let work = [(ANALYSIS.name, &analysis), (DECODING.name, &decoding)];
-            let counted = found.as_ref().map_or(0, Vec::len);
-            let errors = found.as_ref().ok().and_then(|c| errors(recording, c));
-            Run {
-                settings: vec![("method", method.name().to_owned())],
-                errors: errors.map(|e| (CENTRE.name, e)).into_iter().collect(),
-                work: work
-                    .iter()
-                    .filter_map(|(name, values)| Some((*name, Quartiles::of(values)?)))
-                    .collect(),
-                counts: vec![
-                    ("frames", frames),
-                    ("centres", counted as f64),
-                    ("bytes", recording.bytes as f64),
-                ],
-                failed: found.err().or_else(|| {
-                    errors
-                        .is_none()
-                        .then(|| "no centre was found in any frame".to_owned())
-                }),
-                is_default: method == ComparedMethod::Level(Accuracy::Standard),
-            }
-        })
-        .collect())
+        .map(|((method, totals_s), found)| run_of(method, recording, totals_s, &decoding_s, found));
+    Ok(runs.collect())
+}
+
+/// The run of a method: what it found, and how long the whole and decoding alone took each time.
+fn run_of(
+    method: ComparedMethod,
+    recording: &Rendered,
+    totals_s: &[f64],
+    decoding_s: &[f64],
+    found: FoundCentres,
+) -> Run {
+    let frames = recording.frames as f64;
+    let us = 1e6 / frames;
+    let decode_s = Quartiles::of(decoding_s).map_or(0.0, |s| s.median);
+    // Where decoding in its own thread hides all of it, a hundredth of the whole stands for "next to nothing".
+    let analysis = totals_s.iter().map(|t| us * (t - decode_s).max(0.01 * t));
+    let decoding = decoding_s.iter().map(|t| us * t);
+    let work = [
+        (ANALYSIS.name, analysis.collect::<Vec<_>>()),
+        (DECODING.name, decoding.collect()),
+    ];
+    let counted = found.as_ref().map_or(0, Vec::len);
+    let errors = found.as_ref().ok().and_then(|c| errors(recording, c));
+    let nothing = || {
+        errors
+            .is_none()
+            .then(|| "no centre was found in any frame".to_owned())
+    };
+    Run {
+        settings: vec![("method", method.name().to_owned())],
+        errors: errors.map(|e| (CENTRE.name, e)).into_iter().collect(),
+        work: work
+            .iter()
+            .filter_map(|(name, values)| Some((*name, Quartiles::of(values)?)))
+            .collect(),
+        counts: vec![
+            ("frames", frames),
+            ("centres", counted as f64),
+            ("bytes", recording.bytes as f64),
+        ],
+        failed: found.err().or_else(nothing),
+        is_default: method == ComparedMethod::Level(Accuracy::Standard),
+    }
 }
 
 #[cfg(test)]

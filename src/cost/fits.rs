@@ -185,6 +185,18 @@ pub fn run(plan: &FitPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, Cos
             });
         }
     }
+    Ok(subject(plan, runs, &curves, &own, &stds))
+}
+
+/// The subject of these runs. `own` are the references' own errors in standard uncertainties, `stds` the standard
+/// uncertainties that the data leave to e and μ.
+fn subject(
+    plan: &FitPlan,
+    runs: Vec<Run>,
+    curves: &[SettingCurve],
+    own: &[f64],
+    stds: &[Vec<f64>; 2],
+) -> Subject {
     let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
     let diagram = |error: Metric, data: f64, more: Vec<ErrorFloor>| Diagram {
         title: format!("Fits: {}; along a curve the search tolerance", error.name),
@@ -197,7 +209,7 @@ pub fn run(plan: &FitPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, Cos
         .chain(more)
         .filter(|floor| floor.error.is_finite())
         .collect(),
-        curves: curves.clone(),
+        curves: curves.to_vec(),
         alternatives: false,
         overview: false,
     };
@@ -205,7 +217,7 @@ pub fn run(plan: &FitPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, Cos
         name: "the reference's own".to_owned(),
         error: own.iter().copied().fold(f64::EPSILON, f64::max),
     }];
-    Ok(Subject {
+    Subject {
         name: "fits",
         title: "The fits",
         words: vec![format!(
@@ -223,7 +235,7 @@ pub fn run(plan: &FitPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Subject, Cos
             diagram(FRICTION, least(&stds[1]), Vec::new()),
         ],
         runs,
-    })
+    }
 }
 
 fn at_tolerance(cases: &[ReferenceSeries], wanted: u64, tolerance: f64, stopwatch: &Stopwatch<'_>) -> Run {

@@ -167,7 +167,7 @@ fn row(section: &Subject, run: &Run, names: &[&str], counts: &[&str]) -> Markup 
         count.map_or_else(none, |(_, c)| format!("{}", c.round()))
     };
     html! {
-        tr.default[run.is_default] {
+        tr class=[run.is_default.then_some("default")] {
             @for name in names { td.text { (run.setting(name).unwrap_or(NO_VALUE)) } }
             @for metric in &section.errors { @for number in error(metric.name) { td { (number) } } }
             @for metric in &section.works { td { (work(metric.name)) } }

@@ -344,7 +344,7 @@ fn bounce_section(measurement: &Measurement) -> Markup {
 
 fn bounce_row(row: &BounceRow, bounces: &[Bounce]) -> Markup {
     html! {
-        tr.part[row.starts_part] {
+        tr class=[row.starts_part.then_some("part")] {
             th scope="row" { (row.name) }
             td.symbol { (symbol_html(row.symbol)) }
             td.unit { (row.unit) }

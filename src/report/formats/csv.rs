@@ -9,7 +9,7 @@ pub struct Points;
 
 impl OutputFormat for Points {
     fn suffix(&self) -> &'static str {
-        ".points.csv"
+        "points.csv"
     }
 
     fn contents<'a>(

@@ -10,7 +10,7 @@ pub struct Page;
 
 impl OutputFormat for Page {
     fn suffix(&self) -> &'static str {
-        ".report.html"
+        "report.html"
     }
 
     fn contents<'a>(

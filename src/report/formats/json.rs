@@ -11,7 +11,7 @@ pub struct Json;
 
 impl OutputFormat for Json {
     fn suffix(&self) -> &'static str {
-        ".result.json"
+        "result.json"
     }
 
     fn contents<'a>(

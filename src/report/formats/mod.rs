@@ -25,7 +25,7 @@ pub enum Contents<'a> {
 
 /// A form in which a measurement is written.
 pub trait OutputFormat: Sync {
-    /// What follows the recording's name in that of the file.
+    /// What follows the recording's name and a dot in the name of the file.
     fn suffix(&self) -> &'static str;
 
     /// Whether it is made from the recording's frames once more. A batch leaves such files out.
@@ -46,6 +46,11 @@ pub trait OutputFormat: Sync {
 /// Every format, in the order in which their files are told.
 pub const FORMATS: [&dyn OutputFormat; 4] = [&html::Page, &json::Json, &csv::Points, &overlay::OverlayVideo];
 
+/// Those that a batch writes of every recording, and keeps.
+pub fn batch_formats() -> impl DoubleEndedIterator<Item = &'static &'static dyn OutputFormat> {
+    FORMATS.iter().filter(|format| !format.needs_frames())
+}
+
 /// Writes `measurement` into `dir` as `<stem>` with the suffix of each of the formats: all files, or none. Their paths.
 ///
 /// # Errors
@@ -58,7 +63,7 @@ pub fn write_recording<'f>(
 ) -> Result<Vec<PathBuf>, WriteError> {
     // The largest file first: where it does not fit, no other is left without it.
     let staged = formats.rev().map(|format| {
-        let path = dir.join(format!("{stem}{}", format.suffix()));
+        let path = dir.join(format!("{stem}.{}", format.suffix()));
         match format.contents(measurement) {
             Ok(Contents::Bytes(bytes)) => write::stage(path, &bytes),
             Ok(Contents::Video(recode)) => write::stage_video(path, recode),
@@ -76,11 +81,6 @@ mod tests {
     use crate::report::test_measurements;
     use std::fs;
 
-    /// What a batch writes.
-    fn without_frames() -> impl DoubleEndedIterator<Item = &'static &'static dyn OutputFormat> {
-        FORMATS.iter().filter(|format| !format.needs_frames())
-    }
-
     fn names(dir: &Path) -> Vec<String> {
         let entries = fs::read_dir(dir).unwrap();
         let mut names: Vec<String> = entries
@@ -95,7 +95,7 @@ mod tests {
 
     impl OutputFormat for TestVideo {
         fn suffix(&self) -> &'static str {
-            ".overlay.mp4"
+            "overlay.mp4"
         }
 
         fn contents<'a>(&self, _: &'a Measurement) -> Result<Contents<'a>, Box<dyn Error + Send + Sync>> {
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn an_overlay_appears_with_the_reports_or_not_at_all() {
         let video: &dyn OutputFormat = &TestVideo;
-        let mut formats: Vec<&'static dyn OutputFormat> = without_frames().copied().collect();
+        let mut formats: Vec<&'static dyn OutputFormat> = batch_formats().copied().collect();
         formats.push(video);
         let measurement = test_measurements::two_bounces();
         let dir = tempfile::tempdir().unwrap();
@@ -128,7 +128,7 @@ mod tests {
     fn all_reports_appear_together() {
         let dir = tempfile::tempdir().unwrap();
         let measurement = test_measurements::two_bounces();
-        write_recording(&measurement, dir.path(), "clip", without_frames()).unwrap();
+        write_recording(&measurement, dir.path(), "clip", batch_formats()).unwrap();
         assert_eq!(
             names(dir.path()),
             ["clip.points.csv", "clip.report.html", "clip.result.json"]
@@ -145,7 +145,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         fs::create_dir(dir.path().join("clip.report.html")).unwrap();
         let rejected = test_measurements::rejected();
-        let error = write_recording(&rejected, dir.path(), "clip", without_frames()).unwrap_err();
+        let error = write_recording(&rejected, dir.path(), "clip", batch_formats()).unwrap_err();
         assert!(matches!(error, WriteError::IsAFolder { .. }), "{error:?}");
         assert_eq!(names(dir.path()), ["clip.report.html"]);
     }

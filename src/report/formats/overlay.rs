@@ -11,7 +11,7 @@ pub struct OverlayVideo;
 
 impl OutputFormat for OverlayVideo {
     fn suffix(&self) -> &'static str {
-        ".overlay.mp4"
+        "overlay.mp4"
     }
 
     fn needs_frames(&self) -> bool {
