@@ -298,4 +298,12 @@ mod tests {
         assert_eq!(csv.lines().count(), 3, "{csv}");
         assert!(csv.lines().nth(2).unwrap().ends_with("no <flight> & no bounce"));
     }
+
+    /// Writes a page to look at: `TRACK_PAGES=/tmp/x cargo test --lib show_ -- --ignored`.
+    #[test]
+    #[ignore = "writes files to look at"]
+    fn show_cost_page() {
+        let dir = std::path::PathBuf::from(std::env::var("TRACK_PAGES").unwrap());
+        std::fs::write(dir.join("cost.html"), cost_html(&report(), None).unwrap()).unwrap();
+    }
 }

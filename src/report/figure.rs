@@ -54,10 +54,7 @@ pub(super) fn svg(
         root.present()?;
     }
     let size = format!(r#"width="{}" height="{}""#, width * FINE, height * FINE);
-    let mut svg = svg
-        .replacen(&size, attributes, 1)
-        .replace(" opacity=\"1\"", "")
-        .replace(" font-family=\"sans-serif\"", "");
+    let mut svg = svg.replacen(&size, attributes, 1).replace(" opacity=\"1\"", "");
     for dashes in Dashes::ALL {
         svg = svg.replace(
             &format!(" opacity=\"{}\"", dashes.code()),

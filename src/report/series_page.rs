@@ -431,4 +431,13 @@ mod tests {
         assert!(page.contains("One row in 13 is drawn"));
         assert!(page.len() < 1_500_000, "{}", page.len());
     }
+
+    /// Writes pages to look at, as that of recordings: `TRACK_PAGES=/tmp/x cargo test --lib show_ -- --ignored`.
+    #[test]
+    #[ignore = "writes files to look at"]
+    fn show_series_page() {
+        let dir = std::path::PathBuf::from(std::env::var("TRACK_PAGES").unwrap());
+        let (series, fit) = made(&["a", "b"]);
+        std::fs::write(dir.join("series.html"), report_html(&series, &fit).unwrap()).unwrap();
+    }
 }

@@ -29,7 +29,8 @@ type LogPanel<'a, 'b> = Panel<'a, 'b, LogAxis>;
 /// See [`PlotError`].
 pub(super) fn svg(diagram: &Diagram, runs: &[Run], caption: &str) -> Result<String, PlotError> {
     let name = figure::for_a_page(&diagram.title);
-    figure::svg((WIDTH, HEIGHT), &name, |root| draw(root, diagram, runs, caption))
+    let svg = figure::svg((WIDTH, HEIGHT), &name, |root| draw(root, diagram, runs, caption))?;
+    Ok(in_font_of_page(&svg))
 }
 
 /// Several diagrams below each other, two in a row, as an SVG file of its own.
@@ -43,14 +44,20 @@ pub(super) fn overview(diagrams: &[(&Diagram, &[Run], String)]) -> Result<String
     let shown = format!(
         r#"width="{width}" height="{height}" font-family="Helvetica, Arial, 'Liberation Sans', sans-serif""#
     );
-    figure::svg((width, height), &shown, |root| {
+    let svg = figure::svg((width, height), &shown, |root| {
         root.fill(&WHITE)?;
         let areas = root.split_evenly((rows as usize, columns as usize));
         for (area, (diagram, runs, caption)) in areas.iter().zip(diagrams) {
             draw(area, diagram, runs, caption)?;
         }
         Ok(())
-    })
+    })?;
+    Ok(in_font_of_page(&svg))
+}
+
+/// Letters as those around the diagram, and not whatever is nearest to plotters' own.
+fn in_font_of_page(svg: &str) -> String {
+    svg.replace(" font-family=\"sans-serif\"", "")
 }
 
 fn draw(area: &Area<'_>, diagram: &Diagram, runs: &[Run], caption: &str) -> Result<(), PlotError> {
