@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_codec_that_skips_still_pictures_is_not_taken_for_repeats() {
+    fn a_codec_that_skips_still_pictures_is_not_taken_for_duplicates() {
         let (spots, mut changes) = clip(1, 120);
         for (i, c) in changes.iter_mut().enumerate() {
             *c = Some(if i % 2 == 1 { 0.01 } else { 0.5 });

@@ -1,5 +1,5 @@
 //! Whether two fitted arcs meet in an impact, for a camera that sees the plane of the flight from the side or from
-//! afar; `overhead::meeting` is the same for one that is near above.
+//! afar; `near_top_view::impact_test` is the same for one that is near above.
 
 use super::motion_model::ArcFit;
 

@@ -16,7 +16,7 @@ const MIDDLE_STD_S: f64 = 1e-4;
 /// each direction: a shadow a third darker than the floor does so by that.
 const SHADOW_PULL_PART: f64 = 0.01;
 
-/// One equation of the prior knowledge: its derivatives by some parameters, and its whitened residual.
+/// One equation of what is known beside the points: its derivatives by some parameters, and its whitened residual.
 pub(super) struct PriorRow {
     pub(super) by: Vec<(usize, f64)>,
     pub(super) residual: f64,
