@@ -135,9 +135,9 @@ const HEIGHT_M: f64 = 10.0;
 const G_M_S2: f64 = 9.81;
 
 /// −c v |v|, with a count of how often it was asked for.
-struct QuadraticDrag(Arc<AtomicU64>);
+struct CountedDrag(Arc<AtomicU64>);
 
-impl Force for QuadraticDrag {
+impl Force for CountedDrag {
     fn act(&self, state: &BallState, _: &Vector3<f64>, loads: &mut Loads) {
         self.0.fetch_add(1, Ordering::Relaxed);
         loads.force_n -= state.velocity_m_s * (DRAG_N_S2_M2 * state.velocity_m_s.norm());
@@ -154,7 +154,7 @@ struct Flown {
 fn fly(scene: &Scene, integration: Integration) -> Result<Flown, SceneError> {
     let count = Arc::new(AtomicU64::new(0));
     let acts = Perturbations {
-        forces: vec![Acting::of(Box::new(QuadraticDrag(Arc::clone(&count))))],
+        forces: vec![Acting::of(Box::new(CountedDrag(Arc::clone(&count))))],
         ..Perturbations::default()
     };
     let flight = Trajectory::integrated(scene, &acts, integration)?;

@@ -19,7 +19,7 @@ pub struct BoardReport<'a> {
     pub calibration: &'a Calibration,
 }
 
-/// A lens less certain than this somewhere in the picture is told to be, px.
+/// A lens that is less certain than this somewhere in the picture is warned of, px.
 const POOR_PX: f64 = 0.1;
 /// Fewer views than this are few.
 const FEW_VIEWS: usize = 8;

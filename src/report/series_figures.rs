@@ -308,7 +308,7 @@ fn dot(figure: SeriesFigure, row: &DrawnRow) -> Option<PlotPoint> {
 }
 
 /// Lines that are told apart without colour, in the order of the models.
-fn stroke(name: ModelName) -> LineStyle {
+pub(super) fn stroke(name: ModelName) -> LineStyle {
     const STYLES: [LineStyle; 3] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Broad];
     STYLES[name as usize % STYLES.len()]
 }

@@ -256,11 +256,7 @@ fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDra
         (PointMarker::Ring, "grips, or leaves rolling"),
         (PointMarker::Cross, "set aside"),
     ];
-    let strokes = [
-        (LineStyle::Solid, "μ-e"),
-        (LineStyle::Dashed, "e-e"),
-        (LineStyle::Broad, "grip-slide"),
-    ];
+    let strokes = ModelName::ALL.map(|name| (series_figures::stroke(name), name.facts().label));
     let mut keys: Vec<(Markup, &str)> = Vec::new();
     let shown = markers
         .iter()
