@@ -6,7 +6,7 @@
 //! parabola is off at both ends). Then points after every impact are as unsure as the swing is large and young: they stay in
 //! the fit with what they are worth, and a last arc that is hardly longer than the swing has the uncertainty that it deserves.
 //!
-//! This is for what no edge of the scene shows ([`crate::detect::swing`]).
+//! This is for what no edge of the scene shows ([`crate::detect::camera_swing`]).
 
 use super::free_flight::{Flight, FlightPoint, SpotUse};
 use crate::numeric::robust::std_from_magnitudes;
