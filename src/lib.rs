@@ -54,6 +54,9 @@ pub mod rebound;
 pub mod report;
 pub mod schemas;
 pub mod simulate;
+
+#[cfg(test)]
+mod test_noise;
 mod version;
 
 pub use error_chain::error_chain;

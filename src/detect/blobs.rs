@@ -39,10 +39,9 @@ const OVAL_FILL: (f64, f64) = (0.88, 1.1);
 const LEAST_OVAL_AREA_PX: f64 = 20.0;
 
 impl Blob {
-    /// The region as a disc drawn out by its motion, `None` where it is no full oval inside the frame.
+    /// The region as a disc smeared by its motion; `None` where it is no full oval inside the frame.
     ///
-    /// Pixels above 0.3 of the full change reach R + 0.2 L along a path of length L and R across, and an ellipse's
-    /// half axis is twice its standard deviation.
+    /// Along a path of length L, pixels above 0.3 of the full change reach as far as R + 0.2 L, across it as far as R.
     #[must_use]
     pub fn oval(&self) -> Option<Disc> {
         let (long, short) = self.spread_px;
@@ -261,13 +260,14 @@ pub fn behind<T: Copy + Into<f32>>(
         }
         return values;
     }
-    let (w, h) = ((width - 1) as f64, (scene.len() / width - 1) as f64);
+    let height = scene.len() / width;
+    let (w, h) = ((width - 1) as f64, (height - 1) as f64);
     for v in 0..crop.luma.height {
         for u in 0..crop.luma.width {
             let here = PixelPoint::new((crop.u + u) as f64, (crop.v + v) as f64);
             let there = registration.reference_from_frame(here);
             let (u, v) = (there.u_px.clamp(0.0, w), there.v_px.clamp(0.0, h));
-            let value = bilinear(scene, width, u, v);
+            let value = bilinear(scene, (width, height), u, v);
             values.push(gain * value.map_or(0.0, |b| b as f32) + offset);
         }
     }

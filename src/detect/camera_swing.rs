@@ -13,6 +13,8 @@
 use super::registration::Registration;
 use super::resample::cubic;
 use crate::frames::Luma;
+use crate::numeric::least_squares::{NormalEquations, Termination, gauss_newton};
+use crate::numeric::robust::{TUKEY, median, std_from_magnitudes, tukey_weight};
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 use rayon::prelude::*;
 
@@ -80,8 +82,6 @@ pub struct SceneEdges {
     noise_grey: f64,
     /// The median shift that frames of a camera at rest seem to have, px: a codec draws the scene's edges anew in each.
     rest_shift_px: f64,
-    width: i32,
-    height: i32,
 }
 
 /// A region of the picture: columns and rows.
@@ -124,8 +124,6 @@ impl SceneEdges {
             pixels: a,
             noise_grey,
             rest_shift_px: 0.0,
-            width: width as i32,
-            height: height as i32,
         }
     }
 
@@ -145,7 +143,7 @@ impl SceneEdges {
                 shift.map_or(0.0, |[u, v]| u.hypot(v))
             })
             .collect();
-        self.rest_shift_px = crate::quantity::median(&mut shifts).unwrap_or(0.0);
+        self.rest_shift_px = median(&mut shifts).unwrap_or(0.0);
         self
     }
 
@@ -170,7 +168,7 @@ impl SceneEdges {
         let expected = |e: &EdgePixel| light.gain * e.grey + light.offset_grey;
         let whole = |s: (i32, i32)| {
             move |e: &EdgePixel| {
-                f64::from(frame.data[((e.v + s.1) * self.width + e.u + s.0) as usize]) - expected(e)
+                f64::from(frame.data[((e.v + s.1) * frame.width as i32 + e.u + s.0) as usize]) - expected(e)
             }
         };
         // Of most frames one step from no shift says that there is none to look for.
@@ -186,25 +184,21 @@ impl SceneEdges {
             return None;
         }
         let start = self.best_whole(&pixels, whole);
-        let mut shift = Vector2::new(f64::from(start.0), f64::from(start.1));
+        let start = Vector2::new(f64::from(start.0), f64::from(start.1));
         let mut last = None;
-        for _ in 0..STEPS {
+        let step = |shift: &Vector2<f64>| {
             let between = |e: &EdgePixel| {
                 cubic(frame, f64::from(e.u) + shift.x, f64::from(e.v) + shift.y) - expected(e)
             };
             let (step, information, spread) = self.step(&pixels, light.gain, between)?;
-            let step = axes.project(&step);
-            shift += step;
-            last = Some((information, spread));
-            if step.norm() < 1e-4 {
-                break;
-            }
-        }
+            last = Some(ObservableAxes::new(&information, spread));
+            Some(axes.project(&step))
+        };
+        let moved = |shift: &Vector2<f64>, step: &Vector2<f64>| shift + step;
+        let (shift, end) = gauss_newton(start, STEPS, step, moved, |step| step.norm() < 1e-4);
         let shift = axes.project(&shift);
-        let sane = shift.amax() < f64::from(REACH_PX) && self.height > 0;
-        let sure = last.is_some_and(|(information, spread)| {
-            ObservableAxes::new(&information, spread).exceeds(&shift, least)
-        });
+        let sane = end != Termination::Singular && shift.amax() < f64::from(REACH_PX);
+        let sure = last.is_some_and(|axes| axes.exceeds(&shift, least));
         (sane && sure).then_some([shift.x, shift.y])
     }
 
@@ -217,19 +211,16 @@ impl SceneEdges {
     ) -> Option<(Vector2<f64>, Matrix2<f64>, f64)> {
         let residuals: Vec<f64> = pixels.iter().map(&residual).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
-        let spread = (1.4826 * crate::quantity::median(&mut sizes)?).max(0.5 * self.noise_grey);
-        let cut = 4.685 * spread;
-        let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
-        for (e, r) in pixels.iter().zip(&residuals).filter(|(_, r)| r.abs() < cut) {
-            let weight = (1.0 - (r / cut).powi(2)).powi(2);
-            let g = gain * e.gradient;
-            normal += weight * g * g.transpose();
-            right -= weight * r * g;
+        let spread = std_from_magnitudes(&mut sizes)?.max(0.5 * self.noise_grey);
+        let mut equations = NormalEquations::default();
+        for (e, &r) in pixels.iter().zip(&residuals) {
+            equations.push(&(-gain * e.gradient), r, tukey_weight(r, TUKEY * spread));
         }
         // A direction without edges takes no step: a little more than nothing along the diagonal.
-        let little = 1e-9 * normal.trace().max(f64::MIN_POSITIVE);
-        let step = (normal + Matrix2::identity() * little).cholesky()?.solve(&right);
-        Some((step, normal, spread))
+        let little = 1e-9 * equations.matrix.trace().max(f64::MIN_POSITIVE);
+        let step = equations.step(0.0, little)?;
+        equations.matrix.fill_upper_triangle_with_lower_triangle();
+        Some((step, equations.matrix, spread))
     }
 
     /// The whole pixels by which the frame is shifted, by the least sum of bounded squares.
@@ -269,7 +260,7 @@ impl ObservableAxes {
         }
     }
 
-    /// The part of `v` along the directions in which shifts can be told.
+    /// The part of `v` along the directions in which a shift is determined.
     fn project(&self, v: &Vector2<f64>) -> Vector2<f64> {
         let part = |(axis, std): &(Vector2<f64>, f64)| {
             if *std < FOLLOWED_STD_PX {
@@ -291,31 +282,21 @@ impl ObservableAxes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_noise::TestNoise;
 
     const SIZE: (usize, usize) = (400, 240);
 
     /// A wall with a floor line at row 200, and a bench's end at column 60 above row 120, all softened, shifted by `s`, with noise.
     fn scene(s: [f64; 2], bench: bool, noise: f64, seed: u64) -> Luma {
         let step = |x: f64| 1.0 / (1.0 + (-2.2 * x).exp());
-        let mut state = seed;
-        let mut normal = move || {
-            let sum: f64 = (0..12)
-                .map(|_| {
-                    state = state
-                        .wrapping_mul(6_364_136_223_846_793_005)
-                        .wrapping_add(1_442_695_040_888_963_407);
-                    (state >> 33) as f64 / f64::from(1_u32 << 31)
-                })
-                .sum();
-            sum - 6.0
-        };
+        let mut random = TestNoise(seed);
         Luma::from_fn(SIZE.0, SIZE.1, |u, v| {
             let (u, v) = (u as f64 - s[0], v as f64 - s[1]);
             let mut grey = 60.0 + 35.0 * step(v - 200.0);
             if bench {
                 grey += 40.0 * step(60.0 - u) * step(v - 120.0) * step(160.0 - v);
             }
-            (grey + noise * normal()).round().clamp(0.0, 255.0) as u8
+            (grey + noise * random.normal()).round().clamp(0.0, 255.0) as u8
         })
     }
 

@@ -1,18 +1,10 @@
 //! Noise of a pixel, as frames show it.
 
 use crate::frames::Luma;
+use crate::numeric::robust::STD_OF_MEDIAN;
 
 /// Quantum of an 8-bit picture: rounding alone has this standard deviation, grey levels.
 pub const ROUNDING_STD_GREY: f64 = 0.29;
-
-/// The lower median of `values`, which are reordered; 0 for none.
-pub fn median_in_place(values: &mut [f32]) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = (values.len() - 1) / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
-}
 
 /// Standard deviation of a pixel's noise by the differences of successive frames: the median of those is of pixels
 /// where nothing moves.
@@ -25,7 +17,7 @@ pub fn frame_noise_grey(survey: &[&Luma]) -> f64 {
             histogram[usize::from(a.abs_diff(*b))] += 1;
         }
     }
-    (1.4826 * interpolated_median(&histogram) / std::f64::consts::SQRT_2).max(ROUNDING_STD_GREY)
+    (STD_OF_MEDIAN * interpolated_median(&histogram) / std::f64::consts::SQRT_2).max(ROUNDING_STD_GREY)
 }
 
 /// Standard deviation of a pixel's noise within one picture, by the median of the mask 1 −2 1 / −2 4 −2 / 1 −2 1, which
@@ -47,7 +39,7 @@ pub fn spatial_noise_grey(luma: &Luma) -> f64 {
             histogram[mask.unsigned_abs().min(255) as usize] += 1;
         }
     }
-    (1.4826 * interpolated_median(&histogram) / 6.0).max(ROUNDING_STD_GREY)
+    (STD_OF_MEDIAN * interpolated_median(&histogram) / 6.0).max(ROUNDING_STD_GREY)
 }
 
 /// Median of absolute integer differences, interpolated within its bin: a bin at `d` holds |difference| between

@@ -8,11 +8,13 @@
 //! Assumed: the picture shifts as a whole (no turn, no zoom). Where the scene has no gradient in a direction, the shift along
 //! it stays what it was.
 
-use super::noise::{ROUNDING_STD_GREY, median_in_place};
+use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
 use super::resample::{bilinear, reduced};
 use crate::frames::Luma;
-use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+use crate::numeric::least_squares::{NormalEquations, gauss_newton};
+use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
+use nalgebra::{Matrix2, Vector2, Vector4};
 use rayon::prelude::*;
 
 /// A reference pixel with what is needed to compare it.
@@ -51,8 +53,8 @@ pub struct Registrar {
     samples: Vec<ReferencePixel>,
     /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
     sees_shift: bool,
-    /// The scene has contrast enough to tell an offset of the brightness from its gain.
-    tells_offset: bool,
+    /// The scene has contrast enough to determine an offset of the brightness beside its gain.
+    fits_offset: bool,
     noise_grey: f64,
     /// The camera does not move: only brightness is followed.
     pub fixed: bool,
@@ -64,10 +66,10 @@ const SAMPLES: usize = 3000;
 /// Sum of squared gradients below which a shift is not determined: noise of 2 grey levels would move it by 0.06 px.
 const LEAST_INFORMATION: f64 = 1e3;
 
-/// A gradient must exceed this many noise deviations to say where it is: chance gives 4 to one pixel in 1e4.
+/// A gradient must exceed this many standard deviations of the noise to be one: by chance one pixel in 1e4 exceeds 4.
 const GRADIENT_SIGMAS: f64 = 4.0;
 
-/// Cells of the grid in which something must carry gradient; a ball, its shadow and a hand fill fewer.
+/// A shift is determined where at least so many cells of the grid carry gradient; a ball, its shadow and a hand fill fewer.
 const LEAST_CELLS: usize = 16;
 
 /// Gauss-Newton steps; from a start within a pixel, four suffice.
@@ -79,16 +81,16 @@ const LIGHT_STEPS: usize = 3;
 /// Fewer samples than this say nothing.
 const LEAST_SAMPLES: usize = 50;
 
-/// Brightness has to differ by so many noise deviations for the offset to be told from the gain.
+/// The offset is fitted beside the gain where brightness over the scene differs by so many standard deviations of the noise.
 const OFFSET_CONTRAST: f64 = 5.0;
 
 /// The median of a normal variable's magnitude over its standard deviation.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
-/// A place far away has to leave this part of what the nearest one leaves.
+/// A large shift is believed where its residuals are below this part of those of a small one.
 const MUCH_BETTER: f64 = 0.8;
 
-/// A shift below this may be none, px.
+/// A shift below this may be the estimator's error, px.
 const CLOSE_PX: f64 = 0.3;
 
 /// A light that changes by more than this is another scene.
@@ -124,7 +126,7 @@ impl Registrar {
     pub fn at_full_size(reference: &Luma, noise_grey: f64) -> Self {
         let (samples, cells) = choose_samples(reference, noise_grey, 1);
         Self {
-            tells_offset: tell_offset(&samples, noise_grey),
+            fits_offset: determines_offset(&samples, noise_grey),
             samples,
             factor: 1,
             sees_shift: cells >= LEAST_CELLS,
@@ -153,7 +155,7 @@ impl Registrar {
         let noise_grey = (self.noise_grey / factor as f64).max(ROUNDING_STD_GREY);
         let (samples, cells) = choose_samples(&small, noise_grey, factor);
         Some(Self {
-            tells_offset: tell_offset(&samples, noise_grey),
+            fits_offset: determines_offset(&samples, noise_grey),
             samples,
             factor,
             sees_shift: cells >= LEAST_CELLS,
@@ -173,9 +175,10 @@ impl Registrar {
         all.map(|(f, near)| self.located(f, near, &coarser)).collect()
     }
 
-    /// How unsure the shifts `found` of `frames` are, px, from the two colours of a chessboard over the scene, each taken by
-    /// itself, and near by from no shift on: half of what they are apart, or what their middle is off. A camera's motion is
-    /// the same in both; noise, also a codec's, which hangs together, is not. Infinite where the halves do not tell.
+    /// Standard uncertainty of the shifts `found` of `frames`, px: the median over the frames of what two halves of the scene,
+    /// the colours of a chessboard, find each by itself. It is half of their distance, or the distance of their middle from
+    /// `found`. A camera's motion is the same in both halves; noise, even a codec's correlated one, is not. Infinite where a
+    /// half finds nothing.
     #[must_use]
     pub fn shift_std_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
         let halves = [0, 1].map(|colour| self.half(colour));
@@ -198,7 +201,7 @@ impl Registrar {
                 (0.5 * (a - b).norm()).max((0.5 * (a + b) - whole).norm())
             })
             .collect();
-        crate::quantity::median(&mut stds_px).unwrap_or(f64::INFINITY)
+        median(&mut stds_px).unwrap_or(f64::INFINITY)
     }
 
     /// The same on the fields of one colour.
@@ -217,25 +220,22 @@ impl Registrar {
     /// Where `frame` looks, with no idea of it beforehand.
     #[must_use]
     pub fn locate_one(&self, frame: &Luma) -> Registration {
-        let near = self.located_near(frame);
-        if self.is_there(&near) {
-            return near.0;
-        }
-        self.located(frame, near, &self.coarser())
+        let found = self.locate(&[frame]);
+        found.first().copied().unwrap_or(Registration::IDENTITY)
     }
 
-    /// From no shift on, with the median absolute residual, grey levels.
+    /// The shift found from none on, with the median absolute residual, grey levels.
     fn located_near(&self, frame: &Luma) -> (Registration, f64) {
         self.refine(frame, Registration::IDENTITY, true)
     }
 
-    /// Whether what is left is the noise of two frames, and hardly a shift: then no other place is better.
+    /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
     fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
         let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_grey;
         *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
     }
 
-    /// Near by or anywhere, whichever fits.
+    /// The shift found near none, or a large one where that fits much better.
     fn located(&self, frame: &Luma, near: (Registration, f64), coarser: &[Self]) -> Registration {
         if coarser.is_empty() || self.is_there(&near) {
             return near.0;
@@ -289,58 +289,57 @@ impl Registrar {
 
     fn refine_at_size(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
         let moving = moving && self.sees_shift;
-        let mut now = start;
-        let mut spread = f64::INFINITY;
         if self.samples.len() < LEAST_SAMPLES {
-            return (start, spread);
+            return (start, f64::INFINITY);
         }
         if !moving && start.is_still() {
             return self.refine_light(frame, start);
         }
-        let steps = if moving { STEPS } else { LIGHT_STEPS };
+        let mut spread = f64::INFINITY;
         let mut residuals = Vec::with_capacity(self.samples.len());
-        for _ in 0..steps {
+        let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
+        let step = |now: &Registration| {
             residuals.clear();
-            for s in &self.samples {
-                residuals.push(
-                    bilinear(
-                        &frame.data,
-                        frame.width,
-                        s.u + now.shift_u_px,
-                        s.v + now.shift_v_px,
-                    )
-                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32),
-                );
-            }
-            let mut magnitudes: Vec<f32> = residuals
-                .iter()
-                .filter(|r| r.is_finite())
-                .map(|r| r.abs())
-                .collect();
+            residuals.extend(self.samples.iter().map(|s| {
+                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
+                bilinear(&frame.data, (frame.width, frame.height), u, v)
+                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
+            }));
+            magnitudes.clear();
+            magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
             if magnitudes.len() < LEAST_SAMPLES {
-                return (start, f64::INFINITY);
+                spread = f64::INFINITY;
+                return None;
             }
-            spread = f64::from(median_in_place(&mut magnitudes));
-            let Some(step) = self.step(&residuals, spread, now.gain, moving) else {
-                break;
-            };
-            now.shift_u_px += step[0];
-            now.shift_v_px += step[1];
-            now.gain += step[2];
-            now.offset_grey += step[3];
-            if step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5 {
-                break;
+            spread = f64::from(lower_median(&mut magnitudes));
+            let mut equations = NormalEquations::default();
+            let cut = tukey_cut(spread);
+            for (s, &r) in self.samples.iter().zip(&residuals) {
+                let weight = tukey_weight(f64::from(r), cut);
+                if weight > 0.0 {
+                    let g = -now.gain * s.gradient;
+                    equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
+                }
             }
-        }
-        // A shift beyond a quarter of the picture is a cut.
-        let sane = SANE_GAIN.contains(&now.gain)
-            && now.shift_u_px.abs() < 0.25 * frame.width as f64
-            && now.shift_v_px.abs() < 0.25 * frame.height as f64;
-        if sane {
-            (now, spread)
-        } else {
-            (start, f64::INFINITY)
-        }
+            self.restrain_offset(3, &mut equations);
+            // A scene without gradient in one direction cannot tell the shift along it: stay.
+            let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
+            if !moving || Matrix2::new(uu, vu, vu, vv).symmetric_eigenvalues().min() < LEAST_INFORMATION {
+                equations.hold(0);
+                equations.hold(1);
+            }
+            equations.step(0.0, 0.0)
+        };
+        let moved = |now: &Registration, step: &Vector4<f64>| Registration {
+            shift_u_px: now.shift_u_px + step[0],
+            shift_v_px: now.shift_v_px + step[1],
+            gain: now.gain + step[2],
+            offset_grey: now.offset_grey + step[3],
+        };
+        let is_last = |step: &Vector4<f64>| step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5;
+        let steps = if moving { STEPS } else { LIGHT_STEPS };
+        let (found, _) = gauss_newton(start, steps, step, moved, is_last);
+        sane(found, spread, frame).unwrap_or((start, f64::INFINITY))
     }
 
     /// The light alone, of a frame that is not shifted: what [`refine_at_size`](Self::refine_at_size) finds then, for a
@@ -357,100 +356,60 @@ impl Registrar {
         if seen.len() < LEAST_SAMPLES {
             return (start, f64::INFINITY);
         }
-        let (mut now, mut spread) = (start, f64::INFINITY);
+        let mut spread = f64::INFINITY;
         let mut magnitudes = vec![0.0; seen.len()];
-        for _ in 0..LIGHT_STEPS {
-            let residual = |value: f64, grey: f64| grey - now.gain * value - now.offset_grey;
-            for (m, &(value, grey)) in magnitudes.iter_mut().zip(&seen) {
-                *m = residual(value, grey).abs() as f32;
+        let step = |now: &Registration| {
+            let residual = |&(value, grey): &(f64, f64)| grey - now.gain * value - now.offset_grey;
+            for (m, pixel) in magnitudes.iter_mut().zip(&seen) {
+                *m = residual(pixel).abs() as f32;
             }
-            spread = f64::from(median_in_place(&mut magnitudes));
+            spread = f64::from(lower_median(&mut magnitudes));
+            let mut equations = NormalEquations::default();
             let cut = tukey_cut(spread);
-            let [mut ones, mut values, mut squares, mut right, mut right_values] = [0.0; 5];
-            for &(value, grey) in &seen {
-                let r = residual(value, grey);
-                let weight = (1.0 - (r / cut).powi(2)).max(0.0).powi(2);
-                ones += weight;
-                values += weight * value;
-                squares += weight * value * value;
-                right += weight * r;
-                right_values += weight * r * value;
+            for pixel in &seen {
+                let r = residual(pixel);
+                equations.push(&Vector2::new(pixel.0, 1.0), r, tukey_weight(r, cut));
             }
-            let ones = slowed(ones);
-            let determinant = squares * ones - values * values;
-            let (gain_step, offset_step) = if !self.tells_offset && squares > 0.0 {
-                (right_values / squares, 0.0)
-            } else if determinant > 0.0 {
-                (
-                    (ones * right_values - values * right) / determinant,
-                    (squares * right - values * right_values) / determinant,
-                )
-            } else {
-                break;
-            };
-            now.gain += gain_step;
-            now.offset_grey += offset_step;
-            if gain_step.abs() < 1e-5 {
-                break;
-            }
-        }
-        if SANE_GAIN.contains(&now.gain) {
-            (now, spread)
-        } else {
-            (start, f64::INFINITY)
-        }
+            self.restrain_offset(1, &mut equations);
+            equations.step(0.0, 0.0)
+        };
+        let moved = |now: &Registration, step: &Vector2<f64>| Registration {
+            gain: now.gain + step[0],
+            offset_grey: now.offset_grey + step[1],
+            ..*now
+        };
+        let is_last = |step: &Vector2<f64>| step[0].abs() < 1e-5;
+        let (found, _) = gauss_newton(start, LIGHT_STEPS, step, moved, is_last);
+        sane(found, spread, frame).unwrap_or((start, f64::INFINITY))
     }
 
-    fn step(&self, residuals: &[f32], spread: f64, gain: f64, moving: bool) -> Option<Vector4<f64>> {
-        let cut = tukey_cut(spread);
-        let mut normal = Matrix4::zeros();
-        let mut right = Vector4::zeros();
-        for (s, &r) in self.samples.iter().zip(residuals) {
-            let r = f64::from(r);
-            if r.is_finite() && r.abs() < cut {
-                let weight = (1.0 - (r / cut).powi(2)).powi(2);
-                let j = Vector4::new(-gain * s.gradient.x, -gain * s.gradient.y, s.value, 1.0);
-                normal += weight * j * j.transpose();
-                right += weight * r * j;
-            }
-        }
-        if self.tells_offset {
-            normal[(3, 3)] = slowed(normal[(3, 3)]);
+    /// Holds the offset, at this place among the unknowns, where the scene does not determine it; damps it elsewhere, so that of
+    /// a gain and an offset that are strongly correlated the gain takes more of the change.
+    fn restrain_offset<const N: usize>(&self, at: usize, equations: &mut NormalEquations<N>) {
+        if self.fits_offset {
+            equations.matrix[(at, at)] = 1.1 * equations.matrix[(at, at)] + 1.0;
         } else {
-            hold(3, &mut normal, &mut right);
+            equations.hold(at);
         }
-        // A scene without gradient in one direction cannot tell the shift along it: stay.
-        let block: Matrix2<f64> = normal.fixed_view::<2, 2>(0, 0).into_owned();
-        if !moving || block.symmetric_eigenvalues().min() < LEAST_INFORMATION {
-            for i in 0..2 {
-                hold(i, &mut normal, &mut right);
-            }
-        }
-        normal.cholesky().map(|c| c.solve(&right))
     }
+}
+
+/// `found` with its `spread` unless it cannot be: a shift beyond a quarter of the picture is a cut, and so is another light.
+fn sane(found: Registration, spread: f64, frame: &Luma) -> Option<(Registration, f64)> {
+    let sane = SANE_GAIN.contains(&found.gain)
+        && found.shift_u_px.abs() < 0.25 * frame.width as f64
+        && found.shift_v_px.abs() < 0.25 * frame.height as f64;
+    (sane && spread.is_finite()).then_some((found, spread))
 }
 
 /// Residuals beyond this have no weight, for those of the median magnitude `spread`, grey levels.
 fn tukey_cut(spread: f64) -> f64 {
-    4.685 * (1.4826 * spread).max(0.5)
+    TUKEY * (STD_OF_MEDIAN * spread).max(0.5)
 }
 
-/// The weight of a step of the offset: where gain and offset can hardly be told apart, the gain takes more of the change.
-fn slowed(weight: f64) -> f64 {
-    1.1 * weight + 1.0
-}
-
-/// Keeps an unknown as it is.
-fn hold(i: usize, normal: &mut Matrix4<f64>, right: &mut Vector4<f64>) {
-    normal.row_mut(i).fill(0.0);
-    normal.column_mut(i).fill(0.0);
-    normal[(i, i)] = 1.0;
-    right[i] = 0.0;
-}
-
-/// Whether the samples differ in brightness by so much more than noise that gain and offset can be told apart. Where they do
+/// Whether the samples differ in brightness by so much more than noise that gain and offset are both determined. Where they do
 /// not, a fit of both takes the noise of the reference for contrast that the frames do not have: gain falls, offset rises.
-fn tell_offset(samples: &[ReferencePixel], noise_grey: f64) -> bool {
+fn determines_offset(samples: &[ReferencePixel], noise_grey: f64) -> bool {
     let count = samples.len().max(1) as f64;
     let mean = samples.iter().map(|s| s.value).sum::<f64>() / count;
     let variance = samples.iter().map(|s| (s.value - mean).powi(2)).sum::<f64>() / count;
@@ -530,6 +489,7 @@ const LEAST_GRADIENT_GREY: f64 = 3.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_noise::TestNoise;
 
     fn textured(shift: (f64, f64), gain: f64) -> Luma {
         let value = |u: f64, v: f64| {
@@ -566,21 +526,11 @@ mod tests {
     #[test]
     fn a_scene_fainter_than_the_noise_of_a_pixel_is_followed() {
         // Waves of 1.5 grey levels or so under noise of 2.
-        let mut seed = 7_u64;
+        let mut random = TestNoise(7);
         let mut noisy = |shift: (f64, f64)| {
             let mut faint = textured(shift, 1.0);
             for p in &mut faint.data {
-                let sum: u64 = (0..6)
-                    .map(|_| {
-                        seed = seed
-                            .wrapping_mul(6_364_136_223_846_793_005)
-                            .wrapping_add(1_442_695_040_888_963_407);
-                        seed >> 40
-                    })
-                    .sum();
-                // Six uniform ones have a variance of a half.
-                let noise = (sum as f64 / f64::from(1_u32 << 24) - 3.0) * 2.0 * std::f64::consts::SQRT_2;
-                *p = (100.0 + 0.15 * (f64::from(*p) - 100.0) + noise)
+                *p = (100.0 + 0.15 * (f64::from(*p) - 100.0) + 2.0 * random.normal())
                     .round()
                     .clamp(0.0, 255.0) as u8;
             }
@@ -633,14 +583,8 @@ mod tests {
 
     #[test]
     fn the_light_of_a_plain_wall_does_not_drift() {
-        let mut seed = 5_u64;
-        let mut wall = || {
-            let mut noise = || {
-                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-                (seed >> 60) as u8
-            };
-            Luma::from_fn(320, 240, |_, _| 60 + noise())
-        };
+        let mut random = TestNoise(5);
+        let mut wall = || Luma::from_fn(320, 240, |_, _| 60 + random.below(16));
         let registrar = Registrar::of_fixed(&wall(), 4.6);
         let mut r = Registration::IDENTITY;
         for _ in 0..300 {

@@ -32,10 +32,14 @@ pub fn shifted(luma: &Luma, du: f64, dv: f64) -> Luma {
     }
 }
 
-/// Bilinear value at (u, v); `None` outside.
+/// Bilinear value at (u, v) of a picture of this width and height; `None` outside.
 #[must_use]
-pub fn bilinear<T: Copy + Into<f32>>(rows: &[T], width: usize, u: f64, v: f64) -> Option<f64> {
-    let height = rows.len() / width;
+pub fn bilinear<T: Copy + Into<f32>>(
+    rows: &[T],
+    (width, height): (usize, usize),
+    u: f64,
+    v: f64,
+) -> Option<f64> {
     let inside = u >= 0.0 && v >= 0.0 && u <= (width - 1) as f64 && v <= (height - 1) as f64;
     if !inside {
         return None;

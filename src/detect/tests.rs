@@ -6,22 +6,7 @@ use super::centre::{Accuracy, Centre, CentreInput, Disc, Patch, fine, outline, s
 use super::crop::Crop;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-
-/// Normal deviates by Box-Muller on a SplitMix stream.
-struct Noise(u64);
-
-impl Noise {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn normal(&mut self) -> f64 {
-        (-2.0 * (1.0 - self.unit()).ln()).sqrt() * (std::f64::consts::TAU * self.unit()).cos()
-    }
-}
+use crate::test_noise::TestNoise;
 
 struct SyntheticBall {
     u: f64,
@@ -35,7 +20,7 @@ struct SyntheticBall {
 }
 
 /// A ball of base level 200 on 60, PSF 0.7 px by jittering samples along a normal grid.
-fn draw(ball: &SyntheticBall, size: usize, sigma: f64, noise: &mut Noise) -> Crop {
+fn draw(ball: &SyntheticBall, size: usize, sigma: f64, noise: &mut TestNoise) -> Crop {
     const N: i32 = 8;
     let mut sharp = vec![0.0; size * size];
     for v in 0..size {
@@ -129,16 +114,16 @@ const STANDARD: &AppearanceSettings = &standard::METHOD.appearance;
 const EXPOSURE_S: f64 = 0.002;
 
 impl CentreTrial {
-    fn new(count: usize, sigma: f64, look: impl Fn(&mut Noise) -> SyntheticBall) -> Self {
-        let mut noise = Noise(7);
+    fn new(count: usize, sigma: f64, look: impl Fn(&mut TestNoise) -> SyntheticBall) -> Self {
+        let mut noise = TestNoise(7);
         let mut balls = Vec::new();
         let mut crops = Vec::new();
         for _ in 0..count {
             let mut ball = look(&mut noise);
             let reach = 2.0 * ball.radius + ball.swept[0].abs().max(ball.swept[1].abs());
             let size = reach as usize + 24;
-            ball.u = size as f64 / 2.0 + noise.unit();
-            ball.v = size as f64 / 2.0 + noise.unit();
+            ball.u = size as f64 / 2.0 + noise.uniform();
+            ball.v = size as f64 / 2.0 + noise.uniform();
             crops.push(draw(&ball, size, sigma, &mut noise));
             balls.push(ball);
         }
@@ -231,7 +216,7 @@ impl CentreErrors {
     }
 }
 
-fn plain(radius: f64, shading: f64, highlight: f64) -> impl Fn(&mut Noise) -> SyntheticBall {
+fn plain(radius: f64, shading: f64, highlight: f64) -> impl Fn(&mut TestNoise) -> SyntheticBall {
     move |_| SyntheticBall {
         u: 0.0,
         v: 0.0,
@@ -324,7 +309,7 @@ fn a_small_ball_of_three_pixels() {
 fn a_smeared_ball_is_a_capsule_about_mid_exposure() {
     for most in [4.0, 12.0, 24.0] {
         let trial = CentreTrial::new(40, 2.0, |noise| {
-            let (length, angle) = (most * (0.5 + 0.5 * noise.unit()), 6.3 * noise.unit());
+            let (length, angle) = (most * (0.5 + 0.5 * noise.uniform()), 6.3 * noise.uniform());
             SyntheticBall {
                 swept: [length * angle.cos(), length * angle.sin()],
                 ..plain(12.0, 0.4, 0.0)(noise)
@@ -367,7 +352,7 @@ fn a_ball_with_a_dark_side_is_found_to_a_tenth_of_a_pixel() {
 fn a_light_that_differs_from_frame_to_frame_frees_the_tilt() {
     // The lamp comes and goes: the ball is flat in half of the frames, shaded in the others.
     let trial = CentreTrial::new(60, 2.0, |noise| {
-        let shading = if noise.unit() < 0.5 { 0.0 } else { 0.7 };
+        let shading = if noise.uniform() < 0.5 { 0.0 } else { 0.7 };
         plain(12.0, shading, 0.0)(noise)
     });
     let ball = trial.appearance(STANDARD);
@@ -383,14 +368,11 @@ fn a_light_that_differs_from_frame_to_frame_frees_the_tilt() {
 fn a_shadow_below_is_left_out() {
     let mut trial = CentreTrial::new(40, 2.0, plain(12.0, 0.3, 0.0));
     let ball = trial.appearance(STANDARD);
-    let clear = edge_likelihood::fit(
-        &patch(&trial.crops[0], 2.0),
-        &ball,
-        &trial.first(0),
-        1.0,
-        &STANDARD.fit,
-    )
-    .expect("a centre");
+    let found = |trial: &CentreTrial| {
+        let (patch, start) = (patch(&trial.crops[0], 2.0), trial.first(0));
+        edge_likelihood::fit(&patch, &ball, &start, 1.0, &STANDARD.fit).expect("a centre")
+    };
+    let clear = found(&trial);
     let size = trial.crops[0].luma.width;
     let (u0, v0) = (trial.balls[0].u, trial.balls[0].v);
     for v in (v0 + 11.0) as usize..(v0 + 20.0) as usize {
@@ -401,14 +383,7 @@ fn a_shadow_below_is_left_out() {
             }
         }
     }
-    let shaded = edge_likelihood::fit(
-        &patch(&trial.crops[0], 2.0),
-        &ball,
-        &trial.first(0),
-        1.0,
-        &STANDARD.fit,
-    )
-    .expect("a centre");
+    let shaded = found(&trial);
     let error = shaded.centre.disc.centre.distance_px(PixelPoint::new(u0, v0));
     println!("shadow: error {error:.3}, used {:.2}", shaded.centre.outline_used);
     assert!(error < 0.06, "{error}");

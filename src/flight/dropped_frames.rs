@@ -249,14 +249,14 @@ impl StepWindow {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::tests::LcgNoise;
     use crate::geometry::PlanePoint;
+    use crate::test_noise::TestNoise;
 
     const RATE_HZ: f64 = 240.0;
 
     /// A bouncing ball at 240 Hz, its stored frames numbered anew without those in `dropped`.
     fn clip(dropped: &[usize], noise: f64) -> Vec<Spot> {
-        let mut lcg = LcgNoise(1);
+        let mut lcg = TestNoise(1);
         let mut random = || 2.0 * lcg.uniform() - 1.0;
         (0..140)
             .filter(|i| !dropped.contains(i))

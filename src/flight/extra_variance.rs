@@ -186,10 +186,10 @@ fn balance(part: &[ArcDistance], ratio: impl Fn(&[ArcDistance], f64) -> f64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::tests::LcgNoise;
+    use crate::test_noise::TestNoise;
 
     fn distances(count: usize, own: f64, extra: impl Fn(Coded) -> f64) -> Vec<ArcDistance> {
-        let mut noise = LcgNoise(1);
+        let mut noise = TestNoise(1);
         (0..count)
             .map(|i| {
                 let coded = if i % 3 == 0 {

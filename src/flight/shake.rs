@@ -158,13 +158,13 @@ mod tests {
     use crate::flight::linking::{LinkedSpots, Spot};
     use crate::flight::motion_model::VerticalPrior;
     use crate::flight::side_view::SideView;
-    use crate::flight::tests::LcgNoise;
     use crate::frames::Coded;
     use crate::geometry::PlanePoint;
+    use crate::test_noise::TestNoise;
 
     /// A ball that bounces at 0.2025 s with e = 0.8, filmed at 240 Hz for 0.45 s; the picture swings by `size` from then on.
     fn spots(size: f64, seed: u64) -> Vec<Spot> {
-        let mut random = LcgNoise(seed);
+        let mut random = TestNoise(seed);
         let mut noise = || 0.03 * random.normal();
         let g = 12_000.0;
         (0..108)

@@ -2,32 +2,14 @@ use super::motion_model::VerticalPrior;
 use super::side_view::SideView;
 use super::*;
 use crate::geometry::PlanePoint;
-
-/// Noise that is the same every time, from a linear congruential generator.
-pub(super) struct LcgNoise(pub(super) u64);
-
-impl LcgNoise {
-    /// From 0 to 1.
-    pub(super) fn uniform(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Sums of twelve uniform numbers are normal enough for a test.
-    pub(super) fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
-    }
-}
+use crate::test_noise::TestNoise;
 
 /// A ball that falls from 125 units with vx, bounces with e = 0.8, friction takes 10 % of vx; 240 Hz, g = 12262.5
 /// units/s² (0.8 mm a unit); σ units of noise. Also a hand that moves in arcs of its own, of the same size.
 fn scene(frames: usize, vx: f64, sigma: f64, hand: bool) -> Vec<Spot> {
     let g = 12_262.5;
     let hit = (2.0 * 125.0_f64 / g).sqrt();
-    let mut noise = LcgNoise(5);
+    let mut noise = TestNoise(5);
     let mut spots = Vec::new();
     for frame in 0..frames {
         let t = frame as f64 / 240.0;

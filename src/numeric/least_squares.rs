@@ -12,6 +12,7 @@
 use super::linear::Factorisation;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use std::cell::OnceCell;
+use std::marker::PhantomData;
 
 /// How λ falls after a step that was taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -267,6 +268,58 @@ pub fn minimise<P: Problem>(
         }
     }
     (descent.state, Termination::StepLimit)
+}
+
+/// Plain Gauss-Newton by closures, for fits that weigh their residuals anew at each place, so that costs cannot be compared:
+/// `step` finds the step there (`None`: the equations cannot be solved), `moved` takes it, `is_last` says whether it was too
+/// short to matter.
+pub fn gauss_newton<S, D>(
+    start: S,
+    most_steps: usize,
+    step: impl FnMut(&S) -> Option<D>,
+    moved: impl Fn(&S, &D) -> S,
+    is_last: impl Fn(&D) -> bool,
+) -> (S, Termination) {
+    let mut problem = ByClosures {
+        step,
+        moved,
+        is_last,
+        of: PhantomData,
+    };
+    minimise(&mut problem, start, &Damping::NONE, most_steps)
+}
+
+struct ByClosures<S, D, F, M, L> {
+    step: F,
+    moved: M,
+    is_last: L,
+    of: PhantomData<(S, D)>,
+}
+
+impl<S, D, F, M, L> Problem for ByClosures<S, D, F, M, L>
+where
+    F: FnMut(&S) -> Option<D>,
+    M: Fn(&S, &D) -> S,
+    L: Fn(&D) -> bool,
+{
+    type State = S;
+    type Step = D;
+
+    fn step(&mut self, here: &S, _damping: f64) -> Option<D> {
+        (self.step)(here)
+    }
+
+    fn moved(&mut self, here: &S, step: &D) -> Option<S> {
+        Some((self.moved)(here, step))
+    }
+
+    fn cost(&self, _of: &S, _here: &S) -> f64 {
+        0.0
+    }
+
+    fn is_settled(&self, _here: &S, trial: &Trial<'_, D>) -> bool {
+        (self.is_last)(trial.step)
+    }
 }
 
 /// A model by its whitened residuals.

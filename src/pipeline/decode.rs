@@ -365,6 +365,7 @@ impl SightingStore {
 mod tests {
     use super::*;
     use crate::frames::{Coding, VideoWriter};
+    use crate::test_noise::TestNoise;
 
     const SIZE: (usize, usize) = (1280, 720);
     const FRAMES: usize = 130;
@@ -377,14 +378,13 @@ mod tests {
             b_frames: 2,
         };
         let mut writer = VideoWriter::create(path, SIZE.0, SIZE.1, 240.0, coding).unwrap();
-        let mut seed = 1_u32;
+        let mut random = TestNoise(1);
         for frame in 0..FRAMES {
             let [u, v] = place(frame);
             let luma = Luma::from_fn(SIZE.0, SIZE.1, |x, y| {
-                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 let away = (x as f64 - u).hypot(y as f64 - v);
                 let grey = if away < 16.0 { 200 } else { 60 };
-                grey + (seed >> 30) as u8
+                grey + random.below(4)
             });
             writer.write(&luma).unwrap();
         }

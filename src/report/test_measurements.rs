@@ -14,6 +14,7 @@ use crate::pipeline::{
 use crate::quantity::Quantity;
 use crate::rebound::model::BounceReading;
 use crate::rebound::{ModelName, Parameter, Preferred, Regime};
+use crate::test_noise::TestNoise;
 use std::path::PathBuf;
 
 const WIDTH: usize = 1280;
@@ -28,24 +29,6 @@ const FRICTION: f64 = 0.07;
 const DROP_M: f64 = 0.30;
 const LAUNCH_M_S: f64 = 1.3;
 const INERTIA: f64 = 0.4;
-
-/// Gaussian noise without a dependency: a linear congruential generator and the sum of twelve.
-struct TestNoise(u64);
-
-impl TestNoise {
-    fn next(&mut self) -> f64 {
-        (0..12)
-            .map(|_| {
-                self.0 = self
-                    .0
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1_442_695_040_888_963_407);
-                (self.0 >> 33) as f64 / f64::from(1_u32 << 31)
-            })
-            .sum::<f64>()
-            - 6.0
-    }
-}
 
 /// A free flight: starts at `time_s`, `x_m`, `z_m` (of the centre above its lowest place) with these velocities.
 #[derive(Clone, Copy)]
@@ -126,7 +109,7 @@ fn track_points() -> Vec<TrackPoint> {
                 .iter()
                 .any(|f| (f.time_s - time_s).abs() < 0.7 / RATE_HZ);
             let outlier = frame == 97;
-            let (mut du, dv) = (CENTRE_STD_PX * noise.next(), CENTRE_STD_PX * noise.next());
+            let (mut du, dv) = (CENTRE_STD_PX * noise.normal(), CENTRE_STD_PX * noise.normal());
             if outlier {
                 du += 0.9;
             }
@@ -241,7 +224,7 @@ fn background() -> Luma {
                 _ if (u / 160 + v / 160) % 2 == 0 => light + 4.0,
                 _ => light,
             };
-            data.push((grey + 1.2 * noise.next()).clamp(0.0, 255.0) as u8);
+            data.push((grey + 1.2 * noise.normal()).clamp(0.0, 255.0) as u8);
         }
     }
     Luma {

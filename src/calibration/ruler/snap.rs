@@ -305,6 +305,7 @@ fn system(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_noise::TestNoise;
     use proptest::prelude::*;
 
     /// A picture of a half plane (or a bar of width `width`) whose edge goes through `at` with the normal at `angle`.
@@ -316,24 +317,14 @@ mod tests {
         noise: f64,
     ) -> Luma {
         let (normal_u, normal_v) = (angle.cos(), angle.sin());
-        let mut state = 12345_u32;
-        let mut random = move || {
-            // A sum of four uniform numbers is normal enough here.
-            (0..4)
-                .map(|_| {
-                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                    f64::from(state >> 8) / f64::from(1 << 24) - 0.5
-                })
-                .sum::<f64>()
-                * 3.0_f64.sqrt()
-        };
+        let mut random = TestNoise(12345);
         Luma::from_fn(80, 60, |u, v| {
             let d = (u as f64 - at.0) * normal_u + (v as f64 - at.1) * normal_v;
             let share = match width {
                 Some(width) => 0.5 * (shade(d + 0.5 * width, 0.8).value - shade(d - 0.5 * width, 0.8).value),
                 None => 0.5 + 0.5 * shade(d, 0.8).value,
             };
-            (dark + (bright - dark) * share + noise * random())
+            (dark + (bright - dark) * share + noise * random.normal())
                 .round()
                 .clamp(0.0, 255.0) as u8
         })

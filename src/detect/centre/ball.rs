@@ -110,18 +110,28 @@ impl RadialTable {
         }
     }
 
+    /// The three rows nearest to r, and how far it is from the middle one, in rows; `None` beyond the last, where all is 0.
+    #[inline]
+    fn rows_near(&self, r: f64) -> Option<(f64, [&[f64; RADIAL]; 3])> {
+        let x = (r - self.first_px) * self.steps_a_px;
+        let last = self.rows.len() - 2;
+        if x > last as f64 {
+            return None;
+        }
+        let i = ((x + 0.5).max(1.0) as usize).min(last);
+        Some((
+            x - i as f64,
+            [&self.rows[i - 1], &self.rows[i], &self.rows[i + 1]],
+        ))
+    }
+
     /// Values and slopes at r: a parabola through the three nearest rows.
     #[inline]
     fn at(&self, r: f64) -> ([f64; RADIAL], [f64; RADIAL]) {
-        let x = (r - self.first_px) * self.steps_a_px;
-        let last = self.rows.len() - 2;
         let (mut value, mut slope) = ([0.0; RADIAL], [0.0; RADIAL]);
-        if x > last as f64 {
+        let Some((t, [a, b, c])) = self.rows_near(r) else {
             return (value, slope);
-        }
-        let i = ((x + 0.5).max(1.0) as usize).min(last);
-        let t = x - i as f64;
-        let (a, b, c) = (&self.rows[i - 1], &self.rows[i], &self.rows[i + 1]);
+        };
         for k in 0..RADIAL {
             let rise = 0.5 * (c[k] - a[k]);
             let bend = c[k] - 2.0 * b[k] + a[k];
@@ -134,15 +144,10 @@ impl RadialTable {
     /// Values alone.
     #[inline]
     fn value_at(&self, r: f64) -> [f64; RADIAL] {
-        let x = (r - self.first_px) * self.steps_a_px;
-        let last = self.rows.len() - 2;
         let mut value = [0.0; RADIAL];
-        if x > last as f64 {
+        let Some((t, [a, b, c])) = self.rows_near(r) else {
             return value;
-        }
-        let i = ((x + 0.5).max(1.0) as usize).min(last);
-        let t = x - i as f64;
-        let (a, b, c) = (&self.rows[i - 1], &self.rows[i], &self.rows[i + 1]);
+        };
         let (before, behind) = (0.5 * t * (t - 1.0), 0.5 * t * (t + 1.0));
         for k in 0..RADIAL {
             value[k] = before * a[k] + (1.0 - t * t) * b[k] + behind * c[k];

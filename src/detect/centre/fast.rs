@@ -10,14 +10,12 @@ use super::method::{CentreInput, CentreMethod, MethodWords};
 use super::outline::{self, RAYS};
 use super::patch::Patch;
 use crate::geometry::PixelPoint;
-use crate::quantity::median;
-use nalgebra::{Matrix2, Vector2};
+use crate::numeric::least_squares::{NormalEquations, Termination, gauss_newton};
+use crate::numeric::robust::{TUKEY, std_from_magnitudes, tukey_weight};
+use nalgebra::Vector2;
 
 /// Rounds of rays from the centre found before.
 const ROUNDS: usize = 3;
-
-/// Tukey's constant: 95 % efficiency for normal residuals.
-const TUKEY: f64 = 4.685;
 
 /// Edge points scatter by this at least, px: pixels are that coarse.
 const LEAST_SCATTER_PX: f64 = 0.03;
@@ -78,40 +76,30 @@ struct CircleFit {
 /// The centre of a circle of known radius through `edges`.
 fn circle_of(edges: &[PixelPoint], start: PixelPoint, radius_px: f64) -> Option<CircleFit> {
     const STEPS: usize = 6;
-    let mut centre = start;
-    let mut scatter_px = f64::INFINITY;
-    let mut normal = Matrix2::zeros();
-    let mut points = 0;
-    for _ in 0..STEPS {
-        let offs = edges.iter().map(|e| centre.distance_px(*e) - radius_px);
-        let mut sizes: Vec<f64> = offs.clone().map(f64::abs).collect();
-        scatter_px = (1.4826 * median(&mut sizes)?).max(LEAST_SCATTER_PX);
-        normal = Matrix2::zeros();
-        let mut right = Vector2::zeros();
-        points = 0;
-        for (e, off) in edges.iter().zip(offs) {
-            let x = off / (TUKEY * scatter_px);
-            if x.abs() >= 1.0 {
-                continue;
+    let (mut scatter_px, mut points) = (f64::INFINITY, 0);
+    let mut equations = NormalEquations::default();
+    let step = |centre: &PixelPoint| {
+        let off = |e: &PixelPoint| centre.distance_px(*e) - radius_px;
+        let mut sizes: Vec<f64> = edges.iter().map(|e| off(e).abs()).collect();
+        scatter_px = std_from_magnitudes(&mut sizes)?.max(LEAST_SCATTER_PX);
+        (equations, points) = (NormalEquations::default(), 0);
+        for e in edges {
+            let off = off(e);
+            let weight = tukey_weight(off, TUKEY * scatter_px);
+            if weight > 0.0 {
+                points += 1;
+                let along = Vector2::new(e.u_px - centre.u_px, e.v_px - centre.v_px) / (off + radius_px);
+                equations.push(&along, off, weight);
             }
-            points += 1;
-            let weight = (1.0 - x * x).powi(2);
-            let along = Vector2::new(e.u_px - centre.u_px, e.v_px - centre.v_px) / (off + radius_px);
-            normal += weight * along * along.transpose();
-            right += weight * off * along;
         }
-        let step = normal.cholesky()?.solve(&right);
-        centre = PixelPoint::new(centre.u_px + step[0], centre.v_px + step[1]);
-        if step.norm() < 1e-3 {
-            break;
-        }
-    }
-    let inverse = normal.try_inverse()?;
-    let variance = scatter_px * scatter_px;
-    let finite = centre.u_px.is_finite() && centre.v_px.is_finite();
-    finite.then_some(CircleFit {
+        equations.step(0.0, 0.0)
+    };
+    let moved = |at: &PixelPoint, step: &Vector2<f64>| PixelPoint::new(at.u_px + step[0], at.v_px + step[1]);
+    let (centre, end) = gauss_newton(start, STEPS, step, moved, |step| step.norm() < 1e-3);
+    let covariance = equations.covariance().filter(|_| end != Termination::Singular)?;
+    Some(CircleFit {
         centre,
-        covariance_px2: (variance * inverse).into(),
+        covariance_px2: (scatter_px * scatter_px * covariance).into(),
         scatter_px,
         points,
     })

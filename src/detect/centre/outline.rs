@@ -7,8 +7,10 @@
 
 use super::disc::Disc;
 use super::patch::Patch;
+use crate::detect::resample::bilinear;
 use crate::geometry::PixelPoint;
-use nalgebra::{Matrix3, Vector3};
+use crate::numeric::least_squares::{NormalEquations, gauss_newton};
+use nalgebra::Vector3;
 
 /// A circle and how much of the outline it explains.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,19 +93,6 @@ pub fn smoothed_change(patch: &Patch<'_>) -> Vec<f32> {
     out
 }
 
-fn sample(change: &[f32], w: usize, h: usize, u: f64, v: f64) -> Option<f64> {
-    if !(u >= 0.0 && v >= 0.0 && u < (w - 1) as f64 && v < (h - 1) as f64) {
-        return None;
-    }
-    let (iu, iv) = (u as usize, v as usize);
-    let (fu, fv) = (u - iu as f64, v - iv as f64);
-    let at = |a: usize, b: usize| f64::from(change[b * w + a]);
-    Some(
-        (at(iu, iv) * (1.0 - fu) + at(iu + 1, iv) * fu) * (1.0 - fv)
-            + (at(iu, iv + 1) * (1.0 - fu) + at(iu + 1, iv + 1) * fu) * fv,
-    )
-}
-
 /// On each ray from `from` the edge nearest to `radius_px`, within `gate_px` of it. Points are of the frame, or of the affine
 /// patch where there is one. `change` by [`smoothed_change`].
 #[must_use]
@@ -155,13 +144,17 @@ fn edges_along_rays(
     let (w, h) = (patch.crop.luma.width, patch.crop.luma.height);
     // Below this a fall is noise: the smoothing leaves 3/8 of a pixel's standard deviation.
     let least = (4.0 * 0.375 * patch.noise_grey).max(2.0);
-    // A fall stands between two steps, and is judged by what is within reach of it.
+    // A fall lies between two steps of the profile, and is judged by the levels within reach of it.
     let first = ((within_px.start / STEP_PX) as usize).max(1);
     let last = ((within_px.end / STEP_PX) as usize).saturating_add(1);
     let (begin, end) = (first.saturating_sub(REACH), last.saturating_add(REACH));
     let mut edges = Vec::new();
     let mut profile = Vec::new();
-    if sample(change, w, h, from.0, from.1).is_none() {
+    let sample = |u: f64, v: f64| {
+        let inside = u < (w - 1) as f64 && v < (h - 1) as f64;
+        inside.then(|| bilinear(change, (w, h), u, v)).flatten()
+    };
+    if sample(from.0, from.1).is_none() {
         return edges;
     }
     for ray in 0..RAYS {
@@ -171,7 +164,7 @@ fn edges_along_rays(
         while begin + profile.len() < end
             && let Some(value) = {
                 let r = STEP_PX * (begin + profile.len()) as f64;
-                sample(change, w, h, from.0 + r * c, from.1 + r * s)
+                sample(from.0 + r * c, from.1 + r * s)
             }
         {
             profile.push(value);
@@ -286,32 +279,24 @@ fn rays_on(edges: &[EdgePoint], circle: &Circle) -> usize {
 /// Least squares of the distances to the circle (no algebraic shortcut: those are biased on short arcs), over the
 /// edges that lie on it.
 fn geometric_fit(edges: &[EdgePoint], start: Circle) -> Circle {
-    let mut circle = start;
-    for _ in 0..8 {
-        let tolerance = circle.tolerance();
-        let mut normal = Matrix3::zeros();
-        let mut right = Vector3::zeros();
+    let step = |circle: &Circle| {
+        let mut equations = NormalEquations::default();
         for e in edges {
             let residual = circle.residual(e);
             let d = residual + circle.r;
-            if residual.abs() < tolerance && d > 1e-9 {
-                let j = Vector3::new((e.u - circle.u) / d, (e.v - circle.v) / d, 1.0);
-                normal += j * j.transpose();
-                right += residual * j;
+            if residual.abs() < circle.tolerance() && d > 1e-9 {
+                let row = Vector3::new((e.u - circle.u) / d, (e.v - circle.v) / d, 1.0);
+                equations.push(&row, residual, 1.0);
             }
         }
-        let Some(step) = normal.cholesky().map(|c| c.solve(&right)) else {
-            break;
-        };
-        circle = Circle {
-            u: circle.u + step[0],
-            v: circle.v + step[1],
-            r: circle.r + step[2],
-        };
-        if step.norm() < 1e-4 {
-            break;
-        }
-    }
+        equations.step(0.0, 0.0)
+    };
+    let moved = |circle: &Circle, step: &Vector3<f64>| Circle {
+        u: circle.u + step[0],
+        v: circle.v + step[1],
+        r: circle.r + step[2],
+    };
+    let (circle, _) = gauss_newton(start, 8, step, moved, |step| step.norm() < 1e-4);
     if circle.r.is_finite() && circle.r > 0.0 {
         circle
     } else {

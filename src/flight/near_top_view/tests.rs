@@ -2,7 +2,7 @@ use super::*;
 use crate::flight::drag::{Drag, DragLaw};
 use crate::flight::find;
 use crate::flight::planar::DRAG;
-use crate::flight::tests::LcgNoise;
+use crate::test_noise::TestNoise;
 use proptest::prelude::*;
 
 /// 1 mm a unit, a ball of 12 mm, a camera `height` mm up.
@@ -24,7 +24,7 @@ fn known(height: f64) -> NearTopView {
 }
 
 /// Two bounces: dropped from 250 mm with `v`, turned by `turn` at the first impact, e = 0.8, 240 Hz; without air.
-fn spots(camera: &NearTopView, v: [f64; 2], turn: f64, sigma: f64, noise: &mut LcgNoise) -> Vec<Spot> {
+fn spots(camera: &NearTopView, v: [f64; 2], turn: f64, sigma: f64, noise: &mut TestNoise) -> Vec<Spot> {
     let (g, drop, height) = (9810.0_f64, 250.0_f64, camera.camera_height());
     let hit = (2.0 * drop / g).sqrt();
     let up = 0.8 * g * hit;
@@ -86,7 +86,7 @@ fn turn_of(flight: &Flight) -> (f64, f64) {
 #[test]
 fn the_turn_is_found_within_its_uncertainty() {
     // The interval holds the truth, and leaves room for what these spots do not have: light, shade and air.
-    let mut noise = LcgNoise(7);
+    let mut noise = TestNoise(7);
     let (mut inside, mut squares, mut all) = (0, 0.0, 0);
     for height in [1000.0, 2000.0, 5000.0] {
         let camera = known(height);
@@ -118,7 +118,7 @@ fn the_turn_is_found_within_its_uncertainty() {
 
 #[test]
 fn a_far_camera_is_as_good_as_one_without_perspective() {
-    let (camera, mut noise) = (known(100_000.0), LcgNoise(3));
+    let (camera, mut noise) = (known(100_000.0), TestNoise(3));
     let spots = spots(&camera, [900.0, 50.0], -0.4, 0.02, &mut noise);
     let flight = find(&LinkedSpots::new(spots), &camera).unwrap();
     let (turn, std) = turn_of(&flight);
@@ -127,7 +127,7 @@ fn a_far_camera_is_as_good_as_one_without_perspective() {
 
 #[test]
 fn what_the_camera_is_said_to_be_much_nearer_than_is_no_flight() {
-    let (camera, mut noise) = (known(2000.0), LcgNoise(5));
+    let (camera, mut noise) = (known(2000.0), TestNoise(5));
     let linked = LinkedSpots::new(spots(&camera, [900.0, 50.0], 0.4, 0.05, &mut noise));
     for height in [50.0, 150.0, 400.0] {
         assert!(find(&linked, &known(height)).is_err(), "{height} mm");
@@ -136,7 +136,7 @@ fn what_the_camera_is_said_to_be_much_nearer_than_is_no_flight() {
 
 #[test]
 fn the_fall_that_the_flight_shows_tells_a_wrong_height() {
-    let (camera, mut noise) = (known(2000.0), LcgNoise(9));
+    let (camera, mut noise) = (known(2000.0), TestNoise(9));
     let linked = LinkedSpots::new(spots(&camera, [900.0, 50.0], 0.4, 0.02, &mut noise));
     for said in [1800.0, 2000.0, 2300.0] {
         let flight = find(&linked, &known(said)).unwrap();
@@ -189,7 +189,7 @@ proptest! {
     #[test]
     fn a_mirrored_flight_turns_the_other_way(turn in -0.8..0.8_f64, aside in -400.0..400.0_f64, seed in 0..1000_u64) {
         let camera = known(1500.0);
-        let there = spots(&camera, [900.0, aside], turn, 0.02, &mut LcgNoise(seed));
+        let there = spots(&camera, [900.0, aside], turn, 0.02, &mut TestNoise(seed));
         let mut camera_back = camera;
         camera_back.nadir.right = -camera.nadir.right;
         let back: Vec<Spot> = there

@@ -1,27 +1,9 @@
 use super::*;
+use crate::test_noise::TestNoise;
 use nalgebra::Vector2;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 
 const SIZE: (usize, usize) = (1280, 720);
 const NOISE_PX: f64 = 0.05;
-
-struct Random(ChaCha8Rng);
-
-impl Random {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (f64::from(self.0.next_u32()) + 0.5) / 4_294_967_296.0
-    }
-
-    fn normal(&mut self) -> f64 {
-        let (a, b) = (self.between(0.0, 1.0), self.between(0.0, 1.0));
-        (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
-    }
-}
-
-fn random(seed: u64) -> Random {
-    Random(ChaCha8Rng::seed_from_u64(seed))
-}
 
 /// Views of a board of 9 by 6 corners all over the picture, their corners off by noise.
 fn views(
@@ -29,7 +11,7 @@ fn views(
     count: usize,
     turn: f64,
     noise_px: f64,
-    random: &mut Random,
+    random: &mut TestNoise,
 ) -> Vec<Vec<CornerObservation>> {
     let mut views = Vec::new();
     while views.len() < count {
@@ -78,7 +60,7 @@ fn exact_corners_give_the_lens_back() {
         barrel(),
         CameraParameters::from([1400.0, 1400.0, 639.5, 359.5, 0.1, 0.0, 0.0, 0.0, 0.0]),
     ] {
-        let fit = fit(SIZE, &views(&camera, 8, 0.6, 0.0, &mut random(1))).unwrap();
+        let fit = fit(SIZE, &views(&camera, 8, 0.6, 0.0, &mut TestNoise(1))).unwrap();
         let off = fit.camera - camera;
         assert!(off.rows(0, 4).amax() < 0.01, "{off}");
         assert!(off.rows(4, 5).amax() < 1e-4, "{off}");
@@ -94,7 +76,7 @@ fn uncertainties_of_lens_and_pose_cover() {
     let mut posed = 0.0;
     let runs = 60;
     for seed in 0..runs {
-        let mut r = random(100 + seed);
+        let mut r = TestNoise(100 + seed);
         let truth = CameraParameters::from([
             r.between(1000.0, 1500.0),
             r.between(1000.0, 1500.0),
@@ -140,7 +122,7 @@ fn uncertainties_of_lens_and_pose_cover() {
 
 #[test]
 fn views_that_are_all_square_do_not_fix_a_focal_length() {
-    let views = views(&barrel(), 8, 0.0, NOISE_PX, &mut random(3));
+    let views = views(&barrel(), 8, 0.0, NOISE_PX, &mut TestNoise(3));
     match fit(SIZE, &views) {
         Ok(fit) => assert!(fit.covariance[(0, 0)].sqrt() > 0.02 * fit.camera[0]),
         Err(error) => assert!(matches!(error, BoardError::NotDetermined { .. }), "{error}"),
@@ -149,8 +131,8 @@ fn views_that_are_all_square_do_not_fix_a_focal_length() {
 
 #[test]
 fn bad_corners_count_less() {
-    let mut views = views(&barrel(), 10, 0.6, NOISE_PX, &mut random(4));
-    let mut r = random(5);
+    let mut views = views(&barrel(), 10, 0.6, NOISE_PX, &mut TestNoise(4));
+    let mut r = TestNoise(5);
     // Two views blurred: their corners say so.
     for seen in views[..2].iter_mut().flatten() {
         seen.at.u_px += 0.5 * r.normal();
