@@ -1,7 +1,7 @@
 //! A measured number and how sure it is.
 
-// Until every room has moved over.
-pub use crate::numeric::robust::{commonest, median};
+// Until detection imports them from there.
+pub use crate::numeric::robust::median;
 use schemars::JsonSchema;
 use serde::Serialize;
 

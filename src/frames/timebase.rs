@@ -155,7 +155,7 @@ fn even_interval(distinct: &[f64], n: usize, stored_s: f64) -> Option<(f64, f64)
         .zip(distinct.iter().skip(n))
         .map(|(a, b)| ((b - a) / stored_s).round())
         .collect();
-    let frames = crate::quantity::median(&mut spans)?;
+    let frames = crate::numeric::robust::median(&mut spans)?;
     let regular = spans.iter().filter(|s| **s == frames).count() as f64 / spans.len() as f64;
     let enough = spans.len() >= 2 * n && regular >= LEAST_REGULAR;
     (enough && frames > n as f64 && frames % n as f64 != 0.0).then(|| (frames * stored_s / n as f64, regular))
@@ -180,7 +180,7 @@ fn gaps(stamps_s: &[f64]) -> (usize, usize) {
 /// part of it that the steps are multiples of. Image numbers are whole: theirs is what they all are multiples of.
 fn typical_step(steps: impl Iterator<Item = f64>) -> Option<f64> {
     let mut steps: Vec<f64> = steps.filter(|d| *d > 0.0).collect();
-    let median = crate::quantity::median(&mut steps)?;
+    let median = crate::numeric::robust::median(&mut steps)?;
     if steps.iter().all(|d| d.fract() == 0.0 && *d < MOST_NUMBER) {
         return Some(steps.iter().fold(0.0, |a, &b| common_divisor(a, b)));
     }
@@ -198,7 +198,7 @@ fn typical_step(steps: impl Iterator<Item = f64>) -> Option<f64> {
 /// The median positive step.
 fn median_step(steps: impl Iterator<Item = f64>) -> Option<f64> {
     let mut steps: Vec<f64> = steps.filter(|d| *d > 0.0).collect();
-    crate::quantity::median(&mut steps)
+    crate::numeric::robust::median(&mut steps)
 }
 
 /// Whole numbers below this are exact.

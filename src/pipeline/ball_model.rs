@@ -16,7 +16,8 @@ use crate::impact::error_budget::{
     EDGE_STD_PX, FADED_STD_PX, LASTING_PART, LEARNED_COMMON_STD_PX, OUTLINE_COMMON_STD_PX,
     OUTLINE_RADIUS_STD_PX,
 };
-use crate::quantity::{Quantity, median};
+use crate::numeric::robust::median;
+use crate::quantity::Quantity;
 
 /// A rim that differs from what is behind it by less than this part of where it differs most is faded.
 const FADED_PART: f64 = 0.25;

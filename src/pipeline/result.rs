@@ -13,7 +13,7 @@ use super::warnings::rejection;
 use crate::detect::centre::Accuracy;
 use crate::flight::FlightPoint;
 use crate::impact::Distances;
-use crate::quantity::median;
+use crate::numeric::robust::median;
 use std::path::Path;
 
 /// The recording as a file: `frames` of it were read.
