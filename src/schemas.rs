@@ -2,10 +2,15 @@
 //!
 //! They stand in `docs/schemas/`; `tests/schemas.rs` checks that they are those of the types, `make schemas` writes them.
 
+use crate::batch::manifest::ManifestColumns;
+use crate::calibration::{self, CalibrationKeys};
+use crate::rebound::fit::csv::SeriesColumns;
 use crate::report::documents::board::{self, BoardDocument};
 use crate::report::documents::cost::{self, CostDocument};
 use crate::report::documents::fit::{self, FitDocument};
 use crate::report::documents::result::{self, ResultDocument};
+use crate::simulate::SceneKeys;
+use crate::simulate::scene;
 use crate::simulate::truth::{self, Truth};
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
@@ -38,12 +43,34 @@ pub fn all() -> Vec<FileSchema> {
         written::<FitDocument<'_>>(fit::SCHEMA),
         written::<BoardDocument<'_>>(board::SCHEMA),
         written::<CostDocument<'_>>(cost::SCHEMA),
+        read::<CalibrationKeys>(calibration::SCHEMA),
+        read::<SceneKeys>(scene::SCHEMA),
+        table::<ManifestColumns>(
+            "track.manifest",
+            "A manifest, each row of the CSV file an object by column names; an empty cell is null.",
+        ),
+        table::<SeriesColumns>(
+            "track.series",
+            "A series, each row of the CSV file an object by column names; an empty cell is null.",
+        ),
     ]
 }
 
 /// A file that the program writes: every key is there.
 fn written<T: JsonSchema>(id: &'static str) -> FileSchema {
     of_type::<T>(id, SchemaSettings::draft2020_12().for_serialize())
+}
+
+/// A file that a person writes: what is left out takes its default.
+fn read<T: JsonSchema>(id: &'static str) -> FileSchema {
+    of_type::<T>(id, SchemaSettings::draft2020_12())
+}
+
+/// A table that a person writes, as an array of its rows.
+fn table<T: JsonSchema>(id: &'static str, description: &str) -> FileSchema {
+    let mut file = read::<Vec<T>>(id);
+    file.schema["description"] = description.into();
+    file
 }
 
 fn of_type<T: JsonSchema>(id: &'static str, settings: SchemaSettings) -> FileSchema {
@@ -54,6 +81,8 @@ fn of_type<T: JsonSchema>(id: &'static str, settings: SchemaSettings) -> FileSch
     if let (Some(all), Value::Object(generated)) = (schema.as_object_mut(), generated) {
         all.extend(generated.into_iter().filter(|(key, _)| key != "title"));
     }
-    schema["properties"]["schema"] = json!({"const": id});
+    if schema["properties"]["schema"].is_object() {
+        schema["properties"]["schema"] = json!({"const": id});
+    }
     FileSchema { id, schema }
 }

@@ -13,8 +13,10 @@
 //! lines that begin with `#` are comments.
 
 use super::{CalibrationChanges, LaunchSpin};
+use crate::config::schema::Positive;
 use crate::config::table::{Table, TableRow, place};
 use crate::config::{Closeness, FINITE, FileError, FileKind, FileProblem, POSITIVE, nearest, read_bytes};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use std::path::{Path, PathBuf};
 
 /// The columns, in the order in which messages name them.
@@ -50,6 +52,29 @@ pub struct ManifestRow {
     pub group: Option<String>,
     /// What it puts in place of the calibration's.
     pub changes: CalibrationChanges,
+}
+
+/// A row, for the JSON Schema: the columns that a manifest may have.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct ManifestColumns {
+    /// The file, or folder of numbered images; relative to the manifest.
+    pub video: String,
+    /// Its calibration, relative to the manifest.
+    pub calib: Option<String>,
+    /// Which rows of the series are fitted together.
+    pub group: Option<String>,
+    /// R ω_oy / u_o at the launch, or `unknown`.
+    #[schemars(default, schema_with = "spin_ratio")]
+    pub spin_ratio: Option<f64>,
+    /// The true capture rate, Hz.
+    pub frame_rate_hz: Option<Positive>,
+    /// The ball's radius, m.
+    pub ball_radius_m: Option<Positive>,
+}
+
+fn spin_ratio(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({"anyOf": [{"type": ["number", "null"]}, {"const": "unknown"}]})
 }
 
 /// Reads the manifest at `path`.

@@ -38,6 +38,7 @@ pub use crate::config::FileProblem;
 pub use deviation::Deviation;
 pub use error::CalibrationError;
 pub use experiment::{BENCH_STD_RAD, Ball, Floor, FloorLine, Launch, View};
+pub use file::CalibrationKeys;
 pub(crate) use file::INERTIA;
 pub use finding::{Finding, Severity};
 pub use lens::Lens;

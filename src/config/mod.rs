@@ -5,6 +5,7 @@
 //! | `problem` | a value that cannot be used: where, found, accepted, what to try; the errors of a file |
 //! | `json` | text to JSON, with what a person may have got wrong |
 //! | `section` | an object of a JSON file, read key by key; every problem is noted, none stops the reading |
+//! | [`schema`] | types of values, for the JSON Schemas |
 //! | [`table`] | a CSV file: columns by name, rows by line |
 //! | `nearest` | the known name that a misspelt one may have meant |
 //!
@@ -14,6 +15,7 @@
 mod json;
 mod nearest;
 mod problem;
+pub mod schema;
 mod section;
 pub mod table;
 

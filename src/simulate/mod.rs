@@ -12,6 +12,7 @@ pub mod flight;
 mod quadrature;
 pub mod render;
 pub mod scene;
+mod scene_schema;
 pub mod truth;
 mod write;
 
@@ -21,6 +22,7 @@ use effects::{Decision, Ideal};
 use flight::Trajectory;
 use render::Renderer;
 pub use scene::{EffectsChoice, Scene, SceneError};
+pub use scene_schema::SceneKeys;
 use truth::Truth;
 pub use write::{SimulatedFiles, SimulationWriteError, calibration, write};
 

@@ -1,7 +1,10 @@
 //! The keys of `calib.json`, one by one.
 
 mod lens;
+mod schema;
 mod write;
+
+pub use schema::CalibrationKeys;
 
 use super::error::CalibrationError;
 use super::rectification::{HINT_UP, Rectification};

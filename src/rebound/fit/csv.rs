@@ -9,6 +9,9 @@ use super::error::FitError;
 use super::series::{Column, ColumnSet, DEFAULT_GROUP, Note, Reading, Row, Series, SetAside};
 use crate::config::table::{Table, TableRow};
 use crate::config::{Closeness, FileError, FileKind, FileProblem, clipped, nearest, read_bytes};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde_json::{Map, Value, json};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// The file of a series in the folder of a batch.
@@ -23,6 +26,42 @@ const KIND: FileKind = FileKind {
 };
 /// A series of a million bounces is smaller.
 const LARGEST_FILE_BYTES: u64 = 1_000_000_000;
+
+/// A row, for the JSON Schema: the columns that a fit knows. There may be others.
+#[derive(Debug)]
+pub struct SeriesColumns;
+
+impl JsonSchema for SeriesColumns {
+    fn schema_name() -> Cow<'static, str> {
+        "SeriesColumns".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let number = json!({"type": ["number", "null"]});
+        let std =
+            json!({"type": ["number", "null"], "minimum": 0, "description": "Its standard uncertainty."});
+        let text = json!({"type": ["string", "null"]});
+        let columns = Column::ALL.into_iter().flat_map(|c| {
+            [
+                (c.name().to_owned(), &number),
+                (format!("{}_std", c.name()), &std),
+            ]
+        });
+        let texts = ["group", "recording", "video", "page", "left_out"].map(|name| (name.to_owned(), &text));
+        let properties: Map<String, Value> = columns
+            .chain(texts)
+            .map(|(name, form)| (name, form.clone()))
+            .collect();
+        let sets = ColumnSet::ALL
+            .map(|set| json!({"required": set.required().iter().map(|c| c.name()).collect::<Vec<_>>()}));
+        json_schema!({
+            "type": "object",
+            "properties": properties,
+            "patternProperties": {"_corr$": {"type": ["number", "null"], "minimum": -1, "maximum": 1}},
+            "anyOf": sets,
+        })
+    }
+}
 
 /// Reads a series from a file, or from `series.csv` in the folder of a batch.
 ///

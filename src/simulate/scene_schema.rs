@@ -1,0 +1,271 @@
+//! The keys of a scene as types, for its JSON Schema (see [`crate::config::schema`]).
+
+use super::effects;
+use crate::config::schema::Positive;
+use crate::rebound::ModelName;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde_json::{Map, Value, json};
+
+/// A scene: ball, contact, floor, launch, air, camera and look of a recording that `track simulate` renders. What is left out
+/// or null takes its default.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneKeys {
+    /// `track.scene/1`.
+    pub schema: String,
+    /// Of all that is random.
+    pub seed: Option<u64>,
+    /// g, m/s²; 9.81.
+    pub gravity_m_s2: Option<Positive>,
+    /// The ball.
+    pub ball: Option<SceneBallKeys>,
+    /// What the floor does to the ball: a rebound model and its coefficients.
+    #[schemars(schema_with = "contact")]
+    pub contact: Value,
+    /// Where the floor is.
+    pub floor: Option<SceneFloorKeys>,
+    /// How the ball starts.
+    pub launch: Option<SceneLaunchKeys>,
+    /// What it flies through.
+    pub air: Option<SceneAirKeys>,
+    /// What looks at it.
+    pub camera: Option<SceneCameraKeys>,
+    /// What that sees.
+    pub look: Option<SceneLookKeys>,
+    /// When the recording ends.
+    pub stop: Option<SceneStopKeys>,
+    /// What an effect must move a centre by to be worth simulating, px; 0.02.
+    pub tolerance_px: Option<Positive>,
+    /// What an effect must change a grey level by; 0.5.
+    pub tolerance_grey: Option<Positive>,
+    /// Which effects to simulate: one word for all, or a switch for each.
+    #[schemars(default, schema_with = "effects_choice")]
+    pub effects: Option<Value>,
+}
+
+/// The ball; a steel ball of 25 mm where nothing is said.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneBallKeys {
+    /// R, m; 0.0125.
+    pub radius_m: Option<Positive>,
+    /// m, kg; 0.0639.
+    pub mass_kg: Option<Positive>,
+    /// k = I / (m R²); 0.4.
+    #[schemars(extend("maximum" = 0.667))]
+    pub inertia_factor: Option<Positive>,
+    /// Effective Young's modulus E* of ball and floor, Pa; 7e10, steel on ceramic.
+    pub contact_modulus_pa: Option<Positive>,
+    /// Drag over that of a smooth sphere; 1.
+    #[schemars(range(min = 0, max = 10))]
+    pub drag_factor: Option<f64>,
+    /// Magnus lift over that of a tennis ball; 1.
+    #[schemars(range(min = 0, max = 10))]
+    pub lift_factor: Option<f64>,
+}
+
+/// The floor: a plane through x = 0, z = 0.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneFloorKeys {
+    /// The angle by which it rises along +x, degrees; 0.
+    #[schemars(range(min = -20, max = 20))]
+    pub slope_deg: Option<f64>,
+}
+
+/// The launch from x = 0, y = 0.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneLaunchKeys {
+    /// Height of the ball's lowest point above z = 0, m; 0.1.
+    #[schemars(range(min = 0))]
+    pub drop_height_m: Option<f64>,
+    /// u_o, along x, m/s; 1.
+    #[schemars(range(min = 0))]
+    pub speed_m_s: Option<f64>,
+    /// R ω / u_o about x, y, z; none, or rolling on a bench.
+    pub spin_ratio: Option<[f64; 3]>,
+    /// Speed upwards, m/s; 0.
+    pub rise_speed_m_s: Option<f64>,
+    /// The level bench along which the ball is seen to roll before.
+    pub bench: Option<SceneBenchKeys>,
+}
+
+/// A level bench.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneBenchKeys {
+    /// How long the ball is seen there, s; 0.15.
+    #[schemars(extend("maximum" = 60))]
+    pub seen_s: Option<Positive>,
+    /// Width of the track whose edges carry the ball, m; null: it rolls on a plane.
+    pub track_width_m: Option<Positive>,
+    /// Grey of the bench in a side view; null: not drawn.
+    #[schemars(range(min = 0, max = 255))]
+    pub bench_grey: Option<f64>,
+}
+
+/// The air.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneAirKeys {
+    /// ρ, kg/m³; 1.204.
+    #[schemars(range(min = 0))]
+    pub density_kg_m3: Option<f64>,
+    /// Dynamic viscosity, Pa s; 1.81e-5.
+    pub viscosity_pa_s: Option<Positive>,
+}
+
+/// The camera.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneCameraKeys {
+    /// At the plane of motion (the default), or down at the floor.
+    #[schemars(extend("enum" = ["side", "top", null]))]
+    pub view: Option<String>,
+    /// Columns and rows, even, 16 to 8192; [1280, 720].
+    pub image_size_px: Option<[u32; 2]>,
+    /// Frames a second; 240.
+    pub frame_rate_hz: Option<Positive>,
+    /// Exposure of a frame, s; 0.0005.
+    #[schemars(range(min = 0))]
+    pub exposure_s: Option<f64>,
+    /// Scale in the calibrated plane; 0.0008.
+    pub metres_per_pixel: Option<Positive>,
+    /// Where x = 0, z = 0 (side) or x = 0, y = 0 (top) is; [120, 660].
+    pub origin_px: Option<[f64; 2]>,
+    /// From the optical centre to the calibrated plane, m; null: infinitely far, or as the lens says.
+    pub distance_m: Option<Positive>,
+    /// How much nearer to the camera than that plane the ball is launched, m; 0.
+    pub plane_offset_m: Option<f64>,
+    /// Turned about the picture's vertical by, degrees; 0.
+    #[schemars(range(min = -80, max = 80))]
+    pub tilt_deg: Option<f64>,
+    /// Rolled about the optical axis by, degrees; 0.
+    #[schemars(range(min = -45, max = 45))]
+    pub roll_deg: Option<f64>,
+    /// How table and camera swing after an impact.
+    pub bump: Option<SceneBumpKeys>,
+    /// The lens by OpenCV's model.
+    pub lens: Option<SceneLensKeys>,
+    /// From the exposure of the first row to that of the last, s; 0.
+    #[schemars(range(min = 0))]
+    pub readout_s: Option<f64>,
+    /// Standard deviation of the optical blur, px; 0.7.
+    #[schemars(range(min = 0, max = 50))]
+    pub blur_px: Option<f64>,
+    /// Standard deviation of the read noise, grey; 2.
+    #[schemars(range(min = 0))]
+    pub noise_grey: Option<f64>,
+    /// Electrons a grey level; null: no shot noise.
+    pub electrons_per_grey: Option<Positive>,
+    /// How the recording is stored; h264.
+    #[schemars(extend("enum" = ["h264", "lossless", null]))]
+    pub codec: Option<String>,
+    /// Constant rate factor of H.264; 14.
+    #[schemars(range(min = 0, max = 51))]
+    pub crf: Option<u8>,
+}
+
+/// amplitude · sin(2π f t) exp(−t/τ) after an impact.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneBumpKeys {
+    /// Shift of the picture (right, down) after the first impact, px.
+    pub amplitude_px: [f64; 2],
+    /// f, Hz; 20.
+    pub frequency_hz: Option<Positive>,
+    /// τ, s; 0.015.
+    pub decay_s: Option<Positive>,
+}
+
+/// A lens by OpenCV's model.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneLensKeys {
+    /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], px.
+    pub camera_matrix: [[f64; 3]; 3],
+    /// k1, k2, p1, p2, k3; none.
+    pub distortion: Option<[f64; 5]>,
+}
+
+/// What the picture looks like, grey levels from 0 to 255.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneLookKeys {
+    /// Behind the ball; 60.
+    #[schemars(range(min = 0, max = 255))]
+    pub background_grey: Option<f64>,
+    /// Below the floor line of a side view; as the background.
+    #[schemars(range(min = 0, max = 255))]
+    pub floor_grey: Option<f64>,
+    /// The ball where it is brightest, without highlight; 200.
+    #[schemars(range(min = 0, max = 255))]
+    pub ball_grey: Option<f64>,
+    /// 0 flat, 1 black on the side away from the light; 0.5.
+    #[schemars(range(min = 0, max = 1))]
+    pub shading: Option<f64>,
+    /// Height of the specular highlight; 80 times the shading.
+    #[schemars(range(min = 0, max = 255))]
+    pub highlight_grey: Option<f64>,
+    /// Standard deviation of the background's texture; 0.
+    #[schemars(range(min = 0, max = 255))]
+    pub texture_grey: Option<f64>,
+    /// Share of the ball's light that the floor mirrors; 0.
+    #[schemars(range(min = 0, max = 1))]
+    pub reflection: Option<f64>,
+    /// Darkening of the floor right below a ball that touches it; 0.
+    #[schemars(range(min = 0, max = 1))]
+    pub shadow: Option<f64>,
+    /// Fall of the light from the brightest to the darkest corner, as a share; 0.
+    #[schemars(range(min = 0, max = 1))]
+    pub unevenness: Option<f64>,
+    /// Relative amplitude of the light's flicker; 0.
+    #[schemars(range(min = 0, max = 1))]
+    pub flicker: Option<f64>,
+    /// Its frequency, Hz; 100.
+    pub flicker_hz: Option<Positive>,
+}
+
+/// When the recording ends.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneStopKeys {
+    /// After this many impacts (or when the ball has come to rest); 2.
+    #[schemars(range(min = 1, max = 1000))]
+    pub bounces: Option<u32>,
+    /// So long after the last of them, s; 0.05.
+    #[schemars(range(min = 0, max = 60))]
+    pub tail_s: Option<f64>,
+}
+
+/// A form for each rebound model, from its list of coefficients.
+fn contact(_: &mut SchemaGenerator) -> Schema {
+    let form = |(i, name): (usize, ModelName)| {
+        let coefficients = name.facts().coefficients;
+        let mut properties = Map::new();
+        properties.insert("model".to_owned(), json!({"const": name.name()}));
+        for c in coefficients {
+            let described = json!({"type": "number", "description": c.range.accepted});
+            properties.insert(c.key.to_owned(), described);
+        }
+        let required = coefficients.iter().filter(|c| c.same_as.is_none()).map(|c| c.key);
+        // The first model is the one where none is named.
+        let required: Vec<&str> = required.chain((i > 0).then_some("model")).collect();
+        json!({"type": "object", "properties": properties, "required": required, "additionalProperties": false})
+    };
+    let forms: Vec<Value> = ModelName::ALL.into_iter().enumerate().map(form).collect();
+    json_schema!({"oneOf": forms})
+}
+
+fn effects_choice(_: &mut SchemaGenerator) -> Schema {
+    let switch = json!({"enum": ["auto", "on", "off", null]});
+    let names = effects::names()
+        .into_iter()
+        .map(|name| (name.to_owned(), switch.clone()));
+    let properties: Map<String, Value> = names.collect();
+    json_schema!({"anyOf": [
+        {"enum": ["auto", "all", "none", null]},
+        {"type": "object", "properties": properties, "additionalProperties": false}
+    ]})
+}
