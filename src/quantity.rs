@@ -1,7 +1,5 @@
 //! A measured number and how sure it is.
 
-// Until detection imports them from there.
-pub use crate::numeric::robust::median;
 use schemars::JsonSchema;
 use serde::Serialize;
 
