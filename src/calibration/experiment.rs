@@ -115,6 +115,9 @@ impl Default for Floor {
     }
 }
 
+/// What `launch.spin_ratio` says of a ball that rolls.
+pub(super) const ROLLING: &str = "rolling";
+
 /// How the ball starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Launch {

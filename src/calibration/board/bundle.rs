@@ -17,6 +17,23 @@ pub(super) struct Bundle {
     pub poses: Vec<Pose>,
 }
 
+/// A change of camera and poses.
+pub(super) struct BundleStep {
+    pub camera: CameraParameters,
+    pub poses: Vec<SVector<f64, POSE>>,
+}
+
+impl Bundle {
+    /// The bundle after a step.
+    pub fn stepped(&self, step: &BundleStep) -> Self {
+        let poses = self.poses.iter().zip(&step.poses);
+        Self {
+            camera: self.camera + step.camera,
+            poses: poses.map(|(pose, step)| pose.stepped(step)).collect(),
+        }
+    }
+}
+
 /// A view's part of the normal equations.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ViewBlock {
@@ -89,11 +106,7 @@ impl BundleEquations {
     }
 
     /// The step of Levenberg and Marquardt in the parameters of `basis`: of the camera and of each pose.
-    pub fn step(
-        &self,
-        basis: &DMatrix<f64>,
-        damping: f64,
-    ) -> Option<(CameraParameters, Vec<SVector<f64, POSE>>)> {
+    pub fn step(&self, basis: &DMatrix<f64>, damping: f64) -> Option<BundleStep> {
         let (mut matrix, mut right) = (self.camera, self.camera_right);
         for i in 0..9 {
             matrix[(i, i)] *= 1.0 + damping;
@@ -118,7 +131,7 @@ impl BundleEquations {
             .iter()
             .map(|(lever, alone)| alone - lever * camera)
             .collect();
-        Some((camera, poses))
+        Some(BundleStep { camera, poses })
     }
 
     /// Inverse of the camera's part of the whole matrix, in the terms of `basis`.

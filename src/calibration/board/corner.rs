@@ -16,7 +16,8 @@
 use crate::calibration::blurred_edge::shade;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use nalgebra::{DMatrix, Matrix3, SMatrix, SVector};
+use crate::numeric::least_squares::{Accumulate, Damping, NormalEquations, Termination, fit_normal};
+use nalgebra::{DMatrix, Matrix3, SVector};
 use opencv::calib3d::find_homography_ext_def;
 use opencv::core::{MatTraitConst as _, Point2d, Vector};
 
@@ -61,8 +62,8 @@ const BLUR_PX: (f64, f64) = (0.2, 8.0);
 const ITERATIONS: usize = 25;
 /// A step of the place that ends the fit, px.
 const SETTLED_PX: f64 = 1e-4;
-/// The rest of the fit, over the contrast, above which this is no corner.
-const LARGEST_REST: f64 = 0.2;
+/// Root mean square residual of the fit, over the contrast, above which this is no corner.
+const LARGEST_RESIDUAL: f64 = 0.2;
 /// Rounds over all corners: the second knows the neighbours' places.
 const ROUNDS: usize = 2;
 
@@ -189,50 +190,25 @@ const CONTRAST: usize = 6;
 fn fit(picture: &Luma, board: &BoardCoordinates<'_>) -> Option<Corner> {
     let reach = board.reach_px().clamp(REACH_PX.0, REACH_PX.1);
     let window = CornerWindow::new(picture, board, reach)?;
-    let mut p = window.start();
-    let mut damping = 1e-3;
-    let mut current = window.system(&p);
-    for _ in 0..ITERATIONS {
-        let mut matrix = current.matrix;
-        for i in 0..7 {
-            matrix[(i, i)] *= 1.0 + damping;
-        }
-        let step = matrix.cholesky()?.solve(&current.right);
-        let mut next = p + step;
-        next[BLUR] = next[BLUR].clamp(BLUR_PX.0, BLUR_PX.1);
-        let candidate = window.system(&next);
-        if candidate.chi2 <= current.chi2 {
-            (p, current) = (next, candidate);
-            damping *= 0.2;
-            if step[0].hypot(step[1]) < SETTLED_PX {
-                break;
-            }
-        } else if damping > 1e8 {
-            break;
-        } else {
-            damping *= 10.0;
-        }
+    let (p, equations, end) = fit_normal(&window, window.start(), &Damping::MARQUARDT, ITERATIONS);
+    if end == Termination::Singular {
+        return None;
     }
     let freedom = window.pixels.len() as f64 - 7.0;
-    let rest = (current.chi2 / freedom).sqrt();
-    let covariance = current.matrix.try_inverse()? * rest * rest;
+    let residual_std = (equations.cost / freedom).sqrt();
+    let mut information = equations.matrix;
+    information.fill_upper_triangle_with_lower_triangle();
+    let covariance = information.try_inverse()? * residual_std * residual_std;
     let std_px = (0.5 * (covariance[(0, 0)] + covariance[(1, 1)])).sqrt();
     let believable = p[0].hypot(p[1]) < 0.5 * reach
-        && rest < LARGEST_REST * p[CONTRAST].abs()
+        && residual_std < LARGEST_RESIDUAL * p[CONTRAST].abs()
         && std_px > 0.0
         && std_px < 0.5;
     believable.then(|| Corner {
         at: PixelPoint::new(board.corner.u_px + p[0], board.corner.v_px + p[1]),
         // Rounding to whole grey levels, even where it hides the noise.
-        std_px: std_px.max(std_px / rest.max(1e-9) / 12.0_f64.sqrt()),
+        std_px: std_px.max(std_px / residual_std.max(1e-9) / 12.0_f64.sqrt()),
     })
-}
-
-/// Normal equations at some parameters.
-struct CornerEquations {
-    matrix: SMatrix<f64, 7, 7>,
-    right: CornerParameters,
-    chi2: f64,
 }
 
 /// The picture around a corner.
@@ -284,22 +260,6 @@ impl<'a> CornerWindow<'a> {
         p
     }
 
-    fn system(&self, p: &CornerParameters) -> CornerEquations {
-        let mut system = CornerEquations {
-            matrix: SMatrix::zeros(),
-            right: SVector::zeros(),
-            chi2: 0.0,
-        };
-        for &(u, v, grey) in &self.pixels {
-            let (value, slope) = self.model(p, u, v);
-            let rest = grey - value;
-            system.chi2 += rest * rest;
-            system.right += slope * rest;
-            system.matrix += slope * slope.transpose();
-        }
-        system
-    }
-
     /// The model at an offset, and its derivatives.
     fn model(&self, p: &CornerParameters, u: f64, v: f64) -> (f64, CornerParameters) {
         let (du, dv, blur) = (u - p[0], v - p[1], p[BLUR]);
@@ -318,6 +278,26 @@ impl<'a> CornerWindow<'a> {
             light * ex * ey,
         ]);
         (light * board, slope)
+    }
+}
+
+impl Accumulate<7> for CornerWindow<'_> {
+    fn equations(&self, p: &CornerParameters) -> NormalEquations<7> {
+        let mut equations = NormalEquations::default();
+        for &(u, v, grey) in &self.pixels {
+            let (value, slope) = self.model(p, u, v);
+            equations.push(&slope, grey - value, 1.0);
+        }
+        equations
+    }
+
+    fn within_limits(&self, mut p: CornerParameters) -> CornerParameters {
+        p[BLUR] = p[BLUR].clamp(BLUR_PX.0, BLUR_PX.1);
+        p
+    }
+
+    fn is_small(&self, step: &CornerParameters) -> bool {
+        step[0].hypot(step[1]) < SETTLED_PX
     }
 }
 

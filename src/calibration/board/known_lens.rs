@@ -1,9 +1,12 @@
 //! The plane of motion from one picture of the board, where the lens is known already.
 
+use super::error::BoardError;
 use super::lens_fit;
+use super::pattern::{Pattern, no_board_in_plane};
 use super::plane_fit::PosedBoard;
+use super::plane_fit::{MotionPlane, PlaneMarks};
 use super::projection::{CameraParameters, CornerObservation, Pose};
-use super::{BoardError, BoardView, MotionPlane, Pattern, PlaneMarks, ViewUse};
+use super::views::{BoardView, ViewUse};
 use crate::calibration::{Calibration, Lens, Scale};
 use crate::frames::Luma;
 use nalgebra::{Rotation3, SMatrix, Vector3};
@@ -36,12 +39,7 @@ pub fn plane_with_lens(
     let seen = match pattern.search(picture)?.outcome {
         Ok(seen) => seen,
         Err(reason) => {
-            return Err(super::no_board_in_plane(
-                pattern,
-                name.to_owned(),
-                picture,
-                &reason,
-            )?);
+            return Err(no_board_in_plane(pattern, name.to_owned(), picture, &reason)?);
         }
     };
     let camera = camera_of(lens);

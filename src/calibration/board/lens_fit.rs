@@ -19,13 +19,16 @@
 //! terms or none, and one focal length or two is fitted, and the results are averaged with Akaike's weights
 //! exp(−ΔAICc/2) (Burnham and Anderson 2002, section 4.3), among those that can be inverted all over the picture. The
 //! covariance holds what the models differ by. What the views determine has one answer in all that count; what they do
-//! not is drawn towards zero, and its uncertainty says so.
+//! not is drawn towards zero, and its uncertainty says so. Taking the best one alone was tried: as accurate within 5 % at the
+//! picture's rim, but on corners off by 0.05 px (real boards are uneven by 0.1 px) its 95 % regions hold only 80 % (4
+//! views) to 89 % (10 views) of true places, the mean's 92 % to 96 %, and it calls a term exact that it left out.
 
-use super::BoardError;
-use super::bundle::{Bundle, BundleEquations, JointCovariance, SMALLEST_PX2};
+use super::bundle::{Bundle, BundleEquations, BundleStep, JointCovariance, SMALLEST_PX2};
+use super::error::BoardError;
 use super::projection::{CameraParameters, CornerObservation, POSE, Pose, project};
 use crate::calibration::Lens;
 use crate::geometry::PixelPoint;
+use crate::numeric::least_squares::{Acceptance, Damping, Easing, Problem, Termination, Trial, minimise};
 use nalgebra::{DMatrix, Rotation3, SMatrix, SVector, Vector3};
 use opencv::calib3d;
 use opencv::core::{Mat, MatTraitConst as _, Point2f, Point3f, Size, TermCriteria, Vector};
@@ -107,7 +110,7 @@ pub struct LensFit {
     pub poses: Vec<Pose>,
     /// Root mean square residual of each view, px (both coordinates together).
     pub view_rms_px: Vec<f64>,
-    /// Root mean square of each view's residuals over their expected deviation; 1 is usual.
+    /// Reduced chi of each view: root mean square of its residuals over their standard uncertainty; 1 is usual.
     pub view_reduced_chi: Vec<f64>,
     /// Root mean square residual over all views, px.
     pub rms_px: f64,
@@ -273,31 +276,31 @@ pub fn pose(
 ) -> Option<(Pose, JointCovariance, f64)> {
     let views = [view.to_vec()];
     let weights = [vec![1.0; view.len()]];
-    let at = |pose: Pose| {
-        let state = Bundle {
-            camera: *camera,
-            poses: vec![pose],
-        };
-        BundleEquations::at(&state, &views, &weights)
+    let mut problem = BundleProblem {
+        views: &views,
+        weights: &weights,
+        // The camera stays as it is.
+        basis: DMatrix::zeros(9, 0),
+        is_last: |step, taken| !taken && step.poses.iter().all(|p| p.norm() < 1e-12),
     };
-    let (mut pose, mut normal, mut damping) = (start, at(start)?, 1e-6);
-    for _ in 0..ITERATIONS {
-        let (part, right) = normal.parts.first()?;
-        let mut own = part.own;
-        for i in 0..POSE {
-            own[(i, i)] *= 1.0 + damping;
-        }
-        let step = own.cholesky()?.solve(right);
-        let next = pose.stepped(&step);
-        match at(next).filter(|n| n.chi2 < normal.chi2) {
-            Some(better) => {
-                (pose, normal) = (next, better);
-                damping *= 0.1;
-            }
-            None if damping > 1e3 || step.norm() < 1e-12 => break,
-            None => damping *= 20.0,
-        }
+    let policy = Damping {
+        first: 1e-6,
+        most: 2e4,
+        easing: Easing::Factor(0.1),
+        growth: 20.0,
+        acceptance: Acceptance::Lower,
+        ..Damping::NONE
+    };
+    let bundle = Bundle {
+        camera: *camera,
+        poses: vec![start],
+    };
+    let first = problem.evaluated(bundle)?;
+    let ((bundle, normal), end) = minimise(&mut problem, first, &policy, ITERATIONS);
+    if end == Termination::Singular {
+        return None;
     }
+    let pose = *bundle.poses.first()?;
     let freedom = normal.coordinates.checked_sub(POSE).filter(|&f| f > 0)?;
     let scale = normal.chi2 / freedom as f64;
     let joint = normal.parts.first()?.0.joint(covariance, scale)?;
@@ -308,55 +311,69 @@ pub fn pose(
     ))
 }
 
-/// The optimum from `state` on, and the normal equations there.
+/// The least-squares problem of a camera and its views' poses, its camera in the terms of `basis`.
+struct BundleProblem<'a> {
+    views: &'a [Vec<CornerObservation>],
+    weights: &'a [Vec<f64>],
+    basis: DMatrix<f64>,
+    /// Whether a step, taken or not, is the last one worth trying.
+    is_last: fn(&BundleStep, bool) -> bool,
+}
+
+impl BundleProblem<'_> {
+    fn evaluated(&self, bundle: Bundle) -> Option<(Bundle, BundleEquations)> {
+        let equations = BundleEquations::at(&bundle, self.views, self.weights)?;
+        Some((bundle, equations))
+    }
+}
+
+impl Problem for BundleProblem<'_> {
+    type State = (Bundle, BundleEquations);
+    type Step = BundleStep;
+
+    fn step(&mut self, here: &Self::State, damping: f64) -> Option<BundleStep> {
+        here.1.step(&self.basis, damping)
+    }
+
+    fn moved(&mut self, (bundle, _): &Self::State, step: &BundleStep) -> Option<Self::State> {
+        self.evaluated(bundle.stepped(step))
+    }
+
+    fn cost(&self, (_, equations): &Self::State, _here: &Self::State) -> f64 {
+        equations.chi2
+    }
+
+    fn is_settled(&self, _here: &Self::State, trial: &Trial<'_, BundleStep>) -> bool {
+        (self.is_last)(trial.step, trial.taken)
+    }
+}
+
+/// The optimum from `start` on, and the normal equations there.
 fn descend(
-    mut state: Bundle,
+    start: Bundle,
     views: &[Vec<CornerObservation>],
     weights: &[Vec<f64>],
     terms: LensTerms,
 ) -> Option<(Bundle, BundleEquations)> {
-    let basis = terms.basis();
-    let mut normal = BundleEquations::at(&state, views, weights)?;
-    let mut damping = 1e-6;
-    for _ in 0..ITERATIONS {
-        let Some((camera_step, pose_steps)) = normal.step(&basis, damping) else {
-            damping *= 100.0;
-            if damping > 1e6 {
-                return None;
-            }
-            continue;
-        };
-        let next = Bundle {
-            camera: state.camera + camera_step,
-            poses: state
-                .poses
-                .iter()
-                .zip(&pose_steps)
-                .map(|(p, s)| p.stepped(s))
-                .collect(),
-        };
-        let better = BundleEquations::at(&next, views, weights).filter(|n| n.chi2 <= normal.chi2);
-        let moved_px = camera_step[0]
-            .abs()
-            .max(camera_step[2].abs())
-            .max(camera_step[3].abs());
-        match better {
-            Some(n) => {
-                (state, normal) = (next, n);
-                damping *= 0.1;
-                if moved_px < SETTLED_PX {
-                    break;
-                }
-            }
-            // Rounding: no step can be better than none.
-            None if moved_px < SETTLED_PX => break,
-            None => damping *= 20.0,
-        }
-        if damping > 1e6 {
-            break;
-        }
-    }
-    (state.camera[0] > 0.0 && state.camera[1] > 0.0).then_some((state, normal))
+    let mut problem = BundleProblem {
+        views,
+        weights,
+        basis: terms.basis(),
+        is_last: |step, _| [0, 2, 3].iter().all(|&i| step.camera[i].abs() < SETTLED_PX),
+    };
+    let policy = Damping {
+        first: 1e-6,
+        most: 1e6,
+        easing: Easing::Factor(0.1),
+        growth: 20.0,
+        where_singular: Some(100.0),
+        acceptance: Acceptance::NotHigher(0.0),
+        ..Damping::NONE
+    };
+    let first = problem.evaluated(start)?;
+    let ((bundle, normal), end) = minimise(&mut problem, first, &policy, ITERATIONS);
+    let sound = end != Termination::Singular && bundle.camera[0] > 0.0 && bundle.camera[1] > 0.0;
+    sound.then_some((bundle, normal))
 }
 
 /// A combination of terms, fitted.
@@ -473,9 +490,9 @@ fn average(
     let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
     let mut all = Vec::new();
     for (index, view) in views.iter().enumerate() {
-        let (px, excess): (Vec<f64>, Vec<f64>) = fit.residuals(index, view).into_iter().unzip();
+        let (px, relative): (Vec<f64>, Vec<f64>) = fit.residuals(index, view).into_iter().unzip();
         fit.view_rms_px.push(rms(&px));
-        fit.view_reduced_chi.push(rms(&excess));
+        fit.view_reduced_chi.push(rms(&relative));
         all.extend(px);
     }
     fit.rms_px = rms(&all);

@@ -1,8 +1,10 @@
 //! Which views and corners serve: fit, set aside what does not belong, fit again.
 
+use super::error::BoardError;
 use super::lens_fit::{self, LensFit};
 use super::projection::CornerObservation;
-use super::{BoardError, BoardViews, ViewUse};
+use super::views::{BoardViews, ViewUse};
+use crate::numeric::robust::median;
 
 /// Fewer views than this do not fix a lens.
 const LEAST_VIEWS: usize = 3;
@@ -49,11 +51,7 @@ fn drop_strays(views: &mut BoardViews, used: &[usize], fit: &LensFit) -> bool {
 
 /// Sets aside the worst view where it misses by far more than the middle one; whether there was one.
 fn drop_views(views: &mut BoardViews, used: &mut Vec<usize>, fit: &LensFit) -> bool {
-    let middle_of = |values: &[f64]| {
-        let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
+    let middle_of = |values: &[f64]| median(&mut values.to_vec()).unwrap_or(f64::NAN);
     let middle = middle_of(&fit.view_reduced_chi);
     let worst = (0..used.len())
         .filter(|&k| views.plane != Some(used[k]))

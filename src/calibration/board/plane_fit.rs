@@ -6,10 +6,11 @@
 //! fitted freely would have eight: beyond the board's rim that tells.
 
 use super::bundle::JointCovariance;
+use super::error::BoardError;
 use super::lens_fit::lens;
+use super::pattern::Pattern;
 use super::principal_deviations;
 use super::projection::{CameraParameters, POSE, Pose};
-use super::{BoardError, Pattern};
 use crate::calibration::{Calibration, Deviation, Homography, Lens, Scale};
 use crate::geometry::PixelPoint;
 use nalgebra::{DMatrix, DVector, Matrix3, SVector, Vector2, Vector3};
@@ -283,7 +284,7 @@ impl PlaneGeometry {
 }
 
 /// Deviations of a lens alone, by what they do to the directions of sight over the picture (px at the focal length).
-pub(super) fn lens_deviations(fit: &super::LensFit, size: (usize, usize)) -> Vec<Deviation> {
+pub(super) fn lens_deviations(fit: &super::lens_fit::LensFit, size: (usize, usize)) -> Vec<Deviation> {
     let covariance = DMatrix::from_fn(9, 9, |i, j| fit.covariance[(i, j)]);
     let numbers = |theta: &DVector<f64>| {
         let camera = fit.camera + CameraParameters::from_iterator(theta.iter().copied());

@@ -7,6 +7,7 @@ mod write;
 pub use schema::CalibrationKeys;
 
 use super::error::CalibrationError;
+use super::experiment::ROLLING;
 use super::rectification::{HINT_UP, Rectification};
 use super::{Ball, Calibration, Floor, FloorLine, Launch, SCHEMA, Scale, View};
 use crate::config::{
@@ -401,9 +402,6 @@ fn spin_ratio(section: &Section<'_>) -> Option<f64> {
         _ => section.number("spin_ratio", SPIN),
     }
 }
-
-/// What `launch.spin_ratio` says of a ball that rolls.
-pub(super) const ROLLING: &str = "rolling";
 
 /// R ω/u of a ball that rolls on its bench or track.
 fn rolling_ratio(section: &Section<'_>, track_width_m: Option<f64>, ball: &Ball) -> Option<f64> {

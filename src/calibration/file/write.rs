@@ -1,6 +1,6 @@
 //! A calibration in the file's form.
 
-use super::ROLLING;
+use crate::calibration::experiment::ROLLING;
 use crate::calibration::json::{object, point, rows};
 use crate::calibration::{Calibration, Deviation, SCHEMA, View};
 use serde_json::{Value, json};

@@ -8,7 +8,8 @@
 use crate::calibration::blurred_edge::shade;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use nalgebra::{SMatrix, SVector, Vector2};
+use crate::numeric::least_squares::{Accumulate, Damping, NormalEquations, Termination, fit_normal};
+use nalgebra::{SVector, Vector2};
 
 /// Half the length of edge that is looked at, across the direction, px.
 const ACROSS_PX: f64 = 4.0;
@@ -160,42 +161,24 @@ impl EdgeSearch<'_> {
         if pixels.len() < 30 {
             return None;
         }
-        let mut p = self.start(&pixels, start, half_width);
-        let line = half_width.is_some();
-        let (mut damping, mut current) = (1e-3, system(&pixels, &p, line));
-        for _ in 0..ITERATIONS {
-            let mut matrix = current.0;
-            for i in 0..7 {
-                matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-12;
-            }
-            let step = matrix.cholesky()?.solve(&current.1);
-            let mut next = p + step;
-            next[BLUR] = next[BLUR].clamp(BLUR_PX.0, BLUR_PX.1);
-            next[HALF] = next[HALF].max(0.2);
-            let candidate = system(&pixels, &next, line);
-            if candidate.2 <= current.2 {
-                (p, current) = (next, candidate);
-                damping *= 0.2;
-                if step[PLACE].abs() < 1e-4 {
-                    break;
-                }
-            } else if damping > 1e8 {
-                break;
-            } else {
-                damping *= 10.0;
-            }
+        let edge = BlurredEdge {
+            pixels: &pixels,
+            line: half_width.is_some(),
+        };
+        let first = self.start(&pixels, start, half_width);
+        let (p, mut equations, end) = fit_normal(&edge, first, &Damping::MARQUARDT, ITERATIONS);
+        if end == Termination::Singular {
+            return None;
         }
-        let fitted = if line { 7.0 } else { 6.0 };
-        let rest2 = (current.2 / (pixels.len() as f64 - fitted)).max(1.0 / 12.0);
-        // What is not fitted (the width of an edge) has an empty row: 1 makes it invertible.
-        let mut matrix = current.0;
-        if !line {
-            matrix[(HALF, HALF)] = 1.0;
-        }
-        let covariance = matrix.try_inverse()? * rest2;
-        let std = covariance[(PLACE, PLACE)].max(0.0).sqrt();
+        let fitted = if edge.line { 7.0 } else { 6.0 };
+        let residual_grey2 = (equations.cost / (pixels.len() as f64 - fitted)).max(1.0 / 12.0);
         // By itself: of a narrow line only width times contrast is known.
-        let contrast_std = (rest2 / current.0[(CONTRAST, CONTRAST)]).sqrt();
+        let contrast_std = (residual_grey2 / equations.matrix[(CONTRAST, CONTRAST)]).sqrt();
+        if !edge.line {
+            equations.hold(HALF);
+        }
+        let covariance = equations.covariance()? * residual_grey2;
+        let std = covariance[(PLACE, PLACE)].max(0.0).sqrt();
         let near = (p[PLACE] - start).abs() < ALONG_PX;
         (near && std.is_finite() && p[CONTRAST].abs() > LEAST_SIGMAS * contrast_std)
             .then_some((p[PLACE], std))
@@ -261,19 +244,20 @@ const MEAN: usize = 4;
 const LIGHT: usize = 5;
 const CONTRAST: usize = 6;
 
-/// Normal equations: matrix, right side, sum of squares.
-fn system(
-    pixels: &[(f64, f64, f64)],
-    p: &EdgeParameters,
+/// A straight blurred edge, or a thin line, and the pixels (s, l, grey) that show it.
+struct BlurredEdge<'a> {
+    pixels: &'a [(f64, f64, f64)],
     line: bool,
-) -> (SMatrix<f64, 7, 7>, EdgeParameters, f64) {
-    let (mut matrix, mut right, mut chi2) = (SMatrix::zeros(), SVector::zeros(), 0.0);
-    for &(s, l, grey) in pixels {
+}
+
+impl BlurredEdge<'_> {
+    /// The grey at (s, l), and its derivatives.
+    fn model(&self, p: &EdgeParameters, s: f64, l: f64) -> (f64, EdgeParameters) {
         let slant = (1.0 + p[SLANT] * p[SLANT]).sqrt();
         let off = s - p[PLACE];
         let distance = (off - p[SLANT] * l) / slant;
         let mut slope = EdgeParameters::zeros();
-        let (shape, by_distance, by_blur) = if line {
+        let (shape, by_distance, by_blur) = if self.line {
             let (near, far) = (
                 shade(distance + p[HALF], p[BLUR]),
                 shade(distance - p[HALF], p[BLUR]),
@@ -294,12 +278,34 @@ fn system(
         slope[MEAN] = 1.0;
         slope[LIGHT] = off;
         slope[CONTRAST] = shape;
-        let rest = grey - (p[MEAN] + p[LIGHT] * off + p[CONTRAST] * shape);
-        chi2 += rest * rest;
-        right += slope * rest;
-        matrix += slope * slope.transpose();
+        (p[MEAN] + p[LIGHT] * off + p[CONTRAST] * shape, slope)
     }
-    (matrix, right, chi2)
+}
+
+impl Accumulate<7> for BlurredEdge<'_> {
+    fn equations(&self, p: &EdgeParameters) -> NormalEquations<7> {
+        let mut equations = NormalEquations::default();
+        for &(s, l, grey) in self.pixels {
+            let (value, slope) = self.model(p, s, l);
+            equations.push(&slope, grey - value, 1.0);
+        }
+        equations
+    }
+
+    fn within_limits(&self, mut p: EdgeParameters) -> EdgeParameters {
+        p[BLUR] = p[BLUR].clamp(BLUR_PX.0, BLUR_PX.1);
+        p[HALF] = p[HALF].max(0.2);
+        p
+    }
+
+    /// Of an edge the half width is not told by any pixel.
+    fn floor(&self) -> f64 {
+        1e-12
+    }
+
+    fn is_small(&self, step: &EdgeParameters) -> bool {
+        step[PLACE].abs() < 1e-4
+    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
 //! `track calibrate board IMAGE... --pattern 9x6 --square-m 0.025 [--plane IMAGE] [--out CALIB]`.
 
-use super::{
-    KnownArgs, Status, StillFrame, answer, answer_calibration, check_folder, direction, pixel, positive, say,
-};
+use super::{CalibrationWay, KnownArgs, MadeCalibration, StillFrame, direction, pixel, positive, say};
 use crate::calibration::board::{
     BoardLens, BoardSearch, BoardView, BoardViews, Corners, MotionPlane, Pattern, PlaneMarks, ViewUse,
     plane_with_lens,
@@ -77,44 +75,37 @@ fn pattern(text: &str) -> Result<Corners, String> {
     Ok((number(a)?, number(b)?))
 }
 
-pub(super) fn run(args: &BoardArgs) -> anyhow::Result<Status> {
-    let pattern = Pattern::new(args.pattern, args.square_m, args.square_std_m)?;
-    let _folders = args.out.as_deref().map(check_folder).transpose()?;
-    let made = match &args.lens {
-        Some(lens) => with_lens(args, &pattern, lens)?,
-        None => with_pictures(args, pattern)?,
-    };
-    let board = BoardReport {
-        views: &made.views,
-        lens: made.lens.as_ref(),
-        plane: made.plane.as_ref(),
-        calibration: &made.calibration,
-    };
-    if !args.json {
-        for warning in warnings(&board) {
-            say(&format!("warning: {warning}"));
-        }
+impl CalibrationWay for BoardArgs {
+    fn out(&self) -> Option<&Path> {
+        self.out.as_deref()
     }
-    super::warn_of_problems(&made.calibration, None);
-    if let Some(out) = &args.out {
-        let marks = made
-            .picture
-            .as_ref()
-            .map(|still| marked(args, &made, still))
-            .transpose()?;
-        super::write_files(out, &made.calibration, marks)?;
+
+    fn json(&self) -> bool {
+        self.json
     }
-    if args.json {
-        answer(&String::from_utf8_lossy(&documents::json_text(
-            &BoardDocument::new(&board),
-        )?))?;
-    } else if args.out.is_some() {
-        answer(&table(&board))?;
-    } else {
-        say(table(&board).trim_end());
-        answer_calibration(&made.calibration)?;
+
+    fn make(&self) -> anyhow::Result<MadeCalibration> {
+        let pattern = Pattern::new(self.pattern, self.square_m, self.square_std_m)?;
+        let outcome = match &self.lens {
+            Some(lens) => with_lens(self, &pattern, lens)?,
+            None => with_pictures(self, pattern)?,
+        };
+        let board = BoardReport {
+            views: &outcome.views,
+            lens: outcome.lens.as_ref(),
+            plane: outcome.plane.as_ref(),
+            calibration: &outcome.calibration,
+        };
+        let still = outcome.picture.as_ref().filter(|_| self.out.is_some());
+        Ok(MadeCalibration {
+            table: table(&board),
+            document: Some(documents::json_text(&BoardDocument::new(&board))?),
+            warnings: warnings(&board),
+            marks_png: still.map(|still| marked(self, &outcome, still)).transpose()?,
+            recording: None,
+            calibration: outcome.calibration,
+        })
     }
-    Ok(Status::Done)
 }
 
 /// What came of the pictures.

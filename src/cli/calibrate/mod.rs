@@ -1,4 +1,7 @@
 //! `track calibrate board|ruler|show|check`: from a board or a ruler to a calib.json.
+//!
+//! Each way to calibrate is a [`CalibrationWay`]; what they have in common (where the calibration goes, how it is shown, what
+//! is wrong with it) is done here.
 
 mod board;
 mod check;
@@ -40,11 +43,65 @@ enum CalibrateCommand {
 /// What keeps it from running: unreadable input, marks or pictures that make no calibration, output that cannot be written.
 pub fn run(args: &CalibrateArgs) -> anyhow::Result<Status> {
     match &args.what {
-        CalibrateCommand::Board(args) => board::run(args),
-        CalibrateCommand::Ruler(args) => ruler::run(args),
+        CalibrateCommand::Board(args) => calibrate_by(args),
+        CalibrateCommand::Ruler(args) => calibrate_by(args),
         CalibrateCommand::Show(args) => show::run(args),
         CalibrateCommand::Check(args) => check::run(args),
     }
+}
+
+/// A way to calibrate: the options of a command, in a file beside this one, and a variant of [`CalibrateCommand`].
+trait CalibrationWay {
+    /// Where the calibration goes.
+    fn out(&self) -> Option<&Path>;
+
+    /// Whether JSON is wanted in place of the table.
+    fn json(&self) -> bool;
+
+    /// Makes the calibration.
+    fn make(&self) -> anyhow::Result<MadeCalibration>;
+}
+
+/// A calibration that was just made, and how it is shown.
+struct MadeCalibration {
+    calibration: Calibration,
+    /// What it rests on, for people.
+    table: String,
+    /// The same as JSON; `None`: the calibration says all.
+    document: Option<Vec<u8>>,
+    /// What the user has to know.
+    warnings: Vec<String>,
+    /// The picture with the marks drawn in, as PNG; only asked for where the calibration goes to a file.
+    marks_png: Option<Vec<u8>>,
+    /// The recording it is checked against.
+    recording: Option<SourceInfo>,
+}
+
+/// Makes a calibration, and shows or writes it.
+fn calibrate_by(way: &impl CalibrationWay) -> anyhow::Result<Status> {
+    let _folders = way.out().map(check_folder).transpose()?;
+    let made = way.make()?;
+    if !way.json() {
+        for warning in &made.warnings {
+            say(&format!("warning: {warning}"));
+        }
+    }
+    warn_of_problems(&made.calibration, made.recording.as_ref());
+    if let Some(out) = way.out() {
+        write_files(out, &made.calibration, made.marks_png)?;
+    }
+    if way.json() {
+        match &made.document {
+            Some(document) => answer(&String::from_utf8_lossy(document))?,
+            None => answer(&documents::calib_text(&made.calibration.to_json())?)?,
+        }
+    } else if way.out().is_some() {
+        answer(&made.table)?;
+    } else {
+        say(made.table.trim_end());
+        answer(&documents::calib_text(&made.calibration.to_json())?)?;
+    }
+    Ok(Status::Done)
 }
 
 /// Where the camera looks.
@@ -218,11 +275,6 @@ fn warn_of_problems(calibration: &Calibration, recording: Option<&SourceInfo>) {
             say(&format!("warning: {}: {}", finding.key, finding.message));
         }
     }
-}
-
-/// The answer where no file is wanted: the calibration itself.
-fn answer_calibration(calibration: &Calibration) -> anyhow::Result<()> {
-    answer(&documents::calib_text(&calibration.to_json())?)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `track calibrate ruler VIDEO --from U,V --to U,V --length-m L [--floor U,V --edge U,V] [--floor-line U,V U,V] [--out CALIB]`.
 
-use super::{KnownArgs, Status, answer, answer_calibration, check_folder, direction, pixel, positive, say};
+use super::{CalibrationWay, KnownArgs, MadeCalibration, direction, pixel, positive};
 use crate::calibration::ruler::{
     MarkRole, PictureMark, RulerCalibration, RulerOrientation, RulerRequest, calibrate,
 };
@@ -12,7 +12,7 @@ use crate::report::table::format_quantity;
 use anyhow::{Context, bail};
 use clap::{ArgAction, Args, ValueEnum};
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Marks in a frame, and what they mean.
 #[derive(Debug, Args)]
@@ -87,30 +87,38 @@ enum HeldArg {
     Level,
 }
 
-pub(super) fn run(args: &RulerArgs) -> anyhow::Result<Status> {
-    let request = request(args)?;
-    let _folders = args.out.as_deref().map(check_folder).transpose()?;
-    let still = super::still(&args.video, args.frame)?;
-    let ruled = calibrate(&request, &still.raw)?;
-    // A picture taken in the recording's mode has no times to judge.
-    let recording = super::facts(&args.video)
-        .ok()
-        .filter(|_| !frames::is_picture(&args.video));
-    super::warn_of_problems(&ruled.calibration, recording.as_ref());
-    let table = table(&ruled);
-    if let Some(out) = &args.out {
-        let shapes = shapes(&ruled, still.luma.width, still.luma.height)?;
-        super::write_files(out, &ruled.calibration, Some(picture(&still.luma, &shapes)?))?;
+impl CalibrationWay for RulerArgs {
+    fn out(&self) -> Option<&Path> {
+        self.out.as_deref()
     }
-    if args.json || args.out.is_none() {
-        if !args.json {
-            say(table.trim_end());
-        }
-        answer_calibration(&ruled.calibration)?;
-    } else {
-        answer(&table)?;
+
+    fn json(&self) -> bool {
+        self.json
     }
-    Ok(Status::Done)
+
+    fn make(&self) -> anyhow::Result<MadeCalibration> {
+        let request = request(self)?;
+        let still = super::still(&self.video, self.frame)?;
+        let ruled = calibrate(&request, &still.raw)?;
+        let marks_png = match self.out {
+            Some(_) => Some(picture(
+                &still.luma,
+                &shapes(&ruled, still.luma.width, still.luma.height)?,
+            )?),
+            None => None,
+        };
+        Ok(MadeCalibration {
+            table: table(&ruled),
+            document: None,
+            warnings: Vec::new(),
+            marks_png,
+            // A picture taken in the recording's mode has no times to judge.
+            recording: super::facts(&self.video)
+                .ok()
+                .filter(|_| !frames::is_picture(&self.video)),
+            calibration: ruled.calibration,
+        })
+    }
 }
 
 fn request(args: &RulerArgs) -> anyhow::Result<RulerRequest> {
@@ -173,7 +181,7 @@ fn request(args: &RulerArgs) -> anyhow::Result<RulerRequest> {
 }
 
 /// A lens belongs to one size of picture.
-fn lens_fits(args: &RulerArgs, lens: &std::path::Path, size: Option<(usize, usize)>) -> anyhow::Result<()> {
+fn lens_fits(args: &RulerArgs, lens: &Path, size: Option<(usize, usize)>) -> anyhow::Result<()> {
     let Some(size) = size else { return Ok(()) };
     let still = super::still(&args.video, args.frame)?;
     let found = (still.raw.width, still.raw.height);
