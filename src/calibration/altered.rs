@@ -3,6 +3,7 @@
 use super::scale::shift_back;
 use super::{Calibration, Deviation, Lens, Rectification, ScaleEvidence};
 use crate::geometry::PixelPoint;
+use nalgebra::Matrix3;
 
 impl Calibration {
     /// The same for the camera turned a little, so that what was at p is at p + (`du_px`, `dv_px`). The lens, which turns
@@ -54,6 +55,30 @@ impl Calibration {
             homography.world_from_pixel += change;
         }
         off.rectification().is_ok().then_some(off)
+    }
+
+    /// The same with the origin of its homography at the height of the pixel `floor` and the x of the pixel `edge`; `None`
+    /// where one of them does not show the plane. However lens and homography are off, those pixels remain the origin's.
+    pub(super) fn with_world_origin(&self, floor: PixelPoint, edge: PixelPoint) -> Option<Self> {
+        let moved = |c: &Self| {
+            let map = c.rectification().ok()?;
+            let (low, left) = (map.plane_from_pixel(floor)?, map.plane_from_pixel(edge)?);
+            let shift = Matrix3::new(1.0, 0.0, -left.right, 0.0, 1.0, -low.up, 0.0, 0.0, 1.0);
+            // The map scales its own copy of the matrix; the file's keeps the size of its numbers.
+            Some(shift * c.scale.homography()?.world_from_pixel)
+        };
+        let mut there = self.clone();
+        let world_from_pixel = moved(self)?;
+        for deviation in &mut there.deviations {
+            let off = self.off_by(deviation).and_then(|off| moved(&off));
+            if let (Some(change), Some(off)) = (&mut deviation.world_from_pixel, off) {
+                *change = off - world_from_pixel;
+            }
+        }
+        let homography = there.scale.homography_mut()?;
+        homography.world_from_pixel = world_from_pixel;
+        homography.origin_known = true;
+        Some(there)
     }
 
     /// Metres per plane unit of the calibration `off` over those of this one, each with its map, where the scale is seen

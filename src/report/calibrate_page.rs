@@ -1,11 +1,13 @@
 //! `<name>.show.html`: the page on which the marks of a calibration are dragged over a frame of the recording.
 //!
-//! One file with everything in it: frames, style, script; no library, no address. The script draws the marks, computes the
-//! calib.json that follows from them as [`crate::calibration::ruler`] does, and lets the user save it.
+//! One file with everything in it: frames, style, script; no library, no address. The script draws the marks and lets the user
+//! save where they are (schema `track.marks/1`); `track calibrate ruler --marks` makes the calibration of them.
 
 use super::jpeg;
 use super::page::{STYLE, escape};
+use crate::calibration::Calibration;
 use crate::frames::Luma;
+use crate::geometry::{PixelPoint, PlanePoint};
 use base64::Engine as _;
 use serde_json::{Value, json};
 use thiserror::Error;
@@ -39,14 +41,24 @@ pub struct PageFrame {
     pub luma: Luma,
 }
 
-/// The page for `calib` (the file's content, as it stands), to be saved as `calib_name`; `video` is the recording's name.
+/// What the page is about, by its files' names.
+#[derive(Debug, Clone, Copy)]
+pub struct PageNames<'a> {
+    /// The recording.
+    pub video: &'a str,
+    /// The calibration that is to be made.
+    pub calib: &'a str,
+    /// The marks that are saved for it.
+    pub marks: &'a str,
+}
+
+/// The page for `calib`, the file's content as it stands and what it means, where there is one.
 ///
 /// # Errors
 /// See [`CalibratePageError`].
 pub fn calibrate_html(
-    video: &str,
-    calib_name: &str,
-    calib: &Value,
+    names: PageNames<'_>,
+    calib: Option<&(Value, Calibration)>,
     frames: &[PageFrame],
 ) -> Result<String, CalibratePageError> {
     let first = frames.first().ok_or(CalibratePageError::NoFrame)?;
@@ -58,10 +70,12 @@ pub fn calibrate_html(
             Ok(json!({"name": frame.name, "jpeg": format!("data:image/jpeg;base64,{text}")}))
         })
         .collect::<Result<Vec<_>, CalibratePageError>>()?;
+    let (width, height) = (first.luma.width, first.luma.height);
     let data = json!({
-        "image_size_px": [first.luma.width, first.luma.height],
-        "calib_name": calib_name,
-        "calib": calib,
+        "image_size_px": [width, height],
+        "marks_name": names.marks,
+        "calib": calib.map_or_else(|| json!({}), |(content, _)| content.clone()),
+        "start": start(calib.map(|(_, calibration)| calibration), (width as f64, height as f64)),
         "frames": shown,
     });
     // In a script element only "<" could end what it holds.
@@ -71,8 +85,9 @@ pub fn calibrate_html(
     for (i, part) in TEMPLATE.split('@').enumerate() {
         match part {
             _ if i % 2 == 0 => page.push_str(part),
-            "NAME" => page.push_str(&escape(video)),
-            "CALIB" => page.push_str(&escape(calib_name)),
+            "NAME" => page.push_str(&escape(names.video)),
+            "CALIB" => page.push_str(&escape(names.calib)),
+            "MARKS" => page.push_str(&escape(names.marks)),
             "STYLE" => [STYLE, OWN_STYLE].iter().for_each(|s| page.push_str(s)),
             "DATA" => page.push_str(&data),
             "SCRIPT" => page.push_str(SCRIPT),
@@ -82,9 +97,47 @@ pub fn calibrate_html(
     Ok(page)
 }
 
+/// Where the page begins: marks of floor and edge beside the calibration's origin, so that both can be taken hold of, and
+/// the direction of "up" there.
+fn start(calibration: Option<&Calibration>, (width, height): (f64, f64)) -> Value {
+    let map = calibration.and_then(|c| c.rectification().ok());
+    let zero = map
+        .as_ref()
+        .and_then(|m| m.pixel_from_plane(PlanePoint::new(0.0, 0.0)));
+    let origin = zero.filter(|_| calibration.is_some_and(Calibration::has_origin));
+    let from = origin.unwrap_or(PixelPoint::new((0.12 * width).round(), (0.92 * height).round()));
+    // A tenth of the picture along each of the plane's axes.
+    let beside = |right: f64, up: f64| {
+        let map = map.as_ref()?;
+        let (p, jacobian) = (map.plane_from_pixel(from)?, map.jacobian(from)?);
+        let units = 0.1 * width * jacobian.determinant().abs().sqrt();
+        map.pixel_from_plane(PlanePoint::new(p.right + right * units, p.up + up * units))
+    };
+    let floor = beside(1.0, 0.0).unwrap_or(from.shifted(0.1 * width, 0.0));
+    let edge = beside(0.0, 1.0).unwrap_or(from.shifted(0.0, -0.1 * width));
+    let (du, dv) = (edge.u_px - from.u_px, edge.v_px - from.v_px);
+    let inside = |p: PixelPoint| [p.u_px.clamp(0.0, width - 1.0), p.v_px.clamp(0.0, height - 1.0)];
+    json!({
+        "floor_px": inside(floor),
+        "edge_px": inside(edge),
+        "up_px": [du / du.hypot(dv), dv / du.hypot(dv)],
+        "has_origin": origin.is_some(),
+        "has_edge": origin.is_some() && calibration.is_some_and(|c| c.launch.edge_x_m.is_some()),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibration::Scale;
+
+    fn names(video: &str) -> PageNames<'_> {
+        PageNames {
+            video,
+            calib: "x.calib.json",
+            marks: "x.marks.json",
+        }
+    }
 
     fn frame(width: usize, height: usize) -> PageFrame {
         PageFrame {
@@ -99,8 +152,9 @@ mod tests {
 
     #[test]
     fn the_page_holds_everything_and_nothing_breaks_out() {
-        let calib = json!({"schema": "track.calib/1", "odd": "</script><script>alert(1)"});
-        let page = calibrate_html("a<b>@DATA@.mp4", "x.calib.json", &calib, &[frame(64, 48)]).unwrap();
+        let content = json!({"schema": "track.calib/1", "odd": "</script><script>alert(1)"});
+        let calib = (content, Calibration::new(Scale::Gravity));
+        let page = calibrate_html(names("a<b>@DATA@.mp4"), Some(&calib), &[frame(64, 48)]).unwrap();
         assert!(page.contains("a&lt;b&gt;@DATA@.mp4"));
         assert_eq!(page.matches("</script>").count(), 2);
         let outward = page.replace("http://www.w3.org/2000/svg", "");
@@ -110,8 +164,8 @@ mod tests {
 
     #[test]
     fn large_frames_are_shrunk_but_keep_their_size_in_pixels() {
-        let page = calibrate_html("a", "b", &json!({}), &[frame(4000, 1000)]).unwrap();
+        let page = calibrate_html(names("a"), None, &[frame(4000, 1000)]).unwrap();
         assert!(page.contains(r#""image_size_px":[4000,1000]"#));
-        assert!(calibrate_html("a", "b", &json!({}), &[]).is_err());
+        assert!(calibrate_html(names("a"), None, &[]).is_err());
     }
 }

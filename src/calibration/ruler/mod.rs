@@ -1,17 +1,21 @@
 //! A calibration from marks in a frame: two ends of a ruler and a length, or the ball, or the fall; floor and launch edge; a
 //! line along the floor.
 
+mod marks;
 mod snap;
 
+pub use marks::{MARKS_SCHEMA, MarksError, PageMarks};
 pub use snap::{Snapped, snap};
 
-use super::{Ball, Calibration, CalibrationError, FloorLine, Launch, Rectification, Ruler, Scale};
+use super::{Ball, Calibration, CalibrationError, FloorLine, Launch, Rectification, Ruler, SCHEMA, Scale};
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, PlanePoint};
+use serde::Deserialize;
 use thiserror::Error;
 
 /// How the ruler stood.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum RulerOrientation {
     /// Along a plumb line.
     Upright,
@@ -344,6 +348,18 @@ impl MarkPlacer<'_> {
         marks.push(floor);
         marks.extend(edge);
         let std = edge.map_or(self.std_px(&floor), |e| self.std_px(&floor).max(self.std_px(&e)));
+        if calibration.scale.has_axes() {
+            let x_mark = edge.unwrap_or(floor);
+            *calibration =
+                calibration
+                    .with_world_origin(floor.at, x_mark.at)
+                    .ok_or(RulerError::BeyondLens {
+                        role: x_mark.role,
+                        at: x_mark.at,
+                    })?;
+            place_edge(calibration, std, edge.is_some());
+            return Ok(());
+        }
         let origin = match edge {
             Some(edge) => crossing(&calibration.rectification()?, &floor, &edge)?,
             None => floor.at,
@@ -414,6 +430,10 @@ fn crossing(map: &Rectification, floor: &PictureMark, edge: &PictureMark) -> Res
 
 fn place_origin(calibration: &mut Calibration, origin: PixelPoint, std_px: f64, edge_known: bool) {
     calibration.origin_px = Some(origin);
+    place_edge(calibration, std_px, edge_known);
+}
+
+fn place_edge(calibration: &mut Calibration, std_px: f64, edge_known: bool) {
     calibration.origin_std_px = Some(std_px);
     calibration.launch = Launch {
         edge_x_m: edge_known.then_some(calibration.launch.edge_x_m.unwrap_or(0.0)),

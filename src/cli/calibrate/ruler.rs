@@ -1,8 +1,8 @@
 //! `track calibrate ruler VIDEO --from U,V --to U,V --length-m L [--floor U,V --edge U,V] [--floor-line U,V U,V] [--out CALIB]`.
 
-use super::{CalibrationWay, KnownArgs, MadeCalibration, direction, pixel, positive};
+use super::{CalibrationWay, KnownArgs, MadeCalibration, StillFrame, direction, pixel, positive};
 use crate::calibration::ruler::{
-    MarkRole, PictureMark, RulerCalibration, RulerOrientation, RulerRequest, calibrate,
+    MarkRole, PageMarks, PictureMark, RulerCalibration, RulerOrientation, RulerRequest, calibrate,
 };
 use crate::calibration::{Calibration, Rectification, Ruler, Scale, ScaleEvidence, View};
 use crate::frames::{self, Luma};
@@ -65,6 +65,9 @@ pub(super) struct RulerArgs {
     /// Take the lens from this calibration (of track calibrate board).
     #[arg(long, value_name = "CALIB")]
     lens: Option<PathBuf>,
+    /// Take the marks from this file, as the page of track calibrate show saves it.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["from", "to", "gravity", "held", "floor", "edge", "origin", "floor_line", "snap", "point_std_px", "up", "up_std_deg", "lens", "ball_radius_m", "ball_mass_kg", "frame_rate_hz", "gravity_m_s2", "view"])]
+    marks: Option<PathBuf>,
     /// Number of the frame in which the marks were read, from 0.
     #[arg(long, value_name = "N", default_value = "0")]
     frame: usize,
@@ -97,8 +100,11 @@ impl CalibrationWay for RulerArgs {
     }
 
     fn make(&self) -> anyhow::Result<MadeCalibration> {
-        let request = request(self)?;
         let still = super::still(&self.video, self.frame)?;
+        let request = match &self.marks {
+            Some(path) => from_page(path, &self.video, &still)?,
+            None => request(self)?,
+        };
         let ruled = calibrate(&request, &still.raw)?;
         let marks_png = match self.out {
             Some(_) => Some(picture(
@@ -119,6 +125,25 @@ impl CalibrationWay for RulerArgs {
             calibration: ruled.calibration,
         })
     }
+}
+
+/// The marks of the page, for pictures of the recording's size.
+fn from_page(path: &Path, video: &Path, still: &StillFrame) -> anyhow::Result<RulerRequest> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let marks = PageMarks::parse(&text, &path.display().to_string())?;
+    let (size, found) = (marks.image_size_px, (still.raw.width, still.raw.height));
+    if found != size {
+        bail!(
+            "{} is for pictures of {}x{} px, {} has {}x{} px: give the recording that was marked",
+            path.display(),
+            size.0,
+            size.1,
+            video.display(),
+            found.0,
+            found.1
+        );
+    }
+    Ok(marks.request)
 }
 
 fn request(args: &RulerArgs) -> anyhow::Result<RulerRequest> {

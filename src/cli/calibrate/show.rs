@@ -1,14 +1,14 @@
 //! `track calibrate show CALIB VIDEO [--out PAGE]`.
 
 use super::{Status, answer, beside, check_folder};
-use crate::calibration::{CalibrationError, SCHEMA};
+use crate::calibration::{Calibration, CalibrationError};
 use crate::config::FileError;
 use crate::frames;
-use crate::report::calibrate_page::{PageFrame, calibrate_html};
+use crate::report::calibrate_page::{PageFrame, PageNames, calibrate_html};
 use crate::report::write;
 use anyhow::{Context, bail};
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// Which calibration, on which recording.
@@ -46,41 +46,51 @@ pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
         })
         .collect();
     let size = shown.first().map(|f| (f.luma.width, f.luma.height));
-    check_size(&calib, size, args)?;
+    check_size(calib.as_ref().map(|(_, c)| c), size, args)?;
     let name = |path: &Path| {
         path.file_name()
             .map_or_else(String::new, |n| n.to_string_lossy().into_owned())
     };
-    let page = calibrate_html(&name(&args.video), &name(&args.calib), &calib, &shown)
+    let names = PageNames {
+        video: &name(&args.video),
+        calib: &name(&args.calib),
+        marks: &name(&beside(&args.calib, "marks.json")),
+    };
+    let page = calibrate_html(names, calib.as_ref(), &shown)
         .with_context(|| format!("{}: the page could not be made", args.video.display()))?;
     write::write_together(&[(&out, page.as_bytes())])?;
     answer(&format!("{}\n", out.display()))?;
-    super::say("open that page in a browser, drag the marks, and save the calibration");
+    super::say(
+        "open that page in a browser, drag the marks, and save them; the page shows the command that makes the calibration",
+    );
     Ok(Status::Done)
 }
 
-/// The file as it stands, checked; a new one where there is none.
-fn content(path: &Path) -> anyhow::Result<Value> {
-    match crate::calibration::Calibration::read(path) {
-        Ok(_) => {
+/// The file as it stands and what it means; `None` where there is none yet.
+fn content(path: &Path) -> anyhow::Result<Option<(Value, Calibration)>> {
+    match Calibration::read(path) {
+        Ok(calibration) => {
             let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
             let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-            Ok(serde_json::from_str(text)?)
+            Ok(Some((serde_json::from_str(text)?, calibration)))
         }
         Err(CalibrationError::File(FileError::Unreadable { source, .. }))
             if source.kind() == std::io::ErrorKind::NotFound =>
         {
-            Ok(json!({"schema": SCHEMA}))
+            Ok(None)
         }
         Err(error) => Err(error.into()),
     }
 }
 
 /// Marks of one size of picture are meaningless on another.
-fn check_size(calib: &Value, shown: Option<(usize, usize)>, args: &ShowArgs) -> anyhow::Result<()> {
-    let side = |i: usize| calib["image_size_px"][i].as_u64();
-    if let (Some(width), Some(height), Some(shown)) = (side(0), side(1), shown)
-        && (width, height) != (shown.0 as u64, shown.1 as u64)
+fn check_size(
+    calib: Option<&Calibration>,
+    shown: Option<(usize, usize)>,
+    args: &ShowArgs,
+) -> anyhow::Result<()> {
+    if let (Some((width, height)), Some(shown)) = (calib.and_then(|c| c.image_size_px), shown)
+        && (width, height) != shown
     {
         bail!(
             "{} is for pictures of {width}x{height} px, {} has {}x{} px: give the recording it was made for, or the name of a new \
