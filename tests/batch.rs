@@ -271,7 +271,10 @@ fn what_cannot_be_run_says_so_and_leaves_nothing() {
     let mut command = batch(&[], &out);
     let path = manifest("video,grop\na.mp4,x\n");
     command.arg("--manifest").arg(&path);
-    refused(command, &["m.csv", "line 1", "column grop", "was group meant?"]);
+    refused(
+        command,
+        &["m.csv", "line 1", "column grop", "did you mean group?"],
+    );
     let mut command = batch(&[], &out);
     command
         .arg("--manifest")

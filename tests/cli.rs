@@ -864,7 +864,7 @@ fn simulate_refuses_bad_scenes_and_places() {
     let scene = dir.path().join("bad.scene.json");
     let simulate = |out: &Path| track().arg("simulate").arg(&scene).arg("--out").arg(out).assert();
     let out = dir.path().join("out");
-    refused(simulate(&out), &["bad.scene.json", "cannot be read"]);
+    refused(simulate(&out), &["bad.scene.json", "cannot read"]);
     fs::write(&scene, "{").unwrap();
     refused(simulate(&out), &["bad.scene.json", "JSON", "line 1"]);
     fs::write(&scene, SCENE.replace("restitution", "restitutoin")).unwrap();

@@ -30,7 +30,7 @@ pub const COLUMNS: [&str; 6] = [
 ];
 
 /// A manifest, for messages about a file.
-const KIND: FileKind = FileKind {
+static KIND: FileKind = FileKind {
     what: "manifest",
     form: "a CSV file in UTF-8 with one line of column names",
     source: "it lists the recordings of a batch, a row each",
@@ -82,7 +82,7 @@ fn spin_ratio(_: &mut SchemaGenerator) -> Schema {
 /// # Errors
 /// See [`FileError`]; all problems at once.
 pub fn read(path: &Path) -> Result<Vec<ManifestRow>, FileError> {
-    parse(&read_bytes(path, KIND, LARGEST_FILE_BYTES)?, path)
+    parse(&read_bytes(path, &KIND, LARGEST_FILE_BYTES)?, path)
 }
 
 /// The rows in `bytes`, the contents of the file at `path`.
@@ -93,11 +93,11 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Vec<ManifestRow>, FileError> {
     let name = path.display().to_string();
     let wrong = |found: String, hint: &str| FileError::WrongForm {
         name: name.clone(),
-        kind: KIND,
+        kind: &KIND,
         found,
         hint: hint.to_owned(),
     };
-    let table = Table::parse(bytes, &name, KIND)?;
+    let table = Table::parse(bytes, &name, &KIND)?;
     // A path with one wrong letter would be that of another file.
     if let Err(e) = std::str::from_utf8(bytes) {
         let found = format!("it is not text in UTF-8 (from byte {})", e.valid_up_to());

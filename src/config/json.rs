@@ -6,7 +6,7 @@ use serde_json::{Map, Number, Value};
 use std::fmt;
 
 /// The JSON of a file's bytes.
-pub(super) fn from_bytes(bytes: &[u8], name: &str, kind: FileKind) -> Result<Value, FileError> {
+pub(super) fn from_bytes(bytes: &[u8], name: &str, kind: &'static FileKind) -> Result<Value, FileError> {
     let text = std::str::from_utf8(bytes).map_err(|error| FileError::WrongForm {
         name: name.to_owned(),
         kind,
@@ -24,7 +24,7 @@ pub(super) fn from_bytes(bytes: &[u8], name: &str, kind: FileKind) -> Result<Val
 }
 
 /// The JSON of `source`; what is not JSON, and objects that name a key twice, are refused.
-pub(super) fn from_text(source: &str, name: &str, kind: FileKind) -> Result<Value, FileError> {
+pub(super) fn from_text(source: &str, name: &str, kind: &'static FileKind) -> Result<Value, FileError> {
     // Windows editors begin a file with a byte order mark.
     let source = source.strip_prefix('\u{feff}').unwrap_or(source);
     let wrong = |found: String, hint: String| FileError::WrongForm {

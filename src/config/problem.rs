@@ -26,7 +26,7 @@ pub enum FileError {
         /// The file.
         path: PathBuf,
         /// What it should be.
-        kind: FileKind,
+        kind: &'static FileKind,
         /// What the system said.
         source: std::io::Error,
         /// What that means and what to try.
@@ -38,7 +38,7 @@ pub enum FileError {
         /// The file.
         name: String,
         /// What it should be.
-        kind: FileKind,
+        kind: &'static FileKind,
         /// What was found, with line and column where there is one.
         found: String,
         /// What to try.
@@ -136,7 +136,11 @@ pub(crate) fn clipped(text: &str) -> String {
 }
 
 /// The contents of a file of at most `most_bytes` (no file of its kind comes near; a video named by mistake does).
-pub(crate) fn read_bytes(path: &Path, kind: FileKind, most_bytes: u64) -> Result<Vec<u8>, FileError> {
+pub(crate) fn read_bytes(
+    path: &Path,
+    kind: &'static FileKind,
+    most_bytes: u64,
+) -> Result<Vec<u8>, FileError> {
     let mut bytes = Vec::new();
     std::fs::File::open(path)
         .and_then(|file| file.take(most_bytes + 1).read_to_end(&mut bytes))

@@ -84,7 +84,7 @@ impl Document {
     pub fn from_bytes(
         bytes: &[u8],
         name: &str,
-        kind: FileKind,
+        kind: &'static FileKind,
         home_of: fn(&str) -> Option<String>,
     ) -> Result<Self, FileError> {
         match json::from_bytes(bytes, name, kind)? {

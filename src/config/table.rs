@@ -34,7 +34,7 @@ impl Table {
     ///
     /// # Errors
     /// [`FileError::WrongForm`].
-    pub fn parse(bytes: &[u8], name: &str, kind: FileKind) -> Result<Self, FileError> {
+    pub fn parse(bytes: &[u8], name: &str, kind: &'static FileKind) -> Result<Self, FileError> {
         let wrong = |found: String, hint: String| FileError::WrongForm {
             name: name.to_owned(),
             kind,

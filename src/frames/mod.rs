@@ -34,7 +34,23 @@ pub use folder::{is_picture, open_picture, pictures_in};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
 pub use survey::{EvenSample, evenly_of, open_sparse, open_sparse_at_once};
-pub use video::{FrameSource, open};
+pub use video::FrameSource;
+
+use folder::FolderReader;
+use std::path::Path;
+use video::VideoReader;
+
+/// Opens a recording: a video file, or a folder of numbered images.
+///
+/// # Errors
+/// Whatever makes it unreadable, see [`FrameError`].
+pub fn open(path: &Path) -> Result<Box<dyn FrameSource + Send>, FrameError> {
+    if path.is_dir() {
+        Ok(Box::new(FolderReader::<Luma>::open(path)?))
+    } else {
+        Ok(Box::new(VideoReader::<Luma>::open(path)?))
+    }
+}
 
 /// One channel, 8 bits, rows top to bottom without padding.
 #[derive(Debug, Clone, PartialEq, Eq)]

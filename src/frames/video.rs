@@ -7,7 +7,6 @@
 use super::av::{Decoder, DecoderSettings, Input, OpenFailure, Packet, Picture, StreamFacts};
 use super::encode::MAX_SIDE_PX;
 use super::error::FrameError;
-use super::folder::FolderReader;
 use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
 use super::stamps::StampClock;
 use super::{Coded, Frame, Luma, SourceInfo, SourceNote, StreamHealth};
@@ -32,18 +31,6 @@ pub trait FrameSource {
     /// Takes a used frame, so that its memory serves for one to come. Never necessary.
     fn recycle(&mut self, frame: Frame) {
         drop(frame);
-    }
-}
-
-/// Opens a recording: a video file, or a folder of numbered images.
-///
-/// # Errors
-/// Whatever makes it unreadable, see [`FrameError`].
-pub fn open(path: &Path) -> Result<Box<dyn FrameSource + Send>, FrameError> {
-    if path.is_dir() {
-        Ok(Box::new(FolderReader::<Luma>::open(path)?))
-    } else {
-        Ok(Box::new(VideoReader::<Luma>::open(path)?))
     }
 }
 

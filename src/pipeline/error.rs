@@ -20,7 +20,7 @@ pub enum MeasureError {
         video: String,
         /// In what.
         #[source]
-        source: CalibrationError,
+        source: Box<CalibrationError>,
     },
     /// Too few frames.
     #[error(

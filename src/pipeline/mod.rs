@@ -59,7 +59,7 @@ pub fn measure(
     let misfit = |source| MeasureError::Calibration {
         name: calibration_name.to_owned(),
         video: video.display().to_string(),
-        source,
+        source: Box::new(source),
     };
     calibration.rectification().map_err(misfit)?;
     let source = opened(video, calibration, calibration_name, misfit)?;

@@ -3,8 +3,9 @@
 //! One file with everything in it: frames, style, script; no library, no address. The script draws the marks and lets the user
 //! save where they are (schema `track.marks/1`); `track calibrate ruler --marks` makes the calibration of them.
 
+use super::escape::escape;
 use super::jpeg;
-use super::page::{STYLE, escape};
+use super::page::STYLE;
 use crate::calibration::Calibration;
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, PlanePoint};

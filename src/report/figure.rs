@@ -66,7 +66,7 @@ pub(super) fn svg(
 
 /// Attributes of a figure for a page, which gives it its size: `name` is for those who cannot see it.
 pub(super) fn for_a_page(name: &str) -> String {
-    let name = super::page::escape(name);
+    let name = super::escape::escape(name);
     format!(r#"class="plot" role="img" aria-label="{name}""#)
 }
 

@@ -28,6 +28,7 @@ pub mod cost_page;
 pub mod cost_table;
 pub mod documents;
 mod drawing_geometry;
+mod escape;
 pub mod figure;
 pub mod formats;
 mod jpeg;

@@ -3,6 +3,7 @@
 //!
 //! Pages are `maud` templates, which escape whatever is put into them; only finished SVG goes in as it is.
 
+use super::escape::without_controls;
 use super::{figure, strobe};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use thiserror::Error;
@@ -35,17 +36,7 @@ pub(super) fn document(title: &str, style: &str, body: &Markup) -> String {
             body { (body) }
         }
     };
-    without_controls(&page.into_string())
-}
-
-/// A control character has no place in HTML; a file name may hold one.
-fn without_controls(text: &str) -> String {
-    text.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}")
-}
-
-/// Text as it may stand in HTML, in an attribute in double quotes, too.
-pub(super) fn escape(text: &str) -> String {
-    without_controls(&html! { (text) }.into_string())
+    without_controls(&page.into_string()) + "\n"
 }
 
 /// A symbol like `v_ox` or `v_x/v_ox` with its indices lowered.

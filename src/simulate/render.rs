@@ -17,8 +17,8 @@
 use super::camera::{BallOutline, Ellipse, PictureEdge, PictureOf};
 use super::coverage::EllipseCoverage;
 use super::effects::{
-    Acting, BallMoment, ChosenEffects, Fixture, Lamp, Layer, LightField, Pattern, PictureShift, Plane,
-    SensorNoise, Surface,
+    Acting, BackdropPattern, BallMoment, ChosenEffects, Fixture, Lamp, Layer, LightField, PictureShift,
+    Plane, SensorNoise, Surface,
 };
 use super::flight::Trajectory;
 use super::quadrature::gauss_legendre;
@@ -207,7 +207,7 @@ pub struct Renderer {
     surface: Option<Acting<dyn Surface>>,
     fixtures: Vec<Acting<dyn Fixture>>,
     shakes: Vec<Acting<dyn PictureShift>>,
-    textures: Vec<Acting<dyn Pattern>>,
+    textures: Vec<Acting<dyn BackdropPattern>>,
     layers: Vec<Acting<dyn Layer>>,
     lights: Vec<Acting<dyn LightField>>,
     lamps: Vec<Acting<dyn Lamp>>,

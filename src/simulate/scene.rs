@@ -326,7 +326,7 @@ const LARGEST_RADIUS_PX: f64 = 500.0;
 const LARGEST_BLUR_PX: f64 = 50.0;
 
 /// A scene, for messages about a file.
-const KIND: FileKind = FileKind {
+static KIND: FileKind = FileKind {
     what: "scene",
     form: "one JSON object as in fixtures/scenes",
     source: "samples are in the folder fixtures/scenes",
@@ -404,7 +404,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::from_json`], and where the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let bytes = read_bytes(path, KIND, LARGEST_FILE_BYTES)?;
+        let bytes = read_bytes(path, &KIND, LARGEST_FILE_BYTES)?;
         Self::from_bytes(&bytes, &path.display().to_string())
     }
 
@@ -417,7 +417,7 @@ impl Scene {
     }
 
     fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, SceneError> {
-        let document = Document::from_bytes(bytes, name, KIND, |_| None)?;
+        let document = Document::from_bytes(bytes, name, &KIND, |_| None)?;
         let scene = read_scene(&document.top(&TOP_KEYS));
         // What several keys get wrong together shows only where each of them is right.
         let problems = match (scene, document.problems.into_vec()) {

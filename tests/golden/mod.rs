@@ -82,13 +82,12 @@ fn report(path: &str, was: f64, is: f64, allowed: f64, std: Option<f64>, out: &m
     out.push(format!("{path}: {was} -> {is}{in_std}"));
 }
 
+/// The standard uncertainty of a column's number, from the column's name and the numbers of its row by name.
+pub type StdOf<'a> = dyn Fn(&str, &dyn Fn(&str) -> Option<f64>) -> Option<f64> + 'a;
+
 /// The same for tables: a header, then a row a line. `std_of` gives the standard uncertainty of a column's number from
 /// its row.
-pub fn differences_csv(
-    golden: &str,
-    now: &str,
-    std_of: &dyn Fn(&str, &dyn Fn(&str) -> Option<f64>) -> Option<f64>,
-) -> Vec<String> {
+pub fn differences_csv(golden: &str, now: &str, std_of: &StdOf<'_>) -> Vec<String> {
     let read = |text: &str| -> Vec<Vec<String>> {
         csv::ReaderBuilder::new()
             .has_headers(false)

@@ -20,7 +20,7 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A calibration, for messages about a file.
-const KIND: FileKind = FileKind {
+static KIND: FileKind = FileKind {
     what: "calibration",
     form: "one JSON object as in calib/README.md",
     source: "samples are in the folder calib",
@@ -107,7 +107,7 @@ impl Calibration {
 
 /// What can be made of the file, and every problem in it.
 pub(super) fn inspect(path: &Path) -> Result<Inspected, CalibrationError> {
-    let bytes = read_bytes(path, KIND, LARGEST_FILE_BYTES)?;
+    let bytes = read_bytes(path, &KIND, LARGEST_FILE_BYTES)?;
     inspect_bytes(&bytes, &path.display().to_string())
 }
 
@@ -125,7 +125,7 @@ fn accepted((calibration, problems): Inspected, name: &str) -> Result<Calibratio
 }
 
 fn inspect_bytes(bytes: &[u8], name: &str) -> Result<Inspected, CalibrationError> {
-    let document = Document::from_bytes(bytes, name, KIND, home_of)?;
+    let document = Document::from_bytes(bytes, name, &KIND, home_of)?;
     let calibration = calibration(&document.top(&TOP_KEYS));
     let mut problems = document.problems.into_vec();
     if let Some(calibration) = &calibration {

@@ -33,15 +33,12 @@ impl ScaleKind for BallScale {
         context: &ScaleContext<'_>,
         evidence: &ScaleEvidence,
     ) -> Result<Option<Quantity>, NoScale> {
-        let radius_m = context
-            .ball
-            .radius_m
-            .ok_or_else(|| NoScale::NoEvidence("the ball is the scale, but ball.radius_m is not given"))?;
-        let seen = usable(evidence.ball_radius_units).ok_or_else(|| {
-            NoScale::NoEvidence(
-                "the ball is the scale, but its radius could not be measured on this recording",
-            )
-        })?;
+        let radius_m = context.ball.radius_m.ok_or(NoScale::NoEvidence(
+            "the ball is the scale, but ball.radius_m is not given",
+        ))?;
+        let seen = usable(evidence.ball_radius_units).ok_or(NoScale::NoEvidence(
+            "the ball is the scale, but its radius could not be measured on this recording",
+        ))?;
         let given = context.ball.radius_std_m.map(|s| s / radius_m);
         Ok(ratio(radius_m, given, seen))
     }

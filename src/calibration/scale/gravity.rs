@@ -35,9 +35,9 @@ impl ScaleKind for GravityScale {
         context: &ScaleContext<'_>,
         evidence: &ScaleEvidence,
     ) -> Result<Option<Quantity>, NoScale> {
-        let seen = usable(evidence.gravity_units_s2).ok_or_else(|| {
-            NoScale::NoEvidence("gravity is the scale, but no fall could be measured on this recording")
-        })?;
+        let seen = usable(evidence.gravity_units_s2).ok_or(NoScale::NoEvidence(
+            "gravity is the scale, but no fall could be measured on this recording",
+        ))?;
         let given = context.gravity_std_m_s2 / context.gravity_m_s2;
         Ok(ratio(context.gravity_m_s2, Some(given), seen))
     }

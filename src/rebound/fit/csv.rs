@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub const BATCH_SERIES: &str = "series.csv";
 
 /// A series, for messages about a file.
-const KIND: FileKind = FileKind {
+static KIND: FileKind = FileKind {
     what: "series",
     form: "a CSV file in UTF-8 with one line of column names",
     source: "or give the folder that `track batch` wrote",
@@ -70,7 +70,7 @@ impl JsonSchema for SeriesColumns {
 /// See [`FitError`].
 pub fn read(path: &Path) -> Result<Series, FitError> {
     let file = series_file(path)?;
-    let bytes = read_bytes(&file, KIND, LARGEST_FILE_BYTES)?;
+    let bytes = read_bytes(&file, &KIND, LARGEST_FILE_BYTES)?;
     parse(&bytes, &file.display().to_string())
 }
 
@@ -99,7 +99,7 @@ pub fn series_file(path: &Path) -> Result<PathBuf, FitError> {
 ///
 /// See [`FitError`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Series, FitError> {
-    let table = Table::parse(bytes, name, KIND)?;
+    let table = Table::parse(bytes, name, &KIND)?;
     let header = SeriesHeader::new(&table, name)?;
     let mut rows = Vec::new();
     let mut set_aside = Vec::new();
@@ -292,7 +292,7 @@ impl SeriesHeader {
             if let Some(near) = slip_of(&name.to_ascii_lowercase()) {
                 notes.push(Note {
                     code: "column_not_used",
-                    message: format!("column {name} is not used; was {near} meant?"),
+                    message: format!("column {name} is not used; did you mean {near}?"),
                 });
             }
         }

@@ -15,12 +15,15 @@ use crate::pipeline::Measurement;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+/// Writes a video to a path.
+pub type VideoMaker<'a> = dyn FnOnce(&Path) -> Result<(), RecodeError> + 'a;
+
 /// What a file is filled with.
 pub enum Contents<'a> {
     /// These bytes.
     Bytes(Vec<u8>),
     /// A video, which FFmpeg writes to a path by itself.
-    Video(Box<dyn FnOnce(&Path) -> Result<(), RecodeError> + 'a>),
+    Video(Box<VideoMaker<'a>>),
 }
 
 /// A form in which a measurement is written.

@@ -209,7 +209,7 @@ pub enum Action {
     /// How bright the ball's surface is.
     Surface(Box<dyn Surface>),
     /// What is behind the ball, added to its plain grey.
-    Pattern(Box<dyn Pattern>),
+    BackdropPattern(Box<dyn BackdropPattern>),
     /// What the ball does to the picture around itself.
     Layer(Box<dyn Layer>),
     /// Light over the picture.
@@ -277,7 +277,7 @@ pub trait Surface: Send + Sync {
 }
 
 /// What is behind the ball.
-pub trait Pattern: Send + Sync {
+pub trait BackdropPattern: Send + Sync {
     /// Added to the plain grey at a point of the picture.
     fn grey(&self, at: PixelPoint) -> f64;
 }
@@ -536,7 +536,7 @@ pub struct ChosenEffects {
     /// Brightness of the ball.
     pub surface: Option<Acting<dyn Surface>>,
     /// Background.
-    pub textures: Vec<Acting<dyn Pattern>>,
+    pub textures: Vec<Acting<dyn BackdropPattern>>,
     /// Around the ball.
     pub layers: Vec<Acting<dyn Layer>>,
     /// Over the picture.
@@ -584,7 +584,7 @@ impl ChosenEffects {
             Action::Readout(s) => self.readout_s = Some(acting(Box::new(s), evaluations)),
             Action::Blur(px) => self.blur_px = Some(acting(Box::new(px), evaluations)),
             Action::Surface(x) => self.surface = Some(acting(x, evaluations)),
-            Action::Pattern(x) => self.textures.push(acting(x, evaluations)),
+            Action::BackdropPattern(x) => self.textures.push(acting(x, evaluations)),
             Action::Layer(x) => self.layers.push(acting(x, evaluations)),
             Action::LightField(x) => self.lights.push(acting(x, evaluations)),
             Action::Lamp(x) => self.lamps.push(acting(x, evaluations)),

@@ -1,6 +1,6 @@
 //! Texture of the background: value noise of four octaves (Perlin 1985), fixed in the picture.
 
-use super::{Action, Effect, EffectEstimate, Ideal, Pattern};
+use super::{Action, BackdropPattern, Effect, EffectEstimate, Ideal};
 use crate::geometry::PixelPoint;
 use crate::simulate::scene::Scene;
 
@@ -24,7 +24,7 @@ impl Effect for Texture {
 
     fn action(&self, scene: &Scene) -> Action {
         if scene.look.texture_grey > 0.0 {
-            Action::Pattern(Box::new(ValueNoise {
+            Action::BackdropPattern(Box::new(ValueNoise {
                 seed: scene.seed,
                 amplitude: scene.look.texture_grey / SPREAD,
             }))
@@ -39,7 +39,7 @@ struct ValueNoise {
     amplitude: f64,
 }
 
-impl Pattern for ValueNoise {
+impl BackdropPattern for ValueNoise {
     fn grey(&self, at: PixelPoint) -> f64 {
         let sum: f64 = OCTAVES
             .iter()
