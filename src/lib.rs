@@ -2,8 +2,9 @@
 //!
 //! # The map
 //!
-//! A recording flows one way, and the modules stand in that order. Imports run downwards in it; nothing imports
-//! [`cli`].
+//! A recording flows one way, and the modules stand in that order: each imports only from those above it in this table
+//! (`tests/house.rs` holds that), and nothing imports [`cli`]. `docs/architecture.md` has the life of a frame and of a
+//! centre, and what to touch to add something.
 //!
 //! | module | what it does | gives |
 //! |---|---|---|
@@ -12,14 +13,14 @@
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
 //! | [`config`] | one reader for every file that a person writes: all problems at once, the nearest known name, what to try | [`config::FileError`] |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
+//! | [`rebound`] | the rebound models of Domenech 2005: pure functions; [`rebound::fit`]: their coefficients from a series of bounces, where sliding begins, which model it is | [`rebound::fit::SeriesFit`] |
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
 //! | [`flight`] | the freely falling path among all that moves; arcs and the impacts between them | arcs |
 //! | [`impact`] | an impact's angles, restitution, spin; x0 and x | [`impact::Bounce`] |
-//! | [`rebound`] | the rebound models of Domenech 2005: pure functions; [`rebound::fit`]: their coefficients from a series of bounces, where sliding begins, which model it is | [`rebound::fit::SeriesFit`] |
 //! | [`pipeline`] | one recording from file to result: the order of the steps, nothing else | [`pipeline::Measurement`] |
 //! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `impact` or `rebound::fit` | |
-//! | [`cost`] | accuracy against time: scenes with known truth, measured at many settings | [`cost::Report`] |
+//! | [`cost`] | accuracy against time: scenes with known truth, measured at many settings | [`cost::CostReport`] |
 //! | [`report`] | table, JSON, CSV, page, overlay: the only place that knows the shapes of output files | |
 //! | [`batch`] | many recordings, each in a process of its own; what stands already; the series of all | [`batch::BatchSummary`] |
 //! | [`schemas`] | JSON Schemas of all files that are read or written, from their types | `docs/schemas/` |

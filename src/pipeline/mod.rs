@@ -2,15 +2,15 @@
 //!
 //! | stage | what it does | gives |
 //! |---|---|---|
-//! | [`decode`] | every frame looked at once: what moves, and its first centre | [`decode::Decoded`] |
-//! | [`clock`] | when each frame was taken; duplicate and missing frames | [`clock::Clocked`] |
-//! | [`track`] | the ball among all that moves, by first centres or given ones | [`track::Tracked`] |
-//! | [`refine`] | appearance, centres, scale and flight in turn | [`refine::Refined`] |
-//! | [`impacts`] | metres: bounces, distances, the checks | [`in_metres::Impacts`] |
-//! | [`result`] | all of it put together | [`Measurement`] |
+//! | `decode` | every frame looked at once: what moves, and its first centre | `decode::Decoded` |
+//! | `clock` | when each frame was taken; duplicate and missing frames | `clock::Clocked` |
+//! | `track` | the ball among all that moves, by first centres or given ones | `track::Tracked` |
+//! | `refine` | appearance, centres, scale and flight in turn | `refine::Refined` |
+//! | `impacts` | metres: bounces, distances, the checks | `in_metres::Impacts` |
+//! | `result` | all of it put together | [`Measurement`] |
 //!
-//! A stage takes values and gives a value, with its warnings. From [`track`] on none needs pixels but [`refine`], so centres
-//! that come from elsewhere enter there: [`track::tracked`] takes any [`spots::BallCentre`]s and times.
+//! A stage takes values and gives a value, with its warnings. From `track` on none needs pixels but `refine`, so centres
+//! that come from elsewhere enter there: `track::tracked` takes any `spots::BallCentre`s and times.
 
 mod ball_model;
 mod calibration_uncertainty;

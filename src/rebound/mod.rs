@@ -20,7 +20,7 @@
 //! ```
 //!
 //! Each model is one file and says what P is, or what becomes of the slip: [`mu_e`], [`e_e`], [`grip_slide`]. Besides, each
-//! answers what the fits, reports and scenes ask of it ([`model::ReboundModel`], [`model::ContactLaw`]); [`models`] is the
+//! answers what the fits, reports and scenes ask of it ([`model::ReboundModel`], [`model::ReboundLaw`]); [`models`] is the
 //! list, and the only place that names them all. A new model is a file of its own, its lines in the list, and, where it
 //! has a new parameter, lines in [`parameter`].
 //!

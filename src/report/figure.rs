@@ -1,12 +1,12 @@
 //! The figure layer over plotters that every plot is made of: the SVG itself, panels with axes and ticks at round numbers,
 //! lines with dashes, error bars, symbols, words.
 //!
-//! plotters places everything on whole units, so the drawing is made [`FINE`] times larger than it is meant and the page
+//! plotters places everything on whole units, so the drawing is made `FINE` times larger than it is meant and the page
 //! scales it down. Shapes and dashes carry the meaning; colour only helps, so that grey print loses nothing.
 //!
 //! Made here because plotters has it otherwise: ticks (its own are not labelled with the decimals that they need, and its
 //! logarithmic ones are whole decades only), and dashes (it draws every dash as a line of its own, which makes a page
-//! several times larger: see [`Dashes`]).
+//! several times larger: see `Dashes`).
 
 use super::drawing_geometry;
 use super::words::superscript;

@@ -1,7 +1,7 @@
 //! What the ball of a recording looks like, estimated from a few dozen of its frames together.
 //!
 //! Radius, blur, exposure and the light on the ball are the same in all frames, but for a few nuisance parameters of each. So
-//! they are fitted to the pixels of many frames at once ([`joint_fit`]), in turn with the centres of those frames, as the
+//! they are fitted to the pixels of many frames at once (`joint_fit`), in turn with the centres of those frames, as the
 //! point-spread function of a telescope is from many dithered stars (Anderson and King 2000, PASP 112, 1360). A shift that
 //! all centres share is fitted with them: it is what the outline alone decides, so that nothing of the light can hide in it.
 //!
