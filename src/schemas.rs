@@ -3,6 +3,7 @@
 //! They stand in `docs/schemas/`; `tests/schemas.rs` checks that they are those of the types, `make schemas` writes them.
 
 use crate::batch::manifest::ManifestColumns;
+use crate::calibration::ruler::{MARKS_SCHEMA, MarksFile};
 use crate::calibration::{self, CalibrationKeys};
 use crate::rebound::fit::csv::SeriesColumns;
 use crate::report::documents::board::{self, BoardDocument};
@@ -45,6 +46,7 @@ pub fn all() -> Vec<FileSchema> {
         written::<CostDocument<'_>>(cost::SCHEMA),
         read::<CalibrationKeys>(calibration::SCHEMA),
         read::<SceneKeys>(scene::SCHEMA),
+        read::<MarksFile>(MARKS_SCHEMA),
         table::<ManifestColumns>(
             "track.manifest",
             "A manifest, each row of the CSV file an object by column names; an empty cell is null.",

@@ -868,7 +868,10 @@ fn simulate_refuses_bad_scenes_and_places() {
     fs::write(&scene, "{").unwrap();
     refused(simulate(&out), &["bad.scene.json", "JSON", "line 1"]);
     fs::write(&scene, SCENE.replace("restitution", "restitutoin")).unwrap();
-    refused(simulate(&out), &["restitutoin", "\"restitution\""]);
+    refused(
+        simulate(&out),
+        &["restitutoin", "did you mean contact.restitution?"],
+    );
     assert_eq!(names(dir.path()), ["bad.scene.json"]);
     fs::write(&scene, SCENE).unwrap();
     refused(simulate(&scene), &["bad.scene.json", "cannot write"]);

@@ -5,6 +5,7 @@
 
 use super::{Calibration, CalibrationError, RulerOrientation, RulerRequest, SCHEMA};
 use crate::geometry::PixelPoint;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use thiserror::Error;
@@ -12,10 +13,11 @@ use thiserror::Error;
 /// The schema of a file of marks.
 pub const MARKS_SCHEMA: &str = "track.marks/1";
 
-/// The file.
-#[derive(Debug, Clone, Deserialize)]
+/// Marks on a frame of a recording, as the page of `track calibrate show` saves them.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct MarksFile {
+pub struct MarksFile {
+    /// `track.marks/1`.
     schema: String,
     /// Width and height of the frame that was marked.
     image_size_px: (usize, usize),
@@ -23,13 +25,19 @@ struct MarksFile {
     scale: Option<Value>,
     /// How the ruler stood.
     held: Option<RulerOrientation>,
+    /// The floor below the ball's first impact, px.
     floor_px: Option<[f64; 2]>,
+    /// The launch edge, px.
     edge_px: Option<[f64; 2]>,
+    /// Two points on a line along the floor, px.
     floor_line_px: Option<[[f64; 2]; 2]>,
     /// Standard uncertainty of each coordinate of each mark; 1 without it.
     point_std_px: Option<f64>,
+    /// m.
     ball_radius_m: Option<f64>,
+    /// kg.
     ball_mass_kg: Option<f64>,
+    /// The rate at which the camera captured, Hz.
     frame_rate_hz: Option<f64>,
     /// The calibration that the page was opened with.
     base: Option<Map<String, Value>>,

@@ -4,7 +4,7 @@
 mod marks;
 mod snap;
 
-pub use marks::{MARKS_SCHEMA, MarksError, PageMarks};
+pub use marks::{MARKS_SCHEMA, MarksError, MarksFile, PageMarks};
 pub use snap::{Snapped, snap};
 
 use super::{Ball, Calibration, CalibrationError, FloorLine, Launch, Rectification, Ruler, SCHEMA, Scale};
@@ -14,7 +14,7 @@ use serde::Deserialize;
 use thiserror::Error;
 
 /// How the ruler stood.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RulerOrientation {
     /// Along a plumb line.
