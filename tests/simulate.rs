@@ -583,7 +583,18 @@ fn what_is_off_is_never_evaluated() {
         "electrons_per_grey": 100, "lens": {"camera_matrix": [[900,0,160],[0,900,100],[0,0,1]], "distortion": [-0.1,0,0,0,0]}},
         "look": {"texture_grey": 3, "reflection": 0.2, "shadow": 0.5, "flicker": 0.05, "unevenness": 0.2},
         "launch": {"bench": {"seen_s": 0.02, "bench_grey": 90}}, "floor": {"slope_deg": 3}"#
-        .replace(r#""readout_s""#, r#""roll_deg": 4, "bump": {"amplitude_px": [1, 2]}, "readout_s""#);
+        .replace(
+            r#""readout_s""#,
+            r#""roll_deg": 4, "bump": {"amplitude_px": [1, 2]}, "pan": {"wander_px": 2}, "clock": {"stored_hz": 300}, "readout_s""#,
+        )
+        .replace(
+            r#""shadow": 0.5"#,
+            r#""shadow": 0.5, "wall_shadow": {"offset_px": [20, 9]}"#,
+        )
+        .replace(
+            r#""floor""#,
+            r#""second_ball": {"x_m": 0.1}, "floor""#,
+        );
     let scene = scene_with(STEEL, &small);
     let none = SimulatedRecording::new(&with_effects(&scene, Switch::Off)).unwrap();
     let all = SimulatedRecording::new(&with_effects(&scene, Switch::On)).unwrap();
@@ -591,7 +602,7 @@ fn what_is_off_is_never_evaluated() {
         let _ = recording.frame(10);
         let _ = recording.truth();
     }
-    assert_eq!(none.decisions().len(), 22);
+    assert_eq!(none.decisions().len(), 26);
     for d in none.decisions() {
         assert!(!d.used && d.evaluations() == 0, "{}", d.name);
     }

@@ -5,7 +5,11 @@
 //!
 //! A camera that does not look at the plane squarely is turned about the picture's vertical by τ: with d the way to the right
 //! and n that towards the camera from the point of the plane in the picture's middle, it sees d cos τ − n sin τ and
-//! d sin τ + n cos τ in their place.
+//! d sin τ + n cos τ in their place. One that is pitched is then turned about the picture's horizontal by ψ: in place of the way up h
+//! and n it sees h cos ψ − n sin ψ and h sin ψ + n cos ψ, so that for ψ > 0 (it looks down) the top of the plane is the nearer.
+//!
+//! The ball moves in a vertical plane of its own. Where `launch.azimuth_deg` turns that by a from the calibrated one, about the
+//! vertical through x = y = 0, a way d along the ball's plane is d cos a along the calibrated one and d sin a nearer to the camera.
 
 use super::effects::{Acting, Plane, Warp};
 use super::scene::{Camera, Scene, View};
@@ -144,22 +148,28 @@ impl PictureOf {
         let camera = &self.camera;
         let ideal = match camera.view {
             View::Top => return None,
-            View::Side if self.floor.is_level() => PictureEdge {
+            View::Side if self.floor.is_level() && camera.pitch_rad == 0.0 => PictureEdge {
                 at: Vector2::from(camera.origin_px),
                 normal: Vector2::y(),
             },
             View::Side => {
-                let origin_m = Vector3::new(0.0, camera.plane_offset_m, 0.0);
                 let along = seen(camera, &self.floor.out_of_frame(&Vector3::x()));
                 PictureEdge {
-                    at: ideal_pixel(camera, &origin_m),
+                    at: ideal_pixel(camera, &origin_m(camera)),
                     // Downhill of (right, down) turned by a quarter; never 0, as a camera is turned by less than that.
                     normal: Vector2::new(along.y, along.x).normalize(),
                 }
             }
         };
         let warped = |line: PictureEdge, warp: &Acting<dyn Warp>| warp.apply().warp_line(&line);
-        Some(self.warps.iter().fold(ideal, warped))
+        let line = self.warps.iter().fold(ideal, warped);
+        if camera.pitch_rad == 0.0 {
+            return Some(line);
+        }
+        // Perspective moves a line of a plane that is not looked at squarely.
+        let origin = self.outline(&origin_m(camera)).centre;
+        let at = Vector2::new(origin.u_px, origin.v_px);
+        Some(PictureEdge { at, ..line })
     }
 }
 
@@ -173,7 +183,8 @@ pub fn ideal_pixel(camera: &Camera, point_m: &Vector3<f64>) -> Vector2<f64> {
 /// The way from the point of the calibrated plane in the picture's middle: right, up and towards the camera, before that
 /// is turned, m.
 fn from_middle(camera: &Camera, point_m: &Vector3<f64>) -> Vector3<f64> {
-    let plane = in_plane(camera.view, point_m) - axis_m(camera);
+    let point_m = along_calibrated(camera, point_m);
+    let plane = in_plane(camera.view, &point_m) - axis_m(camera);
     let towards = match camera.view {
         // x right and z up leave y pointing away from the camera.
         View::Side => camera.plane_offset_m - point_m.y,
@@ -198,11 +209,39 @@ pub fn rolled(roll_rad: f64) -> Matrix2<f64> {
 
 /// A vector (right, up, towards the camera) as the turned camera sees it.
 fn turned(camera: &Camera, v: &Vector3<f64>) -> Vector3<f64> {
-    if camera.tilt_rad == 0.0 {
+    let mut v = *v;
+    if camera.tilt_rad != 0.0 {
+        let (sin, cos) = camera.tilt_rad.sin_cos();
+        v = Vector3::new(v.x * cos - v.z * sin, v.y, v.x * sin + v.z * cos);
+    }
+    if camera.pitch_rad != 0.0 {
+        let (sin, cos) = camera.pitch_rad.sin_cos();
+        v = Vector3::new(v.x, v.y * cos - v.z * sin, v.y * sin + v.z * cos);
+    }
+    v
+}
+
+/// A vector of the ball's own plane of motion (x along the launch, y, z) by its components along the calibrated plane, away from
+/// the camera, and up.
+#[must_use]
+pub fn along_calibrated(camera: &Camera, v: &Vector3<f64>) -> Vector3<f64> {
+    if camera.motion_azimuth_rad == 0.0 {
         return *v;
     }
-    let (sin, cos) = camera.tilt_rad.sin_cos();
-    Vector3::new(v.x * cos - v.z * sin, v.y, v.x * sin + v.z * cos)
+    let (sin, cos) = camera.motion_azimuth_rad.sin_cos();
+    Vector3::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin, v.z)
+}
+
+/// The origin of the calibrated plane, in the ball's own plane of motion and its normal, m.
+#[must_use]
+pub fn origin_m(camera: &Camera) -> Vector3<f64> {
+    let offset_m = match camera.view {
+        View::Side => camera.plane_offset_m,
+        View::Top => 0.0,
+    };
+    let (sin, cos) = camera.motion_azimuth_rad.sin_cos();
+    // 0 and not -0 where nothing is turned.
+    Vector3::new(0.0 - offset_m * sin, offset_m * cos, 0.0)
 }
 
 /// The components along the picture: right and up.
@@ -237,6 +276,7 @@ pub fn along_axis(camera: &Camera, vector: &Vector3<f64>) -> f64 {
 
 /// A displacement of the world as the camera sees it: right, up and towards it.
 fn seen(camera: &Camera, vector: &Vector3<f64>) -> Vector3<f64> {
+    let vector = &along_calibrated(camera, vector);
     let plane = in_plane(camera.view, vector);
     let towards = match camera.view {
         View::Side => -vector.y,

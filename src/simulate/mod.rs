@@ -13,12 +13,13 @@ mod quadrature;
 pub mod render;
 pub mod scene;
 mod scene_schema;
+mod second_ball;
 pub mod truth;
 mod write;
 
 use crate::config::FileProblem;
 use crate::frames::Luma;
-use effects::{Decision, Ideal};
+use effects::{Decision, Ideal, StoredFrame};
 use flight::Trajectory;
 use render::Renderer;
 pub use scene::{EffectsChoice, Scene, SceneError};
@@ -33,6 +34,7 @@ pub struct SimulatedRecording {
     trajectory: Trajectory,
     renderer: Renderer,
     lossy_crf: Option<u8>,
+    clock: Option<scene::SceneClock>,
 }
 
 impl SimulatedRecording {
@@ -50,11 +52,16 @@ impl SimulatedRecording {
         let trajectory = Trajectory::new(scene, &chosen.acts)?;
         chosen.acts = flight::Perturbations::default();
         check_in_front(scene, &trajectory)?;
+        let second = chosen.second_ball.take();
+        let second = second
+            .map(|second| second_ball::fly(scene, second.apply(), &decisions, trajectory.end_s()))
+            .transpose()?;
         let recording = Self {
             scene: scene.clone(),
             decisions,
             lossy_crf: chosen.lossy_crf.as_ref().map(|crf| *crf.apply()),
-            renderer: Renderer::new(scene, chosen, *trajectory.floor()),
+            clock: chosen.clock.as_ref().map(|clock| clock.apply().clone()),
+            renderer: Renderer::new(scene, chosen, *trajectory.floor()).with_second(second),
             trajectory,
         };
         check_length(scene, &recording.trajectory)?;
@@ -84,7 +91,15 @@ impl SimulatedRecording {
         &self.renderer
     }
 
-    /// How many frames it has.
+    /// What the file has of the frames, in order; without a `camera.clock` each of them once.
+    #[must_use]
+    pub fn stored_frames(&self) -> Vec<StoredFrame> {
+        let rate_hz = self.scene.camera.frame_rate_hz;
+        let clock = self.clock.clone().unwrap_or_default();
+        clock.stored(self.frame_count(), rate_hz)
+    }
+
+    /// How many frames the camera takes.
     #[must_use]
     pub fn frame_count(&self) -> usize {
         frame_times_s(&self.scene, &self.trajectory).len()
@@ -96,7 +111,7 @@ impl SimulatedRecording {
         self.renderer.frame(&self.trajectory, index)
     }
 
-    /// All frames in order.
+    /// All frames in order, as the camera takes them.
     pub fn frames(&self) -> impl Iterator<Item = Luma> + '_ {
         (0..self.frame_count()).map(|i| self.frame(i))
     }

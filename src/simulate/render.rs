@@ -217,6 +217,30 @@ pub struct Renderer {
     /// Factor of uneven light on each pixel.
     gain: OnceLock<Vec<f32>>,
     cells: usize,
+    /// Behind the first ball.
+    second: Option<Box<OtherBall>>,
+}
+
+/// Another ball before the same camera.
+pub struct OtherBall {
+    /// When it is launched, s.
+    pub start_s: f64,
+    /// Where, along the calibrated plane, m.
+    pub x_m: f64,
+    /// m.
+    pub radius_m: f64,
+    /// Its way, from its launch at 0 on.
+    pub trajectory: Trajectory,
+    /// What the camera sees of it alone.
+    pub renderer: Renderer,
+}
+
+impl OtherBall {
+    /// Its own time at `time_s` of the recording: before its launch it lies still.
+    #[must_use]
+    pub fn own_time_s(&self, time_s: f64) -> f64 {
+        (time_s - self.start_s).max(0.0)
+    }
 }
 
 /// Cells a pixel and a standard deviation of blur, so that the midpoint rule over cells is good to less than 0.1 grey.
@@ -261,13 +285,35 @@ impl Renderer {
             backdrop: OnceLock::new(),
             gain: OnceLock::new(),
             cells,
+            second: None,
         }
+    }
+
+    /// The same with another ball behind.
+    #[must_use]
+    pub fn with_second(self, second: Option<OtherBall>) -> Self {
+        Self {
+            second: second.map(Box::new),
+            ..self
+        }
+    }
+
+    /// The ball behind.
+    #[must_use]
+    pub fn second(&self) -> Option<&OtherBall> {
+        self.second.as_deref()
     }
 
     /// The way into the picture.
     #[must_use]
     pub fn picture(&self) -> &PictureOf {
         &self.picture
+    }
+
+    /// R in the picture, in the calibrated plane, px.
+    #[must_use]
+    pub fn radius_px(&self) -> f64 {
+        self.scene.ball.radius_m / self.scene.camera.metres_per_pixel
     }
 
     /// How much later than the frame's time a row is exposed, s.
@@ -312,6 +358,21 @@ impl Renderer {
             &shifted
         };
         let mut grey = backdrop.grey.clone();
+        let behind;
+        let mut backdrop = backdrop;
+        if let Some(other) = self.second() {
+            let own_s = other.own_time_s(time_s);
+            let own_exposure_s = if own_s > 0.0 { exposure_s } else { 0.0 };
+            let nodes =
+                (other.renderer).exposure_nodes(&other.trajectory, own_s, own_exposure_s, blur_px, shift_px);
+            let exposure = Exposure { nodes, shift_px };
+            (other.renderer).add_ball(&other.trajectory, &exposure, blur_px, backdrop, &mut grey);
+            behind = Backdrop {
+                grey: grey.clone(),
+                ..*backdrop
+            };
+            backdrop = &behind;
+        }
         let exposure = Exposure {
             nodes: self.exposure_nodes(trajectory, time_s, exposure_s, blur_px, shift_px),
             shift_px,

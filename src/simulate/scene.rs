@@ -83,6 +83,8 @@ pub struct Scene {
     pub launch: SceneLaunch,
     /// What it flies through.
     pub air: SceneAir,
+    /// What else flies.
+    pub second_ball: Option<SceneSecondBall>,
     /// What looks at it.
     pub camera: Camera,
     /// What that sees.
@@ -148,6 +150,25 @@ pub struct SceneBench {
     pub bench_grey: Option<f64>,
 }
 
+/// A second ball, with the first's contact and density, and without spin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneSecondBall {
+    /// When it is launched, s; below 0 it flies already as the recording begins.
+    pub start_s: f64,
+    /// Where, along x, m.
+    pub x_m: f64,
+    /// Height of its lowest point above z = 0 at x = 0, m.
+    pub drop_height_m: f64,
+    /// Along x, m/s; below 0 against it.
+    pub speed_m_s: f64,
+    /// Speed upwards, m/s.
+    pub rise_speed_m_s: f64,
+    /// R, m.
+    pub radius_m: f64,
+    /// As `look.ball_grey`.
+    pub ball_grey: f64,
+}
+
 /// The air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SceneAir {
@@ -211,11 +232,21 @@ pub struct Camera {
     /// Angle by which the camera is turned about the picture's vertical from looking at the plane squarely, rad: above 0
     /// the right side of the plane is the nearer one. The point of the plane in the picture's middle stays there.
     pub tilt_rad: f64,
+    /// Angle by which the camera is pitched about the picture's horizontal, rad: above 0 it looks down, and the top of the plane is
+    /// the nearer. The point of the plane in the picture's middle stays there. The calibration does not say it.
+    pub pitch_rad: f64,
+    /// Angle by which the ball's plane of motion is turned from the calibrated one about the vertical through x = y = 0, rad: above 0
+    /// the ball comes nearer (side view). `launch.azimuth_deg` says it.
+    pub motion_azimuth_rad: f64,
     /// Angle by which the camera is rolled about its optical axis, rad: above 0 the world's "up" leans to the right in the
     /// picture. Said of the picture without it: `origin_px`.
     pub roll_rad: f64,
     /// How it swings with the table after an impact.
     pub bump: Option<SceneBump>,
+    /// How it is panned, or held by hand.
+    pub pan: Option<ScenePan>,
+    /// What the file makes of its frames' times; `None`: each frame once, with its time.
+    pub clock: Option<SceneClock>,
     /// The lens.
     pub lens: Option<SceneLens>,
     /// From the exposure of the first row to that of the last, s; the middle row has the frame's time.
@@ -241,6 +272,43 @@ pub struct SceneBump {
     pub decay_s: f64,
 }
 
+/// A pan and a hand's wander; the picture is shifted by 0 at t = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScenePan {
+    /// Of the whole picture (right, down), px/s.
+    pub velocity_px_s: Vector2<f64>,
+    /// Standard deviation of the wander along each axis, px.
+    pub wander_px: f64,
+}
+
+/// The clock of the file, see the effect `clock`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SceneClock {
+    /// Places for frames a second; `None`: the frame rate.
+    pub stored_hz: Option<f64>,
+    /// Where between two frames of the camera the first place is, 0 to 1.
+    pub phase: f64,
+    /// Places left out without a trace, from 0.
+    pub left_out_places: Vec<usize>,
+    /// Places that show what the one before shows.
+    pub filled_places: Vec<usize>,
+    /// Rate of the stamps, Hz; `None`: that of the places.
+    pub stamped_hz: Option<f64>,
+    /// What stamps are cut to, s; `None`: they are as fine as the container's.
+    pub stamp_step_s: Option<f64>,
+}
+
+/// The shadow of the ball on a wall behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneWallShadow {
+    /// From the ball's centre (right, down), px.
+    pub offset_px: Vector2<f64>,
+    /// How much darker the wall is in it, grey.
+    pub depth_grey: f64,
+    /// Standard deviation of its soft edge, px.
+    pub blur_px: f64,
+}
+
 /// What the picture looks like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneLook {
@@ -260,6 +328,8 @@ pub struct SceneLook {
     pub reflection: f64,
     /// Darkening of the floor right below a ball that touches it.
     pub shadow: f64,
+    /// What the ball throws on the wall behind it.
+    pub wall_shadow: Option<SceneWallShadow>,
     /// Fall of the light from the brightest to the darkest corner, as a share.
     pub unevenness: f64,
     /// Relative amplitude of the light's flicker.
@@ -367,6 +437,16 @@ const TILT_DEG: NumberRange = NumberRange {
     holds: |x| (-80.0..=80.0).contains(&x),
     hint: "0 looks at the plane squarely",
 };
+const PITCH_DEG: NumberRange = NumberRange {
+    accepted: "a number from -60 to 60",
+    holds: |x| (-60.0..=60.0).contains(&x),
+    hint: "0 looks at the plane squarely; above 0 the camera looks down",
+};
+const AZIMUTH_DEG: NumberRange = NumberRange {
+    accepted: "a number from -60 to 60",
+    holds: |x| (-60.0..=60.0).contains(&x),
+    hint: "0 moves in the calibrated plane; above 0 the ball comes nearer to the camera",
+};
 const ROLL_DEG: NumberRange = NumberRange {
     accepted: "a number from -45 to 45",
     holds: |x| (-LARGEST_ROLL_DEG..=LARGEST_ROLL_DEG).contains(&x),
@@ -381,6 +461,21 @@ const BUMP: NumberRange = NumberRange {
     accepted: "from -500 to 500",
     holds: |x| (-LARGEST_BUMP_PX..=LARGEST_BUMP_PX).contains(&x),
     hint: "give [right, down] in px; tables swing by some 0.1 to 5 px",
+};
+const PAN: NumberRange = NumberRange {
+    accepted: "from -10000 to 10000",
+    holds: |x| (-10_000.0..=10_000.0).contains(&x),
+    hint: "give [right, down] in px/s of the picture, which moves against the camera",
+};
+const WANDER: NumberRange = NumberRange {
+    accepted: "a number from 0 to 500",
+    holds: |x| (0.0..=LARGEST_BUMP_PX).contains(&x),
+    hint: "it is the standard deviation; hands have some 1 to 10 px",
+};
+const PHASE: NumberRange = NumberRange {
+    accepted: "a number from 0 up to below 1",
+    holds: |x| (0.0..1.0).contains(&x),
+    hint: "it is a share of a frame",
 };
 const TAIL: NumberRange = NumberRange {
     accepted: "a number from 0 to 60",
@@ -511,6 +606,53 @@ impl Scene {
         })
     }
 
+    /// A file that has far more or far fewer places than the camera takes frames, or stamps that are the same.
+    fn no_such_clock(&self, clock: &SceneClock) -> Option<FileProblem> {
+        let rate_hz = self.camera.frame_rate_hz;
+        let stored_hz = clock.stored_hz.unwrap_or(rate_hz);
+        if !(0.01..=10.0).contains(&(stored_hz / rate_hz)) {
+            return Some(FileProblem::new(
+                "camera.clock.stored_hz",
+                stored_hz.to_string(),
+                format!("from a hundredth to ten times the frame rate of {rate_hz} Hz"),
+                "it is how many frames a second the file has",
+            ));
+        }
+        let interval_s = 1.0 / clock.stamped_hz(rate_hz);
+        let step_s = clock.stamp_step_s.filter(|step_s| *step_s > interval_s)?;
+        Some(FileProblem::new(
+            "camera.clock.stamp_step_s",
+            step_s.to_string(),
+            format!("at most the time between two stamps, {interval_s:.6}"),
+            "two frames cannot have the same stamp; 0.001 is what many containers have",
+        ))
+    }
+
+    /// A second ball that is launched far outside the recording.
+    fn flies_too_long(&self, second: &SceneSecondBall) -> Option<FileProblem> {
+        (second.start_s.abs() > LONGEST_TAIL_S).then(|| {
+            FileProblem::new(
+                "second_ball.start_s",
+                second.start_s.to_string(),
+                format!("from -{LONGEST_TAIL_S} to {LONGEST_TAIL_S}"),
+                "the recording begins at 0",
+            )
+        })
+    }
+
+    /// An azimuth in a top view, where x is what the picture says it is.
+    fn seen_from_above_and_aside(&self) -> Option<FileProblem> {
+        let turned = self.camera.view == View::Top && self.camera.motion_azimuth_rad != 0.0;
+        turned.then(|| {
+            FileProblem::new(
+                "launch.azimuth_deg",
+                self.camera.motion_azimuth_rad.to_degrees().to_string(),
+                "0 in a top view",
+                "it is how the ball nears a camera that looks from the side",
+            )
+        })
+    }
+
     /// A ball that fills the picture.
     fn too_large(&self) -> Option<FileProblem> {
         let radius_px = self.ball.radius_m / self.camera.metres_per_pixel;
@@ -549,7 +691,13 @@ impl Scene {
             self.in_the_floor(),
             self.longer_than_a_frame("camera.exposure_s", self.camera.exposure_s),
             self.longer_than_a_frame("camera.readout_s", self.camera.readout_s),
+            self.camera
+                .clock
+                .as_ref()
+                .and_then(|clock| self.no_such_clock(clock)),
+            self.second_ball.and_then(|second| self.flies_too_long(&second)),
             self.pressed_flat(),
+            self.seen_from_above_and_aside(),
             self.too_large(),
             self.behind_camera(),
         ]
@@ -596,7 +744,7 @@ impl Scene {
     }
 }
 
-const TOP_KEYS: [&str; 14] = [
+const TOP_KEYS: [&str; 15] = [
     "schema",
     "seed",
     "gravity_m_s2",
@@ -605,6 +753,7 @@ const TOP_KEYS: [&str; 14] = [
     "floor",
     "launch",
     "air",
+    "second_ball",
     "camera",
     "look",
     "stop",
@@ -618,15 +767,21 @@ fn read_scene(top: &Section<'_>) -> Option<Scene> {
     check_schema(top);
     let contact = read_contact(top);
     let ball = read_ball(top);
+    let (launch, motion_azimuth_rad) = read_launch(top, &ball);
+    let look = read_look(top);
     Some(Scene {
         seed: top.whole("seed", 0..=u64::MAX).unwrap_or(1),
         gravity_m_s2: top.number("gravity_m_s2", POSITIVE).unwrap_or(9.81),
         ball,
         floor: read_floor(top),
-        launch: read_launch(top, &ball),
+        launch,
         air: read_air(top),
-        camera: read_camera(top),
-        look: read_look(top),
+        second_ball: read_second_ball(top, &ball, &look),
+        camera: Camera {
+            motion_azimuth_rad,
+            ..read_camera(top)
+        },
+        look,
         stop: read_stop(top),
         tolerance_px: top.number("tolerance_px", POSITIVE).unwrap_or(0.02),
         tolerance_grey: top.number("tolerance_grey", POSITIVE).unwrap_or(0.5),
@@ -719,10 +874,12 @@ fn read_floor(top: &Section<'_>) -> SceneFloor {
     }
 }
 
-fn read_launch(top: &Section<'_>, ball: &SceneBall) -> SceneLaunch {
+/// The launch, and how its plane is turned from the calibrated one, rad.
+fn read_launch(top: &Section<'_>, ball: &SceneBall) -> (SceneLaunch, f64) {
     let keys = [
         "drop_height_m",
         "speed_m_s",
+        "azimuth_deg",
         "spin_ratio",
         "rise_speed_m_s",
         "bench",
@@ -730,7 +887,8 @@ fn read_launch(top: &Section<'_>, ball: &SceneBall) -> SceneLaunch {
     let s = top.section_or_empty("launch", &keys);
     let bench = read_bench(&s);
     let rolling = bench.map_or(0.0, |bench| bench.rolling_ratio(ball.radius_m));
-    SceneLaunch {
+    let azimuth_rad = s.number("azimuth_deg", AZIMUTH_DEG).unwrap_or(0.0).to_radians();
+    let launch = SceneLaunch {
         drop_height_m: s.number("drop_height_m", NOT_NEGATIVE).unwrap_or(0.10),
         speed_m_s: s.number("speed_m_s", NOT_NEGATIVE).unwrap_or(1.0),
         spin_ratio: s
@@ -738,7 +896,8 @@ fn read_launch(top: &Section<'_>, ball: &SceneBall) -> SceneLaunch {
             .unwrap_or([0.0, rolling, 0.0]),
         rise_speed_m_s: s.number("rise_speed_m_s", FINITE).unwrap_or(0.0),
         bench,
-    }
+    };
+    (launch, azimuth_rad)
 }
 
 impl SceneBench {
@@ -777,8 +936,11 @@ fn read_camera(top: &Section<'_>) -> Camera {
         "distance_m",
         "plane_offset_m",
         "tilt_deg",
+        "pitch_deg",
         "roll_deg",
         "bump",
+        "pan",
+        "clock",
         "lens",
         "readout_s",
         "blur_px",
@@ -797,8 +959,12 @@ fn read_camera(top: &Section<'_>) -> Camera {
     let words = "take one of these words";
     let views = [("side", View::Side), ("top", View::Top)];
     let lossless = s.choice("codec", &[("h264", false), ("lossless", true)], words);
-    let [tilt_rad, roll_rad] = [("tilt_deg", TILT_DEG), ("roll_deg", ROLL_DEG)]
-        .map(|(key, range)| s.number(key, range).unwrap_or(0.0).to_radians());
+    let [tilt_rad, pitch_rad, roll_rad] = [
+        ("tilt_deg", TILT_DEG),
+        ("pitch_deg", PITCH_DEG),
+        ("roll_deg", ROLL_DEG),
+    ]
+    .map(|(key, range)| s.number(key, range).unwrap_or(0.0).to_radians());
     Camera {
         view: s.choice("view", &views, words).unwrap_or(View::Side),
         // Checked above: whole, and far inside usize.
@@ -815,8 +981,12 @@ fn read_camera(top: &Section<'_>) -> Camera {
             .or(lens.map(|l| l.focal_px() * metres_per_pixel)),
         plane_offset_m: s.number("plane_offset_m", FINITE).unwrap_or(0.0),
         tilt_rad,
+        pitch_rad,
+        motion_azimuth_rad: 0.0,
         roll_rad,
         bump: read_bump(&s),
+        pan: read_pan(&s),
+        clock: read_clock(&s),
         lens,
         readout_s: s.number("readout_s", NOT_NEGATIVE).unwrap_or(0.0),
         blur_px: s.number("blur_px", BLUR).unwrap_or(0.7),
@@ -839,6 +1009,82 @@ fn read_bump(camera: &Section<'_>) -> Option<SceneBump> {
         amplitude_px: Vector2::from(amplitude_px?),
         frequency_hz,
         decay_s,
+    })
+}
+
+fn read_pan(camera: &Section<'_>) -> Option<ScenePan> {
+    let s = camera.section("pan", &["velocity_px_s", "wander_px"])?;
+    let velocity_px_s = s.numbers("velocity_px_s", PAN, "a list of 2 numbers");
+    Some(ScenePan {
+        velocity_px_s: Vector2::from(velocity_px_s.unwrap_or([0.0; 2])),
+        wander_px: s.number("wander_px", WANDER).unwrap_or(0.0),
+    })
+}
+
+fn read_clock(camera: &Section<'_>) -> Option<SceneClock> {
+    let keys = [
+        "stored_hz",
+        "phase",
+        "left_out_places",
+        "filled_places",
+        "stamped_hz",
+        "stamp_step_s",
+    ];
+    let s = camera.section("clock", &keys)?;
+    let places = |key: &str| -> Vec<usize> {
+        let Some(value) = s.get(key) else {
+            return Vec::new();
+        };
+        let whole = |x: &Value| x.as_u64().and_then(|n| usize::try_from(n).ok());
+        let list = value
+            .as_array()
+            .map(|list| list.iter().map(whole).collect::<Option<_>>());
+        list.flatten().unwrap_or_else(|| {
+            let hint = "number the frames of the file before any is left out";
+            s.refuse_value(key, "a list of whole numbers from 0", hint);
+            Vec::new()
+        })
+    };
+    Some(SceneClock {
+        stored_hz: s.number("stored_hz", POSITIVE),
+        phase: s.number("phase", PHASE).unwrap_or(0.0),
+        left_out_places: places("left_out_places"),
+        filled_places: places("filled_places"),
+        stamped_hz: s.number("stamped_hz", POSITIVE),
+        stamp_step_s: s.number("stamp_step_s", POSITIVE),
+    })
+}
+
+fn read_second_ball(top: &Section<'_>, ball: &SceneBall, look: &SceneLook) -> Option<SceneSecondBall> {
+    let keys = [
+        "start_s",
+        "x_m",
+        "drop_height_m",
+        "speed_m_s",
+        "rise_speed_m_s",
+        "radius_m",
+        "ball_grey",
+    ];
+    let s = top.section("second_ball", &keys)?;
+    let number = |key: &str| s.number(key, FINITE).unwrap_or(0.0);
+    Some(SceneSecondBall {
+        start_s: number("start_s"),
+        x_m: number("x_m"),
+        drop_height_m: s.number("drop_height_m", POSITIVE).unwrap_or(0.10),
+        speed_m_s: number("speed_m_s"),
+        rise_speed_m_s: number("rise_speed_m_s"),
+        radius_m: s.number("radius_m", POSITIVE).unwrap_or(ball.radius_m),
+        ball_grey: s.number("ball_grey", GREY).unwrap_or(look.ball_grey),
+    })
+}
+
+fn read_wall_shadow(look: &Section<'_>) -> Option<SceneWallShadow> {
+    let s = look.section("wall_shadow", &["offset_px", "depth_grey", "blur_px"])?;
+    let offset_px = s.required_numbers("offset_px", BUMP, "a list of 2 numbers");
+    Some(SceneWallShadow {
+        offset_px: Vector2::from(offset_px?),
+        depth_grey: s.number("depth_grey", GREY).unwrap_or(20.0),
+        blur_px: s.number("blur_px", BLUR).unwrap_or(2.0),
     })
 }
 
@@ -879,6 +1125,7 @@ fn read_look(top: &Section<'_>) -> SceneLook {
         "texture_grey",
         "reflection",
         "shadow",
+        "wall_shadow",
         "unevenness",
         "flicker",
         "flicker_hz",
@@ -897,6 +1144,7 @@ fn read_look(top: &Section<'_>) -> SceneLook {
         texture_grey: s.number("texture_grey", GREY).unwrap_or(0.0),
         reflection: share("reflection"),
         shadow: share("shadow"),
+        wall_shadow: read_wall_shadow(&s),
         unevenness: share("unevenness"),
         flicker: share("flicker"),
         flicker_hz: s.number("flicker_hz", POSITIVE).unwrap_or(100.0),

@@ -28,6 +28,8 @@ pub struct SceneKeys {
     pub launch: Option<SceneLaunchKeys>,
     /// What it flies through.
     pub air: Option<SceneAirKeys>,
+    /// Another ball in the picture.
+    pub second_ball: Option<SecondBallKeys>,
     /// What looks at it.
     pub camera: Option<SceneCameraKeys>,
     /// What that sees.
@@ -87,6 +89,9 @@ pub struct SceneLaunchKeys {
     pub spin_ratio: Option<[f64; 3]>,
     /// Speed upwards, m/s; 0.
     pub rise_speed_m_s: Option<f64>,
+    /// By how much the plane of motion is turned from the calibrated one, degrees: above 0 the ball comes nearer; 0.
+    #[schemars(range(min = -60, max = 60))]
+    pub azimuth_deg: Option<f64>,
     /// The level bench along which the ball is seen to roll before.
     pub bench: Option<SceneBenchKeys>,
 }
@@ -141,11 +146,18 @@ pub struct SceneCameraKeys {
     /// Turned about the picture's vertical by, degrees; 0.
     #[schemars(range(min = -80, max = 80))]
     pub tilt_deg: Option<f64>,
+    /// Pitched about the picture's horizontal by, degrees: above 0 it looks down; 0. The calibration does not say it.
+    #[schemars(range(min = -60, max = 60))]
+    pub pitch_deg: Option<f64>,
     /// Rolled about the optical axis by, degrees; 0.
     #[schemars(range(min = -45, max = 45))]
     pub roll_deg: Option<f64>,
     /// How table and camera swing after an impact.
     pub bump: Option<SceneBumpKeys>,
+    /// How the camera is panned, or held by hand.
+    pub pan: Option<ScenePanKeys>,
+    /// What the file makes of the frames' times.
+    pub clock: Option<SceneClockKeys>,
     /// The lens by OpenCV's model.
     pub lens: Option<SceneLensKeys>,
     /// From the exposure of the first row to that of the last, s; 0.
@@ -177,6 +189,72 @@ pub struct SceneBumpKeys {
     pub frequency_hz: Option<Positive>,
     /// τ, s; 0.015.
     pub decay_s: Option<Positive>,
+}
+
+/// A drift of the whole picture, 0 at t = 0.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct ScenePanKeys {
+    /// Velocity (right, down), px/s; [0, 0].
+    pub velocity_px_s: Option<[f64; 2]>,
+    /// Standard deviation of a hand's slow wander along each axis, px; 0.
+    #[schemars(range(min = 0, max = 500))]
+    pub wander_px: Option<f64>,
+}
+
+/// Place k of the file shows the camera's frame floor(k frame_rate_hz / stored_hz + phase).
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SceneClockKeys {
+    /// Places a second: below the frame rate frames are left out in regular places, above they are repeated; the frame rate.
+    pub stored_hz: Option<Positive>,
+    /// 0 up to below 1; 0.
+    #[schemars(range(min = 0, max = 1))]
+    pub phase: Option<f64>,
+    /// Places left out without a trace.
+    pub left_out_places: Option<Vec<u32>>,
+    /// Places that show what the one before shows.
+    pub filled_places: Option<Vec<u32>>,
+    /// Rate of the even stamps, Hz; `stored_hz`.
+    pub stamped_hz: Option<Positive>,
+    /// What stamps are cut to, s; null: as fine as the container's.
+    pub stamp_step_s: Option<Positive>,
+}
+
+/// A second ball, with the first's contact and density, without spin.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct SecondBallKeys {
+    /// When it is launched, s: below 0 it flies already as the recording begins; 0.
+    #[schemars(range(min = -60, max = 60))]
+    pub start_s: Option<f64>,
+    /// Where, along x, m; 0.
+    pub x_m: Option<f64>,
+    /// Height of its lowest point, m; 0.1.
+    pub drop_height_m: Option<Positive>,
+    /// Along x, m/s; below 0 against it; 0.
+    pub speed_m_s: Option<f64>,
+    /// Upwards, m/s; 0.
+    pub rise_speed_m_s: Option<f64>,
+    /// R, m; as the first.
+    pub radius_m: Option<Positive>,
+    /// As `look.ball_grey`.
+    #[schemars(range(min = 0, max = 255))]
+    pub ball_grey: Option<f64>,
+}
+
+/// The ball's shadow on a wall behind it.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct WallShadowKeys {
+    /// From the ball's centre (right, down), px.
+    pub offset_px: [f64; 2],
+    /// How much darker the wall is, grey; 20.
+    #[schemars(range(min = 0, max = 255))]
+    pub depth_grey: Option<f64>,
+    /// Standard deviation of its soft edge, px; 2.
+    #[schemars(range(min = 0, max = 50))]
+    pub blur_px: Option<f64>,
 }
 
 /// A lens by OpenCV's model.
@@ -217,6 +295,8 @@ pub struct SceneLookKeys {
     /// Darkening of the floor right below a ball that touches it; 0.
     #[schemars(range(min = 0, max = 1))]
     pub shadow: Option<f64>,
+    /// What the ball throws on a wall behind it; null: nothing.
+    pub wall_shadow: Option<WallShadowKeys>,
     /// Fall of the light from the brightest to the darkest corner, as a share; 0.
     #[schemars(range(min = 0, max = 1))]
     pub unevenness: Option<f64>,

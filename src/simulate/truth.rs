@@ -5,17 +5,26 @@
 //! touch. Ratios, friction and angles refer to the floor's normal and
 //! tangent, velocities to x, y and z: over a level floor that is the same. Angles are in the x-z plane, from the normal,
 //! positive along the incident direction. `u_px`, `v_px` is the image of the ball's centre with all geometric effects
-//! (perspective, camera roll, lens, bump, rolling shutter); `x_m`, `y_m`, `z_m` its
+//! (perspective, camera roll, lens, bump, pan, rolling shutter); `x_m`, `y_m`, `z_m` its
 //! place in the world at the frame's time.
+//!
+//! Of a ball whose plane of motion is turned from the calibrated one (`launch.azimuth_deg`), all places, distances and velocities
+//! along x are their components along the calibrated plane, which is what a camera sees; y is away from it. Angles, ratios, friction,
+//! e, e_x and spins are those of the motion in its own vertical plane: of the ball and its floor, wherever they are seen from.
+//!
+//! A frame is one that the camera took, at its true time; `stored_frame` says where the file has it (`camera.clock`).
 
+use super::camera::along_calibrated;
 use super::effects::Plane;
 use super::effects::{Decision, Unit};
-use super::flight::Impact;
+use super::flight::{Impact, Trajectory};
+use super::render::{OtherBall, Renderer};
+use super::scene::Scene;
 use super::{SimulatedRecording, frame_times_s};
 use crate::Build;
 use crate::geometry::PixelPoint;
 use crate::rebound::{Regime, azimuth_rad};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -42,7 +51,23 @@ pub struct Truth {
     pub x0_m: Option<f64>,
     /// From the first impact to the second, along x, m; also where that is after the recording's end.
     pub x_m: Option<f64>,
-    /// One for each frame.
+    /// One for each frame that the camera took.
+    pub centres: Vec<CentreTruth>,
+    /// The other ball in the picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_ball: Option<SecondBallTruth>,
+}
+
+/// Another ball, by the clock and in the place of the first.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct SecondBallTruth {
+    /// When it is launched, s: before 0 where it flies already as the recording begins.
+    pub start_s: f64,
+    /// m.
+    pub radius_m: f64,
+    /// The impacts within the recording.
+    pub bounces: Vec<BounceTruth>,
+    /// One for each frame that the camera took.
     pub centres: Vec<CentreTruth>,
 }
 
@@ -135,6 +160,8 @@ pub struct BounceTruth {
 pub struct CentreTruth {
     /// From 0.
     pub frame: usize,
+    /// The first frame of the file that shows it; `null` where the file leaves it out.
+    pub stored_frame: Option<usize>,
     /// s.
     pub time_s: f64,
     /// m.
@@ -158,6 +185,8 @@ impl Truth {
         let impacts = recording.trajectory().impacts();
         let end_s = recording.trajectory().end_s();
         let floor = recording.trajectory().floor();
+        let camera = &recording.scene().camera;
+        let seen_x_m = |i: &Impact| along_calibrated(camera, &i.place_m).x;
         Self {
             schema: SCHEMA,
             build: Build::THIS,
@@ -167,14 +196,44 @@ impl Truth {
             bounces: impacts
                 .iter()
                 .take_while(|i| i.time_s <= end_s)
-                .map(|i| bounce(i, floor, recording.scene().gravity_m_s2))
+                .map(|i| bounce(i, floor, recording.scene()))
                 .collect(),
-            x0_m: impacts.first().map(|i| i.place_m.x),
+            x0_m: impacts.first().map(seen_x_m),
             x_m: impacts
                 .get(1)
-                .map(|second| second.place_m.x - impacts[0].place_m.x),
-            centres: centres(recording),
+                .map(|second| seen_x_m(second) - seen_x_m(&impacts[0])),
+            centres: centres(recording, recording.trajectory(), recording.renderer(), 0.0),
+            second_ball: recording
+                .renderer()
+                .second()
+                .map(|other| second_ball(recording, other)),
         }
+    }
+}
+
+fn second_ball(recording: &SimulatedRecording, other: &OtherBall) -> SecondBallTruth {
+    let (scene, floor) = (recording.scene(), other.trajectory.floor());
+    let in_recording = |i: &Impact| {
+        let own = bounce(i, floor, scene);
+        BounceTruth {
+            time_s: own.time_s + other.start_s,
+            arcs_meet_s: own.arcs_meet_s + other.start_s,
+            x_m: own.x_m + other.x_m,
+            ..own
+        }
+    };
+    let impacts = other.trajectory.impacts().iter().map(in_recording);
+    let mut centres = centres(recording, &other.trajectory, &other.renderer, other.start_s);
+    for centre in &mut centres {
+        centre.x_m += other.x_m;
+    }
+    SecondBallTruth {
+        start_s: other.start_s,
+        radius_m: other.radius_m,
+        bounces: impacts
+            .filter(|b| b.time_s >= 0.0 && b.time_s <= recording.trajectory().end_s())
+            .collect(),
+        centres,
     }
 }
 
@@ -196,14 +255,14 @@ fn launch(recording: &SimulatedRecording) -> Option<LaunchTruth> {
     let rolled_s = recording.trajectory().launch_s();
     recording.uses("bench").then_some(LaunchTruth {
         time_s: rolled_s,
-        speed_m_s: launch.speed_m_s,
+        speed_m_s: launch.speed_m_s * recording.scene().camera.motion_azimuth_rad.cos(),
         rolled_s,
         edge_x_m: 0.0,
         drop_height_m: launch.drop_height_m,
     })
 }
 
-fn bounce(impact: &Impact, floor: &Plane, gravity_m_s2: f64) -> BounceTruth {
+fn bounce(impact: &Impact, floor: &Plane, scene: &Scene) -> BounceTruth {
     let (incident, rebound) = (
         floor.motion_in_frame(&impact.incident),
         floor.motion_in_frame(&impact.rebound),
@@ -215,16 +274,20 @@ fn bounce(impact: &Impact, floor: &Plane, gravity_m_s2: f64) -> BounceTruth {
     );
     let ratio = |a: f64, b: f64| Some(a / b).filter(|q| q.is_finite());
     let forward = if before.x < 0.0 { -1.0 } else { 1.0 };
-    let leg = |world: Vector3<f64>, framed: Vector3<f64>| LegTruth {
-        vx_m_s: world.x,
-        vy_m_s: world.y,
-        vz_m_s: world.z,
-        angle_deg: (forward * framed.x).atan2(framed.z.abs()).to_degrees(),
+    let leg = |world: Vector3<f64>, framed: Vector3<f64>| {
+        let world = along_calibrated(&scene.camera, &world);
+        LegTruth {
+            vx_m_s: world.x,
+            vy_m_s: world.y,
+            vz_m_s: world.z,
+            angle_deg: (forward * framed.x).atan2(framed.z.abs()).to_degrees(),
+        }
     };
+    let place_m = along_calibrated(&scene.camera, &impact.place_m);
     BounceTruth {
         time_s: impact.time_s,
-        x_m: impact.place_m.x,
-        y_m: impact.place_m.y,
+        x_m: place_m.x,
+        y_m: place_m.y,
         incident: leg(impact.incident.velocity_m_s, before),
         rebound: leg(impact.rebound.velocity_m_s, after),
         restitution: ratio(after.z, before.z.abs()),
@@ -246,7 +309,7 @@ fn bounce(impact: &Impact, floor: &Plane, gravity_m_s2: f64) -> BounceTruth {
                 before.z.abs(),
                 after.z,
                 impact.contact_s,
-                floor.gravity_towards(gravity_m_s2),
+                floor.gravity_towards(scene.gravity_m_s2),
             ),
     }
 }
@@ -257,22 +320,42 @@ fn meeting_s(down_m_s: f64, up_m_s: f64, contact_s: f64, gravity_m_s2: f64) -> f
     (up_m_s + 0.5 * fall) * contact_s / (down_m_s + up_m_s + fall)
 }
 
-fn centres(recording: &SimulatedRecording) -> Vec<CentreTruth> {
-    let radius_px = recording.scene().ball.radius_m / recording.scene().camera.metres_per_pixel;
+/// Of the ball on `trajectory`, launched at `start_s`, as `renderer` shows it.
+fn centres(
+    recording: &SimulatedRecording,
+    trajectory: &Trajectory,
+    renderer: &Renderer,
+    start_s: f64,
+) -> Vec<CentreTruth> {
+    let mut stored_frame = vec![None; recording.frame_count()];
+    for (k, stored) in recording.stored_frames().iter().enumerate() {
+        stored_frame[stored.shows].get_or_insert(k);
+    }
     frame_times_s(recording.scene(), recording.trajectory())
-        .zip(0..)
-        .map(|(time_s, frame)| {
-            let at_m = recording.trajectory().state(time_s).position_m;
-            let seen = apparent_centre(recording, time_s);
+        .zip(stored_frame)
+        .enumerate()
+        .map(|(frame, (time_s, stored_frame))| {
+            let shift_px = recording.renderer().shift_px(recording.trajectory(), time_s);
+            // It lies still before its launch.
+            let own_s = if start_s == 0.0 {
+                time_s
+            } else {
+                (time_s - start_s).max(0.0)
+            };
+            let camera = &recording.scene().camera;
+            let at_m = along_calibrated(camera, &trajectory.state(own_s).position_m);
+            let seen = apparent_centre(trajectory, renderer, shift_px, own_s);
+            let radius_px = renderer.radius_px();
             CentreTruth {
                 frame,
+                stored_frame,
                 time_s,
                 x_m: at_m.x,
                 y_m: at_m.y,
                 z_m: at_m.z,
                 u_px: seen.u_px,
                 v_px: seen.v_px,
-                visible: recording.renderer().picture().shows(seen, radius_px),
+                visible: renderer.picture().shows(seen, radius_px),
             }
         })
         .collect()
@@ -280,14 +363,14 @@ fn centres(recording: &SimulatedRecording) -> Vec<CentreTruth> {
 
 /// Image of the ball's centre in the frame of `time_s`: at the time when a rolling shutter exposes its row, and shifted with
 /// the picture.
-fn apparent_centre(recording: &SimulatedRecording, time_s: f64) -> PixelPoint {
-    let renderer = recording.renderer();
-    let shift_px = renderer.shift_px(recording.trajectory(), time_s);
+fn apparent_centre(
+    trajectory: &Trajectory,
+    renderer: &Renderer,
+    shift_px: Vector2<f64>,
+    time_s: f64,
+) -> PixelPoint {
     let at = |t: f64| {
-        let centre = renderer
-            .picture()
-            .outline(&recording.trajectory().state(t).position_m)
-            .centre;
+        let centre = renderer.picture().outline(&trajectory.state(t).position_m).centre;
         PixelPoint::new(centre.u_px + shift_px.x, centre.v_px + shift_px.y)
     };
     let mut seen = at(time_s);

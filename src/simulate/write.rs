@@ -1,11 +1,12 @@
 //! The files of a recording: video, truth, calibration.
 
 use super::SimulatedRecording;
-use super::camera::{axis_m, axis_px, rolled};
+use super::camera::{axis_m, axis_px, origin_m, rolled};
 use super::flight::Impact;
 use super::scene::{SceneError, View};
-use crate::frames::encode::{Coding, EncodeError, VideoWriter};
-use nalgebra::{Matrix3, Vector3};
+use crate::frames::Luma;
+use crate::frames::encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
+use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -78,18 +79,30 @@ pub fn write(
         video: file(extension),
         truth: file("truth.json"),
         calib: file("calib.json"),
-        frames: recording.frame_count(),
+        frames: recording.stored_frames().len(),
     };
     let camera = &recording.scene().camera;
-    let mut video = VideoWriter::create(
-        &written.video,
-        camera.width_px,
-        camera.height_px,
-        camera.frame_rate_hz,
-        coding,
-    )?;
-    for (frame, done) in recording.frames().zip(1..) {
-        video.write(&frame)?;
+    let clock = recording.clock.as_ref();
+    let rate_hz = clock.map_or(camera.frame_rate_hz, |c| c.stamped_hz(camera.frame_rate_hz));
+    let is_cut = clock.is_some_and(|c| c.stamp_step_s.is_some());
+    let mut options = VideoOptions::new(rate_hz, coding);
+    if is_cut {
+        options.timing = Timing::Stamped;
+    }
+    let mut video = VideoWriter::create_with(&written.video, camera.width_px, camera.height_px, &options)?;
+    let mut shown: Option<(usize, Luma)> = None;
+    for (stored, done) in recording.stored_frames().into_iter().zip(1..) {
+        // Repeats are the same picture, made once.
+        let frame = match shown.take() {
+            Some((shows, frame)) if shows == stored.shows => frame,
+            _ => recording.frame(stored.shows),
+        };
+        if is_cut {
+            video.write_at(&frame, stored.stamp_s)?;
+        } else {
+            video.write(&frame)?;
+        }
+        shown = Some((stored.shows, frame));
         on_frame(done);
     }
     write_json(&written.truth, &recording.truth())?;
@@ -121,7 +134,8 @@ fn rw_by_umask() -> std::fs::Permissions {
     std::fs::Permissions::from_mode(0o666)
 }
 
-/// `calib.json` for the recording: what a careful experimenter would know. The time base is the file's own.
+/// `calib.json` for the recording: what a careful experimenter would know. The time base is the file's own. That the camera is
+/// pitched, that it wanders and that the ball comes nearer he does not know: the scale is that of the picture's middle.
 #[must_use]
 pub fn calibration(recording: &SimulatedRecording) -> Value {
     let scene = recording.scene();
@@ -206,15 +220,10 @@ fn world_from_pixel(recording: &SimulatedRecording) -> Matrix3<f64> {
     h / h[(2, 2)]
 }
 
-/// The world's origin as the picture shows it: a point of the calibrated plane, so that only the lens moves it.
+/// The world's origin as the picture shows it: a point of the calibrated plane, so that only lens and pitch move it.
 fn origin_px(recording: &SimulatedRecording) -> [f64; 2] {
     let camera = &recording.scene().camera;
-    // In that plane nearness is 0: y = plane_offset in a side view.
-    let origin_m = match camera.view {
-        View::Side => Vector3::new(0.0, camera.plane_offset_m, 0.0),
-        View::Top => Vector3::zeros(),
-    };
-    let seen = recording.renderer().picture().outline(&origin_m).centre;
+    let seen = recording.renderer().picture().outline(&origin_m(camera)).centre;
     [seen.u_px, seen.v_px]
 }
 

@@ -17,6 +17,7 @@ mod bench;
 mod bump;
 mod buoyancy;
 mod camera_roll;
+mod clock;
 mod codec;
 mod contact_time;
 mod defocus;
@@ -28,32 +29,36 @@ mod floor_slope;
 mod lens;
 mod magnus;
 mod noise;
+mod pan;
 mod perspective;
 mod reflection;
 mod rolling_shutter;
+mod second_ball;
 mod shading;
 mod shadow;
 mod shot_noise;
 mod texture;
 mod uneven_light;
+mod wall_shadow;
 
 use super::camera::{BallOutline, PictureEdge, PictureOf, picture_shift_px};
 use super::flight::{BallState, Perturbations, Trajectory};
 use super::render::{Backdrop, FineGrid};
-use super::scene::{EffectsChoice, Scene, SceneError, Switch};
+use super::scene::{EffectsChoice, Scene, SceneClock, SceneError, SceneSecondBall, Switch};
 use crate::geometry::PixelPoint;
 use crate::rebound::RigidMotion;
 use nalgebra::{Vector2, Vector3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+pub use clock::StoredFrame;
 pub use contact_time::Dip;
 pub use deviation::{Disturbance, Jump, LargestDeviation};
 pub use drag::drag_coefficient;
 pub use floor_slope::Plane;
 
 /// All effects, in the order in which they act.
-pub static ALL: [&dyn Effect; 22] = [
+pub static ALL: [&dyn Effect; 26] = [
     &bench::Bench,
     &floor_slope::SlopingFloor,
     &drag::AirDrag,
@@ -64,18 +69,22 @@ pub static ALL: [&dyn Effect; 22] = [
     &camera_roll::CameraRoll,
     &lens::LensDistortion,
     &bump::Bump,
+    &pan::Pan,
     &exposure::ExposureBlur,
     &rolling_shutter::RollingShutter,
     &defocus::Defocus,
     &shading::Shading,
     &texture::Texture,
     &shadow::Shadow,
+    &wall_shadow::WallShadow,
     &reflection::Reflection,
+    &second_ball::SecondBall,
     &uneven_light::UnevenLight,
     &flicker::Flicker,
     &noise::ReadNoise,
     &shot_noise::ShotNoise,
     &codec::Compression,
+    &clock::Clock,
 ];
 
 /// Margin on the sum of what is left out: estimates are first order along the undisturbed path.
@@ -220,6 +229,10 @@ pub enum Action {
     SensorNoise(Box<dyn SensorNoise>),
     /// The file is compressed with loss, with this constant rate factor.
     Lossy(u8),
+    /// What the file stores of the frames, and when it says that they were taken.
+    Clock(Box<SceneClock>),
+    /// Another ball is in the picture.
+    SecondBall(SceneSecondBall),
 }
 
 /// What acts on the ball in flight, summed over all forces.
@@ -389,6 +402,7 @@ impl Ideal {
             shift_px += disturbed.shift_px;
         }
         shift_px += scene.camera.bump.map_or(0.0, |bump| bump.amplitude_px.norm());
+        shift_px += pan::reach_px(scene, rigid.trajectory.end_s() + MARGIN * late_s);
         let mut longer = scene.clone();
         longer.stop.tail_s += MARGIN * late_s;
         let radius_px = scene.ball.radius_m / scene.camera.metres_per_pixel;
@@ -547,6 +561,10 @@ pub struct ChosenEffects {
     pub noises: Vec<Acting<dyn SensorNoise>>,
     /// Constant rate factor of lossy storage.
     pub lossy_crf: Option<Acting<u8>>,
+    /// The file's clock.
+    pub clock: Option<Acting<SceneClock>>,
+    /// Another ball.
+    pub second_ball: Option<Acting<SceneSecondBall>>,
 }
 
 impl ChosenEffects {
@@ -590,6 +608,8 @@ impl ChosenEffects {
             Action::Lamp(x) => self.lamps.push(acting(x, evaluations)),
             Action::SensorNoise(x) => self.noises.push(acting(x, evaluations)),
             Action::Lossy(crf) => self.lossy_crf = Some(acting(Box::new(crf), evaluations)),
+            Action::Clock(x) => self.clock = Some(acting(x, evaluations)),
+            Action::SecondBall(x) => self.second_ball = Some(acting(Box::new(x), evaluations)),
         }
         true
     }
