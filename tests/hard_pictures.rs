@@ -5,25 +5,15 @@
 
 mod hard;
 
-use hard::{Chance, Clip, HONEST_SIGMAS, Judged, assert_true, moved, paint_box, paint_disc, scene, with};
+use hard::{
+    Chance, Clip, HONEST_SIGMAS, assert_honest, assert_true, each, moved, paint_box, paint_disc, scene, with,
+};
 use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::Luma;
 use track::pipeline::measure;
 use track::simulate::{Scene, SimulatedRecording, write};
-
-/// That no number is wrong without a word that names the cause: `codes` are words that do.
-fn assert_honest(found: &Judged, codes: &[&str], what: &str) {
-    assert!(found.broken.is_empty(), "{what}: {:?}", found.broken);
-    let lies = found.lies(HONEST_SIGMAS);
-    let told = codes.iter().any(|c| found.warns(c));
-    assert!(
-        lies.is_empty() || told,
-        "{what}: {lies:#?}, warned of {:?}",
-        found.warnings()
-    );
-}
 
 fn of_radius(scene: Value, radius_px: f64) -> Value {
     let radius_m = 0.0015 * radius_px;
@@ -279,4 +269,26 @@ fn nothing_to_see_is_said() {
         let reason = clip.measured().reason().unwrap();
         assert!(reason.contains("no ball was found"), "{what}: {reason}");
     }
+}
+
+#[test]
+fn a_panned_camera_is_followed() {
+    each(
+        [
+            (1220, json!({"velocity_px_s": [40, 0]}), 6),
+            (1221, json!({"velocity_px_s": [-25, 30]}), 4),
+            (1222, json!({"wander_px": 4}), 6),
+            (1223, json!({"velocity_px_s": [15, -5], "wander_px": 2}), 10),
+        ],
+        |(seed, pan, texture_grey)| {
+            let what = format!("{pan}, texture {texture_grey}");
+            let wide = json!({"image_size_px": [380, 300], "origin_px": [60, 250], "pan": pan});
+            let panned = with(
+                with(scene(seed), "camera", wide),
+                "look",
+                json!({"texture_grey": texture_grey}),
+            );
+            assert_true(&Clip::of(&panned).measured(), 2, &what);
+        },
+    );
 }

@@ -66,15 +66,18 @@ impl Clip {
     /// A rendered clip whose frames are changed by `change` (frame, its picture, the ball's true place).
     pub fn opened(scene: &Value, change: impl Fn(usize, &mut Luma, &CentreTruth)) -> Self {
         let recording = SimulatedRecording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
-        let truth = recording.truth();
-        let mut frames: Vec<Luma> = recording.frames().collect();
+        let mut truth = recording.truth();
+        // What the file holds of what the camera took.
+        let stored = recording.stored_frames();
+        truth.centres = stored.iter().map(|s| truth.centres[s.shows]).collect();
+        let mut frames: Vec<Luma> = stored.iter().map(|s| recording.frame(s.shows)).collect();
         for (i, frame) in frames.iter_mut().enumerate() {
             change(i, frame, &truth.centres[i]);
         }
         let calibration_json = calibration(&recording);
         Self {
             times_s: truth.centres.iter().map(|c| c.time_s).collect(),
-            rate_hz: scene["camera"]["frame_rate_hz"].as_f64().unwrap_or(240.0),
+            rate_hz: stored_hz(scene),
             frames,
             calibration: parsed(&calibration_json),
             calibration_json,
@@ -114,6 +117,27 @@ impl Clip {
                 *u = json!(-u.as_f64().unwrap());
             }
         })
+    }
+
+    /// The same judged by what its second ball does.
+    pub fn of_the_other(mut self) -> Self {
+        let other = self.truth.second_ball.take().unwrap();
+        (self.truth.bounces, self.truth.x0_m, self.truth.x_m) = (other.bounces, None, None);
+        self
+    }
+
+    /// The same, and after it all of `next`, whose clock goes on.
+    pub fn then(mut self, next: &Self) -> Self {
+        let shift_s = self.times_s.last().unwrap() + 1.0 / self.rate_hz - next.times_s[0];
+        self.frames.extend(next.frames.iter().cloned());
+        self.times_s.extend(next.times_s.iter().map(|t| t + shift_s));
+        self.truth.centres.extend(&next.truth.centres);
+        let later = next.truth.bounces.iter().map(|b| BounceTruth {
+            time_s: b.time_s + shift_s,
+            ..*b
+        });
+        self.truth.bounces.extend(later);
+        self
     }
 
     /// The same after the ball was held for `frames` where the clip begins. Of `scene`, whose ball begins at rest.
@@ -484,6 +508,13 @@ fn against(m: &Measurement, clip: &Clip) -> (Vec<Compared>, Vec<String>, Vec<Str
     (compared, misnamed, broken)
 }
 
+/// Frames a second of the file.
+fn stored_hz(scene: &Value) -> f64 {
+    let camera = &scene["camera"];
+    let stored_hz = camera["clock"]["stored_hz"].as_f64();
+    stored_hz.or(camera["frame_rate_hz"].as_f64()).unwrap_or(240.0)
+}
+
 fn parsed(calibration: &Value) -> Calibration {
     Calibration::parse(&calibration.to_string(), "calib.json").unwrap()
 }
@@ -524,6 +555,33 @@ fn nearest(bounces: &[BounceTruth], time_s: f64) -> Option<usize> {
         let off = |k: usize| (bounces[k].time_s - time_s).abs();
         off(a).total_cmp(&off(b))
     })
+}
+
+/// `test` with each of `variants`: all that fail are told, not the first alone.
+pub fn each<T>(variants: impl IntoIterator<Item = T>, test: impl Fn(T)) {
+    let (mut tried, mut failed) = (0, Vec::new());
+    for variant in variants {
+        tried += 1;
+        let tested = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| test(variant)));
+        if let Err(why) = tested {
+            let why = why.downcast_ref::<String>();
+            failed.push(why.map_or_else(|| "it panicked".to_owned(), String::clone));
+        }
+    }
+    let count = failed.len();
+    assert!(failed.is_empty(), "{count} of {tried}:\n{}", failed.join("\n"));
+}
+
+/// That no number is wrong without a word that names the cause: `codes` are words that do.
+pub fn assert_honest(found: &Judged, codes: &[&str], what: &str) {
+    assert!(found.broken.is_empty(), "{what}: {:?}", found.broken);
+    let lies = found.lies(HONEST_SIGMAS);
+    let told = codes.iter().any(|c| found.warns(c));
+    assert!(
+        lies.is_empty() || told,
+        "{what}: {lies:#?}, warned of {:?}",
+        found.warnings()
+    );
 }
 
 /// That all numbers hold the truth, of so many bounces.
