@@ -292,3 +292,21 @@ fn a_panned_camera_is_followed() {
         },
     );
 }
+
+#[test]
+fn a_shadow_on_the_wall_is_not_taken_for_the_ball() {
+    // Beside the ball and below it; faint and as strong as the ball.
+    each(
+        [
+            (1230, [22.0, 8.0], 25.0, 2.0),
+            (1232, [14.0, 14.0], 12.0, 3.0),
+            (1233, [-26.0, 0.0], 70.0, 1.0),
+        ],
+        |(seed, offset_px, depth_grey, blur_px)| {
+            let shadow = json!({"offset_px": offset_px, "depth_grey": depth_grey, "blur_px": blur_px});
+            let look = json!({"background_grey": 110, "ball_grey": 210, "wall_shadow": shadow});
+            let found = Clip::of(&with(scene(seed), "look", look)).measured();
+            assert_true(&found, 2, &format!("{depth_grey} grey at {offset_px:?} px"));
+        },
+    );
+}

@@ -5,7 +5,7 @@
 
 mod hard;
 
-use hard::{Chance, Clip, Judged, assert_true, scene, with};
+use hard::{Chance, Clip, HONEST_SIGMAS, Judged, assert_true, each, scene, with};
 use serde_json::{Value, json};
 use std::sync::OnceLock;
 use track::simulate::Scene;
@@ -420,4 +420,76 @@ fn a_soft_ball_is_said_to_have_a_contact_of_unknown_time() {
     assert!(off.abs() < 2.0 * 9.81 * 1.3e-3 / 1.9, "{off}");
     // Steel is as hard as it is taken for.
     assert!(!usual().measured().warns("contact_time_unknown"));
+}
+
+/// A ball of the size of a tennis ball that falls far, before a slow camera.
+fn high(seed: u64, frame_rate_hz: f64, e: f64) -> Value {
+    let large = with(scene(seed), "ball", json!({"radius_m": 0.033, "mass_kg": 0.17}));
+    let slow = json!({"image_size_px": [240, 360], "origin_px": [30, 335], "metres_per_pixel": 0.004,
+                      "frame_rate_hz": frame_rate_hz, "exposure_s": 0.001});
+    let slow = with(large, "camera", slow);
+    let slow = with(slow, "contact", json!({"restitution": e}));
+    let slow = with(slow, "stop", json!({"bounces": 3, "tail_s": 0.2}));
+    launched(slow, 1.2, 0.3)
+}
+
+/// A scene whose file has its own clock.
+fn filed(scene: Value, stored_hz: f64, phase: f64) -> Value {
+    with(
+        scene,
+        "camera",
+        json!({"clock": {"stored_hz": stored_hz, "phase": phase}}),
+    )
+}
+
+#[test]
+fn frames_repeated_in_regular_places_are_left_out() {
+    const BOTH: &[&str] = &["lossless", "h264"];
+    each(
+        [
+            (1310, 48.0, 60.0, 0.0, BOTH),
+            (1311, 48.0, 60.0, 0.5, BOTH),
+            (1312, 100.0, 120.0, 0.0, BOTH),
+            (1314, 120.0, 150.0, 0.0, &["lossless"]),
+            (1315, 120.0, 150.0, 0.3, &["lossless"]),
+            (1316, 240.0, 300.0, 0.0, &["lossless"]),
+            (1317, 240.0, 300.0, 0.8, &["lossless"]),
+        ],
+        |(seed, camera_hz, stored_hz, phase, codecs)| {
+            let taken = if camera_hz < 60.0 {
+                high(seed, camera_hz, 0.75)
+            } else {
+                at_rate(scene(seed), camera_hz)
+            };
+            let bounces = if camera_hz < 60.0 { 3 } else { 2 };
+            let clip = Clip::of(&filed(taken, stored_hz, phase));
+            for codec in codecs {
+                let what = format!("{camera_hz} Hz at {stored_hz}, phase {phase}, {codec}");
+                let found = clip.stored(codec);
+                assert_true(&found, bounces, &what);
+                assert!(found.warns("repeated_frames"), "{what}: {:?}", found.warnings());
+            }
+        },
+    );
+}
+
+#[test]
+fn a_dropped_ball_has_no_x0() {
+    each([(1341, 0.2, 20), (1342, 0.12, 5)], |(seed, drop_m, held)| {
+        let dropped = launched(scene(seed), drop_m, 0.0);
+        let dropped = with(dropped, "camera", json!({"origin_px": [160, 220]}));
+        let clip = Clip::of(&dropped).held(&dropped, held);
+        let clip = clip.untold("origin_px").untold("launch");
+        let found = clip.measured();
+        let what = format!("held for {held} frames");
+        assert!(found.is_measured(), "{what}: {:?}", found.reason());
+        assert!(
+            found.lies(HONEST_SIGMAS).is_empty(),
+            "{what}: {:#?}",
+            found.lies(HONEST_SIGMAS)
+        );
+        assert!(found.bounces() >= 1, "{what}");
+        let m = found.found.as_ref().unwrap();
+        assert_eq!(m.distances.x0_m, None, "{what}");
+    });
 }
