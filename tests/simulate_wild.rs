@@ -108,6 +108,12 @@ fn a_pitched_camera_has_a_scale_that_goes_with_the_height_and_a_calibration_with
     let drop = 0.0705;
     assert!((v - (99.5 + 1000.0 * drop * cos * 0.6 / (0.6 + drop * sin))).abs() < 1e-9);
     assert!(grey(&r, 0, 300.0, v - 1.0) < 70 && grey(&r, 0, 300.0, v + 1.0) > 110);
+    // However the ball flies, the floor ends along the calibrated plane: level in the picture.
+    let aside = json!({"camera": {"distance_m": 0.6, "pitch_deg": 10}, "look": {"floor_grey": 120}, "launch": {"azimuth_deg": 9}});
+    let aside = recorded(&aside, &["perspective"]);
+    for u in [5.0, 300.0] {
+        assert!(grey(&aside, 0, u, v - 1.0) < 70 && grey(&aside, 0, u, v + 1.0) > 110);
+    }
 }
 
 #[test]

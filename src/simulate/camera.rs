@@ -142,6 +142,15 @@ impl PictureOf {
         near(centre.u_px, self.camera.width_px) && near(centre.v_px, self.camera.height_px)
     }
 
+    /// The direction in which the floor meets the calibrated plane, in the ball's own plane of motion and its normal.
+    fn floor_along(&self, camera: &Camera) -> Vector3<f64> {
+        if camera.motion_azimuth_rad == 0.0 {
+            return self.floor.out_of_frame(&Vector3::x());
+        }
+        let (sin, cos) = camera.motion_azimuth_rad.sin_cos();
+        Vector3::new(cos, sin, self.floor.slope_rad().tan() * cos)
+    }
+
     /// The floor line, with the floor beyond it; `None` in a top view.
     #[must_use]
     pub fn floor_line(&self) -> Option<PictureEdge> {
@@ -153,7 +162,7 @@ impl PictureOf {
                 normal: Vector2::y(),
             },
             View::Side => {
-                let along = seen(camera, &self.floor.out_of_frame(&Vector3::x()));
+                let along = seen(camera, &self.floor_along(camera));
                 PictureEdge {
                     at: ideal_pixel(camera, &origin_m(camera)),
                     // Downhill of (right, down) turned by a quarter; never 0, as a camera is turned by less than that.
