@@ -508,6 +508,7 @@ fn parabolas_their_meeting_and_their_return() {
             parameters: &p,
             times: &times,
             law: DragLaw::default(),
+            bent: false,
         };
         let m = planar.motion(0, t);
         let at = |x: &[N]| from(x, 0, &x[ARCS + 10]);

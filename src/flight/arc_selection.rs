@@ -51,8 +51,8 @@ pub(super) fn longest_chain(
 /// Points of the first and of the last arc, at least.
 pub(super) const LEAST_END_POINTS: usize = 4;
 
-/// The arcs from the first to the last that shows the fall, and one more at each end: a short stretch after the last
-/// impact is a rebound, a row of them is a ball that rolls or shivers.
+/// The arcs from the first to the last that shows the fall, those next to them that go far up or down (a fast ball bends little), and one
+/// more at each end: a short stretch after the last impact is a rebound, a row of them is a ball that rolls or shivers.
 pub(super) fn without_straight_ends(
     samples: &[TrackSample],
     ranges: Vec<Range<usize>>,
@@ -64,9 +64,17 @@ pub(super) fn without_straight_ends(
     if !falls {
         return ranges;
     }
-    let (Some(first), Some(last)) = (ranges.iter().position(shows), ranges.iter().rposition(shows)) else {
+    let (Some(mut first), Some(mut last)) = (ranges.iter().position(shows), ranges.iter().rposition(shows))
+    else {
         return Vec::new();
     };
+    let far = |r: &Range<usize>| goes_far(&samples[r.clone()], sigma);
+    while first > 0 && far(&ranges[first - 1]) {
+        first -= 1;
+    }
+    while last + 1 < ranges.len() && far(&ranges[last + 1]) {
+        last += 1;
+    }
     let end = (last + 2).min(ranges.len());
     let mut kept = ranges[first.saturating_sub(1)..end].to_vec();
     // An arc at the end, which only one impact holds, needs a point to spare.
@@ -78,6 +86,19 @@ pub(super) fn without_straight_ends(
     }
     kept
 }
+
+/// Whether an arc goes so far up or down that it is no bench and no floor, however little it bends.
+pub(super) fn goes_far(arc: &[TrackSample], sigma: f64) -> bool {
+    let (Some(a), Some(b)) = (arc.first(), arc.last()) else {
+        return false;
+    };
+    let rise = (b.h - a.h).abs();
+    arc.len() >= WEAK_POINTS && rise > (STEEP_PART * (b.r - a.r).abs()).max(FAR_SIGMAS * sigma)
+}
+
+/// What goes far up or down rises by more than this part of its way along, which no bench or floor does, and by so many standard deviations.
+const STEEP_PART: f64 = 0.3;
+const FAR_SIGMAS: f64 = 30.0;
 
 /// Arcs `cut` and `cut + 1` do not meet: the weaker goes, if it is a short stretch that may be anything (points on
 /// both sides of an impact that happen to lie on a parabola); else the flight ends there, and the larger part stays.

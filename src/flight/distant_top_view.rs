@@ -22,6 +22,8 @@ pub struct DistantTopView;
 const PRIORS: PlanarPriors = PlanarPriors {
     vertical: None,
     drag: None,
+    bend: None,
+    scale_change: None,
 };
 
 impl MotionModel for DistantTopView {

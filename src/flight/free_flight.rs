@@ -67,6 +67,21 @@ impl SpotUse {
     }
 }
 
+/// Something else that flies while the ball does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OtherFlight {
+    /// First time that it is seen in flight, s.
+    pub from_s: f64,
+    /// Last time, s.
+    pub to_s: f64,
+    /// Where it is then first, plane units.
+    pub place: PlanePoint,
+    /// Whether it keeps its place beside the ball: a shadow, a reflection, or a second ball that was launched with it.
+    pub moves_along: bool,
+    /// Its usual brightness over the background, grey levels.
+    pub contrast_grey: f64,
+}
+
 /// Why there is no flight.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NoFlight {

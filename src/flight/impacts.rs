@@ -20,7 +20,7 @@ pub(super) fn flight_from_fit(
     }
     let impact_after = |k: usize| {
         let met = fit.model.impact_between(&fit, &spans, k, interval_s);
-        met.filter(|_| !goes_elsewhere(&uses, k))
+        met.filter(|t| !goes_elsewhere(&uses, k) && !is_unseen(spots, &uses, &fit, (k, *t)))
     };
     let impacts: Vec<Option<f64>> = (1..fit.arcs()).map(|k| impact_after(k - 1)).collect();
     for (spot, u) in spots.iter().zip(&mut uses) {
@@ -46,6 +46,30 @@ const MOST_BETWEEN: usize = 4;
 
 /// ... or one to so many points of both arcs.
 const ARC_POINTS_FOR_ONE: usize = 4;
+
+/// Frames around an impact without the ball, at most, ...
+const MOST_UNSEEN: usize = 4;
+
+/// ... or this part of the flights beside it.
+const UNSEEN_PART: f64 = 0.125;
+
+/// Whether the ball was not seen around the impact at `t` between arcs `k` and `k + 1` for so long that another thing may have been there:
+/// frames that the recording does not hold do not count.
+fn is_unseen(spots: &[Spot], uses: &[SpotUse], fit: &ArcFit, (k, t): (usize, f64)) -> bool {
+    let at = |i: Option<usize>| i.map(|i| &spots[i]);
+    let last = at(uses.iter().rposition(|u| *u == SpotUse::Used(k)));
+    let first = at(uses.iter().position(|u| *u == SpotUse::Used(k + 1)));
+    let (Some(last), Some(first)) = (last, first) else {
+        return false;
+    };
+    let seen =
+        spots.partition_point(|s| s.frame < first.frame) - spots.partition_point(|s| s.frame <= last.frame);
+    let unseen = first.frame.saturating_sub(last.frame + 1).saturating_sub(seen);
+    // Up and down again, the longer of both; where nothing falls in the plane only the frames count.
+    let fastest = fit.motion(k, t).vh.abs().max(fit.motion(k + 1, t).vh.abs());
+    let flight_s = 2.0 * fastest / fit.gravity().abs();
+    unseen > MOST_UNSEEN && !(first.time_s - last.time_s < UNSEEN_PART * flight_s)
+}
 
 /// Whether the ball was seen between arcs `k` and `k + 1` where neither has it: then they do not meet there.
 fn goes_elsewhere(uses: &[SpotUse], k: usize) -> bool {

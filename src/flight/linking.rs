@@ -1,11 +1,12 @@
 //! Round things of successive frames, joined into tracks: the same thing seen again.
 //!
-//! Greedy nearest neighbour to a constant-velocity prediction. An impact breaks the prediction, so a second, wider
-//! look around the last place follows it; whether a track flies freely is not asked here.
+//! Frame by frame, the likeliest pair of a track and a sighting first: by a constant-velocity prediction, which an impact breaks
+//! and a missing frame misplaces, and by the looks. Whether a track flies freely is not asked here.
 
 use crate::frames::Coded;
 use crate::geometry::PlanePoint;
 use crate::numeric::robust::median;
+use std::f64::consts::{PI, SQRT_2};
 
 /// A round thing in one frame, in the plane of motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,6 +76,12 @@ pub(super) fn median_radius(spots: &[Spot]) -> f64 {
     median(&mut radii).unwrap_or(0.0)
 }
 
+/// Median brightness over the background, grey levels.
+pub(super) fn median_contrast(spots: &[&Spot]) -> f64 {
+    let mut contrasts: Vec<f64> = spots.iter().map(|s| s.contrast_grey).collect();
+    median(&mut contrasts).unwrap_or(0.0)
+}
+
 fn link(spots: &[Spot]) -> Vec<Track> {
     let mut open: Vec<Track> = Vec::new();
     let mut done: Vec<Track> = Vec::new();
@@ -124,8 +131,23 @@ fn extend_by_frame(spots: &[Spot], now: std::ops::Range<usize>, open: &mut Vec<T
     }
 }
 
-/// How badly `spot` continues `track`: distance over what is allowed, below 1 near the prediction, 2 and more when
-/// only the wide look finds it; `None` when it cannot be the same thing.
+/// Frames show the same picture where things are within this part of a radius, and no more of them in a row than this.
+const SAME_PLACE_PART: f64 = 0.05;
+const MOST_TIMES_SHOWN: usize = 5;
+
+/// How likely between two frames a thing turns as by an impact, a frame is missing without a trace, or a ball changes sides of
+/// brightness with what is behind it.
+const TURNS: f64 = 0.05;
+const MISSES: f64 = 0.02;
+const CHANGES_SIGN: f64 = 0.02;
+
+/// From one frame to the next radius and brightness change by about this, in logarithms; brightness is known to so many grey levels.
+const RADIUS_STD: f64 = 0.1;
+const BRIGHTNESS_STD: f64 = 0.3;
+const BRIGHTNESS_NOISE_GREY: f64 = 5.0;
+
+/// −2 ln of the likelihood that `spot` continues `track`: where it is against the prediction (normal), or anywhere near after a turn
+/// (uniform), and how like the last it looks (Cauchy: looks change at once now and then). `None` where it is too far.
 fn mismatch(spots: &[Spot], track: &Track, spot: &Spot) -> Option<f64> {
     let last = &spots[*track.last()?];
     let radius = last.radius.max(spot.radius);
@@ -133,21 +155,28 @@ fn mismatch(spots: &[Spot], track: &Track, spot: &Spot) -> Option<f64> {
     if !(0.5..2.0).contains(&ratio) {
         return None;
     }
-    // A ball before light and dark ground changes its sign, but seldom from one frame to the next.
-    let unlike = ratio.ln().abs()
-        + if spot.contrast_grey * last.contrast_grey < 0.0 {
-            0.5
-        } else {
-            0.0
-        };
+    let unlike = unlikeness(last, spot);
     let dt = spot.time_s - last.time_s;
     let distance = |r: f64, u: f64| (spot.place.right - r).hypot(spot.place.up - u);
     let from_last = distance(last.place.right, last.place.up);
-    let before = track.len().checked_sub(2).map(|i| &spots[track[i]]);
+    // A frame that is shown twice has its ball at rest: the place before tells where it goes.
+    let moved = |b: &&Spot| {
+        let (r, u) = (b.place.right - last.place.right, b.place.up - last.place.up);
+        r.hypot(u) > SAME_PLACE_PART * radius
+    };
+    let earlier = track
+        .iter()
+        .rev()
+        .skip(1)
+        .take(MOST_TIMES_SHOWN)
+        .map(|&i| &spots[i]);
+    let before = earlier.clone().find(moved).or_else(|| earlier.clone().next());
     let Some(before) = before.filter(|b| last.time_s > b.time_s) else {
-        // A first step: up to ten radii, the wider the less like the first.
-        let allowed = 10.0 * radius;
-        return (from_last < allowed).then(|| from_last / allowed + unlike);
+        // A first step: up to ten radii, most things move less.
+        let (usual, allowed) = (2.0 * radius, 10.0 * radius);
+        let slow = (from_last / usual).powi(2) + uniform(usual * SQRT_2);
+        let cost = slow.min(uniform(allowed) - 2.0 * TURNS.ln());
+        return (from_last < allowed).then_some(cost + unlike);
     };
     let span = last.time_s - before.time_s;
     let (vr, vu) = (
@@ -155,13 +184,45 @@ fn mismatch(spots: &[Spot], track: &Track, spot: &Spot) -> Option<f64> {
         (last.place.up - before.place.up) / span,
     );
     let step = vr.hypot(vu) * dt;
-    let near = distance(last.place.right + vr * dt, last.place.up + vu * dt);
+    let ahead = |times: f64| {
+        distance(
+            last.place.right + times * vr * dt,
+            last.place.up + times * vu * dt,
+        )
+    };
     let allowed = 0.35 * step + 1.5 * radius;
-    if near < allowed {
-        return Some(near / allowed + unlike);
-    }
     let wide = 1.3 * step + 2.5 * radius;
-    (from_last < wide).then(|| 2.0 + from_last / wide + unlike)
+    let normal =
+        |off: f64| (off < allowed).then(|| (3.0 * off / allowed).powi(2) + uniform(allowed / 3.0 * SQRT_2));
+    let next_frame = spot.frame == last.frame + 1;
+    let ways = [
+        normal(ahead(1.0)),
+        (from_last < wide).then(|| uniform(wide) - 2.0 * TURNS.ln()),
+        normal(ahead(2.0))
+            .filter(|_| next_frame)
+            .map(|cost| cost - 2.0 * MISSES.ln()),
+    ];
+    let best = ways.into_iter().flatten().min_by(f64::total_cmp)?;
+    Some(best + unlike)
+}
+
+/// −2 ln of the density of what is anywhere within `radius`.
+fn uniform(radius: f64) -> f64 {
+    2.0 * (PI * radius * radius).ln()
+}
+
+/// −2 ln of the likelihood that two sightings in a row are of one thing, by their looks alone.
+fn unlikeness(last: &Spot, spot: &Spot) -> f64 {
+    let cauchy = |off: f64| 3.0 * (off * off).ln_1p();
+    let brightness = |s: &Spot| (s.contrast_grey.abs() + BRIGHTNESS_NOISE_GREY).ln();
+    let sign = if spot.contrast_grey * last.contrast_grey < 0.0 {
+        -2.0 * CHANGES_SIGN.ln()
+    } else {
+        0.0
+    };
+    cauchy((spot.radius / last.radius).ln() / RADIUS_STD)
+        + cauchy((brightness(spot) - brightness(last)) / BRIGHTNESS_STD)
+        + sign
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@
 mod arc_ends;
 mod arc_search;
 mod arc_selection;
+pub mod bend;
 pub mod clock;
 pub mod distant_top_view;
 pub mod drag;
@@ -38,18 +39,20 @@ pub mod motion_model;
 pub mod near_top_view;
 mod outliers;
 pub mod parabola;
+pub mod path;
 pub mod planar;
 mod planar_fit;
 mod plausibility;
 mod refit;
 mod samples;
+pub mod scale_change;
 pub mod segment;
 pub mod shake;
 pub mod side_view;
 
-use flight_search::{FlightSearch, flight_with_its_fall};
-pub use free_flight::{Flight, FlightPoint, NoFlight, SpotUse};
-use linking::{LinkedSpots, Spot};
+use flight_search::{FlightSearch, TrackCandidate, flight_with_its_fall};
+pub use free_flight::{Flight, FlightPoint, NoFlight, OtherFlight, SpotUse};
+use linking::{LinkedSpots, Spot, Track};
 
 /// A fall that leans by more than this is looked for as one, rad.
 const LEAST_LEAN_RAD: f64 = 0.035;
@@ -76,7 +79,7 @@ pub fn find(linked: &LinkedSpots, model: &dyn FlightSearch) -> Result<Flight, No
     }
 }
 
-/// The flight where the fall may lean or not.
+/// The flight where the fall may lean or not: of the track with the most evidence that bounces, or else of one that falls.
 fn find_leaning(linked: &LinkedSpots, model: &dyn FlightSearch, leaning: bool) -> Result<Flight, NoFlight> {
     let longest = linked.tracks.first().map_or(0, Vec::len);
     if longest < LEAST_TRACK {
@@ -84,15 +87,107 @@ fn find_leaning(linked: &LinkedSpots, model: &dyn FlightSearch, leaning: bool) -
             spots: linked.spots.len(),
         });
     }
-    let nothing = NoFlight::NothingFalls { longest };
+    let mut fallen = None;
+    for (track, candidate) in candidates(linked, model, leaning) {
+        let Some(flight) = flight_of(linked, track, &candidate, model, leaning) else {
+            continue;
+        };
+        if flight.impacts.iter().any(Option::is_some) {
+            return Ok(flight);
+        }
+        fallen = fallen.or(Some(flight));
+    }
+    fallen.ok_or(NoFlight::NothingFalls { longest })
+}
+
+/// Tracks that are tried for a flight, at most.
+const MOST_CANDIDATES: usize = 8;
+
+/// The tracks on which something moves as a ball does, the one with the most evidence first.
+fn candidates<'a>(
+    linked: &'a LinkedSpots,
+    model: &dyn FlightSearch,
+    leaning: bool,
+) -> Vec<(&'a Track, TrackCandidate)> {
     let long = linked.tracks.iter().filter(|t| t.len() >= LEAST_TRACK);
-    let (track, best) = long
+    let mut all: Vec<_> = long
         .filter_map(|t| Some((t, model.candidate(&linked.of(t), leaning)?)))
-        .max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence))
-        .ok_or_else(|| nothing.clone())?;
-    let whole = model.with_continuations(linked, track, &best, leaning);
+        .collect();
+    all.sort_by(|a, b| b.1.evidence.total_cmp(&a.1.evidence));
+    all.truncate(MOST_CANDIDATES);
+    all
+}
+
+/// The flight along a track, with what continues it or without: the fuller.
+fn flight_of(
+    linked: &LinkedSpots,
+    track: &Track,
+    candidate: &TrackCandidate,
+    model: &dyn FlightSearch,
+    leaning: bool,
+) -> Option<Flight> {
     let interval_s = linking::interval_s(&linked.of(track));
-    flight_with_its_fall(model, &linked.of(&whole), best.gravity, interval_s).ok_or(nothing)
+    let along = |t: &Track| flight_with_its_fall(model, &linked.of(t), candidate.gravity, interval_s);
+    let whole = model.with_continuations(linked, track, candidate, leaning);
+    let joined = along(&whole);
+    if whole == *track {
+        return joined;
+    }
+    match (joined, along(track)) {
+        (Some(joined), Some(alone)) if alone.used() > joined.used() => Some(alone),
+        (joined, alone) => joined.or(alone),
+    }
+}
+
+/// What else flies at some time of `flight`: the first place of each such thing, and whether it moves with the ball, as a
+/// shadow or a reflection does.
+#[must_use]
+pub fn others(linked: &LinkedSpots, flight: &Flight, model: &dyn FlightSearch) -> Vec<OtherFlight> {
+    let ball: Vec<&Spot> = flight.used_points().map(|p| &p.spot).collect();
+    let mut found: Vec<(Vec<usize>, OtherFlight)> = Vec::new();
+    for (track, candidate) in candidates(linked, model, false) {
+        let Some(other) = flight_of(linked, track, &candidate, model, false) else {
+            continue;
+        };
+        let spots: Vec<&Spot> = other.used_points().map(|p| &p.spot).collect();
+        let ids: Vec<usize> = spots.iter().map(|s| s.id).collect();
+        let shares = |known: &[usize]| 2 * ids.iter().filter(|id| known.contains(id)).count() > ids.len();
+        let is_ball = shares(&ball.iter().map(|s| s.id).collect::<Vec<_>>());
+        if is_ball || found.iter().any(|(known, _)| shares(known)) {
+            continue;
+        }
+        let beside: Vec<(&Spot, &Spot)> = spots
+            .iter()
+            .filter_map(|s| Some((*s, *ball.iter().find(|b| b.frame == s.frame)?)))
+            .collect();
+        if beside.len() < LEAST_TRACK {
+            continue;
+        }
+        let (from_s, to_s) = other.time_span();
+        let seen = OtherFlight {
+            from_s,
+            to_s,
+            place: spots[0].place,
+            moves_along: moves_along(&beside),
+            contrast_grey: linking::median_contrast(&spots),
+        };
+        found.push((ids, seen));
+    }
+    found.into_iter().map(|(_, seen)| seen).collect()
+}
+
+/// Things move together where the line between them changes by less than this part of their way.
+const TOGETHER_PART: f64 = 0.15;
+
+/// Whether pairs of sightings in the same frames keep their distance and direction.
+fn moves_along(pairs: &[(&Spot, &Spot)]) -> bool {
+    let spread = |of: &dyn Fn(&(&Spot, &Spot)) -> f64| {
+        let mean = pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
+        pairs.iter().map(|p| (of(p) - mean).powi(2)).sum::<f64>()
+    };
+    let apart = spread(&|(a, b)| a.place.right - b.place.right) + spread(&|(a, b)| a.place.up - b.place.up);
+    let way = spread(&|(_, b)| b.place.right) + spread(&|(_, b)| b.place.up);
+    apart < TOGETHER_PART * TOGETHER_PART * way
 }
 
 /// Finds the arcs of a flight again with its fall known, in `spots` with better places, and any that were found since.

@@ -14,6 +14,7 @@
 use super::drag::DragLaw;
 use super::parabola::Gravity;
 use super::planar::{ACROSS, DRAG, GRAVITY, Motion, PlanarArcs};
+use super::scale_change::ScaleChange;
 use super::segment::TrackSample;
 use crate::geometry::PlanePoint;
 use crate::quantity::Quantity;
@@ -77,6 +78,21 @@ pub trait MotionModel: Debug + Send + Sync {
         DragLaw::default()
     }
 
+    /// How far arcs may be bent by what the model does not know, a part of their way; `None` where they are not.
+    fn bend(&self) -> Option<f64> {
+        None
+    }
+
+    /// The same with arcs that may be bent by this part of their way; `None` where the model has no such arcs.
+    fn with_bend(&self, _part: f64) -> Option<Arc<dyn MotionModel>> {
+        None
+    }
+
+    /// The same with a scale that changes; `None` where the model has no such scale.
+    fn with_scale_change(&self, _change: ScaleChange) -> Option<Arc<dyn MotionModel>> {
+        None
+    }
+
     /// Residuals below this part of the ball's radius are not worth a cut between two arcs: drag over a long arc, a drifting
     /// hand-held camera.
     fn segmentation_part_of_radius(&self) -> f64 {
@@ -85,11 +101,11 @@ pub trait MotionModel: Debug + Send + Sync {
 
     /// Motion on arc `k` at time `t` in the calibrated plane (of a camera above: over the floor).
     fn motion_in_plane(&self, parameters: &[f64], times: &[f64], k: usize, t: f64) -> Motion {
-        let law = self.drag_law();
         let planar = PlanarArcs {
             parameters,
             times,
-            law,
+            law: self.drag_law(),
+            bent: self.bend().is_some(),
         };
         planar.motion(k, t)
     }
@@ -107,11 +123,11 @@ pub trait MotionModel: Debug + Send + Sync {
 
     /// Time of the impact between arcs `k` and `k + 1`, s; `None` where the two do not part.
     fn impact_time(&self, parameters: &[f64], times: &[f64], k: usize) -> Option<f64> {
-        let law = self.drag_law();
         let planar = PlanarArcs {
             parameters,
             times,
-            law,
+            law: self.drag_law(),
+            bent: self.bend().is_some(),
         };
         planar.intersection(k, k + 1).map(|m| m.0)
     }
@@ -183,6 +199,9 @@ pub struct ArcFit {
     pub autocorrelation_inflation: f64,
     /// The model that was assumed.
     pub model: Arc<dyn MotionModel>,
+    /// −2 ln of the likelihood of the points under that model, whatever its parameters (a constant apart that models of the same arcs
+    /// share); `None` where the model does not tell.
+    pub deviance: Option<f64>,
 }
 
 impl ArcFit {
@@ -256,6 +275,7 @@ impl ArcFit {
             parameters,
             times: &self.times,
             law: self.model.drag_law(),
+            bent: self.model.bend().is_some(),
         }
     }
 

@@ -7,6 +7,7 @@ use super::extra_variance::{ArcDistance, ExtraVariance};
 use super::free_flight::SpotUse;
 use super::linking::Spot;
 use super::motion_model::{ArcFit, FitPoint, MotionModel};
+use super::planar::BEND_POWERS;
 use std::ops::Range;
 
 /// Points further off than this many (robust) standard deviations are outliers.
@@ -159,8 +160,13 @@ pub(super) fn arc_of_outliers(uses: &[SpotUse], ranges: &[Range<usize>]) -> Opti
 }
 
 /// The used points' distances to their arcs. An arc of n points with weights w follows each by about 2 w/Σw (two
-/// unknowns a coordinate).
+/// unknowns a coordinate; five where arcs are bent).
 fn distances(spots: &[Spot], uses: &[SpotUse], fit: &ArcFit, extra: &ExtraVariance) -> Vec<ArcDistance> {
+    let unknowns = if fit.model.bend().is_some() {
+        2 + BEND_POWERS.len()
+    } else {
+        2
+    };
     let mut weights = vec![0.0; fit.arcs()];
     for (s, k) in used(spots, uses) {
         weights[k] += 1.0 / extra.variance_of(s);
@@ -171,7 +177,7 @@ fn distances(spots: &[Spot], uses: &[SpotUse], fit: &ArcFit, extra: &ExtraVarian
             square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
             own: s.std * s.std,
             coded: s.coded,
-            leverage: (2.0 / (extra.variance_of(s) * weights[k])).min(0.9),
+            leverage: (unknowns as f64 / (extra.variance_of(s) * weights[k])).min(0.9),
         }
     };
     used(spots, uses).map(distance).collect()

@@ -54,14 +54,20 @@ impl Fall {
     }
 }
 
-/// The stretches of a track, in time order. `samples` are in time order.
+/// The stretches of a track, in time order, and what that division costs; see [`divide`]. `samples` are in time order.
 #[must_use]
-pub fn stretches(samples: &[TrackSample], fall: Fall) -> Vec<Stretch> {
+pub fn division(samples: &[TrackSample], fall: Fall) -> (Vec<Stretch>, f64) {
     let least = match fall {
         Fall::Free { .. } => 5,
         Fall::Known(_) => 3,
     };
-    divide(samples, least, |first| ParabolaSums::new(*first, fall)).0
+    divide(samples, least, |first| ParabolaSums::new(*first, fall))
+}
+
+/// The stretches of a track, in time order. `samples` are in time order.
+#[must_use]
+pub fn stretches(samples: &[TrackSample], fall: Fall) -> Vec<Stretch> {
+    division(samples, fall).0
 }
 
 /// The arcs of a track: those of its stretches that fall.

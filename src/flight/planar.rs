@@ -54,8 +54,14 @@ pub const ACROSS: usize = 2;
 /// Index of the first arc's place in the parameters; four an arc: r, vr, h, vh at the arc's mean time.
 pub const ARCS: usize = 3;
 
+/// Powers of the time from an arc's mean one, in which a bent arc departs from what gravity and drag make of it.
+pub const BEND_POWERS: [i32; 2] = [2, 3];
+
+/// Parameters of an arc's bend: the coefficients of [`BEND_POWERS`] along r, then along h.
+pub const BENDS: usize = 2 * BEND_POWERS.len();
+
 /// The arcs of a parameter vector: g (down along h), β, the acceleration along r, then r, vr, h, vh of each arc at its mean
-/// time.
+/// time; where arcs are bent, then [`BENDS`] coefficients of each.
 #[derive(Debug, Clone, Copy)]
 pub struct PlanarArcs<'a> {
     /// The parameters; there may be more behind them.
@@ -64,9 +70,27 @@ pub struct PlanarArcs<'a> {
     pub times: &'a [f64],
     /// How drag changes with the speed.
     pub law: DragLaw,
+    /// Whether the arcs are bent.
+    pub bent: bool,
 }
 
 impl PlanarArcs<'_> {
+    /// What the bend of arc `k` adds to its motion `dt` after its mean time.
+    fn bend(&self, k: usize, dt: f64) -> Motion {
+        let from = ARCS + 4 * self.times.len() + BENDS * k;
+        let (along_r, along_h) = self.parameters[from..from + BENDS].split_at(BEND_POWERS.len());
+        let sum =
+            |c: &[f64], of: &dyn Fn(i32) -> f64| c.iter().zip(BEND_POWERS).map(|(c, n)| c * of(n)).sum();
+        let place = |n: i32| dt.powi(n);
+        let rate = |n: i32| f64::from(n) * dt.powi(n - 1);
+        Motion {
+            r: sum(along_r, &place),
+            vr: sum(along_r, &rate),
+            h: sum(along_h, &place),
+            vh: sum(along_h, &rate),
+        }
+    }
+
     /// r, vr, h, vh of arc `k` at its mean time.
     fn arc(&self, k: usize) -> &[f64] {
         &self.parameters[ARCS + 4 * k..ARCS + 4 * k + 4]
@@ -118,6 +142,15 @@ impl PlanarArcs<'_> {
     /// Motion on arc `k` at time `t`.
     #[must_use]
     pub fn motion(&self, k: usize, t: f64) -> Motion {
+        let straight = self.motion_without_bend(k, t);
+        if self.bent {
+            straight.along(&self.bend(k, t - self.times[k]), 1.0)
+        } else {
+            straight
+        }
+    }
+
+    fn motion_without_bend(&self, k: usize, t: f64) -> Motion {
         let (g, across) = (self.parameters[GRAVITY], self.parameters[ACROSS]);
         let a = self.arc(k);
         let dt = t - self.times[k];
@@ -170,7 +203,11 @@ impl PlanarArcs<'_> {
     #[must_use]
     pub fn intersection(&self, a: usize, b: usize) -> Option<(f64, f64)> {
         let mut t = 0.5 * (self.times[a] + self.times[b]);
-        let rounds = if self.parameters[DRAG] == 0.0 { 1 } else { 6 };
+        let rounds = if self.parameters[DRAG] == 0.0 && !self.bent {
+            1
+        } else {
+            6
+        };
         let mut gap = f64::NAN;
         for _ in 0..rounds {
             let (step, apart) = closest_approach(&self.motion(a, t), &self.motion(b, t))?;
@@ -189,7 +226,7 @@ impl PlanarArcs<'_> {
             return f64::NAN;
         }
         let mut duration = 2.0 * start.vh / g;
-        if self.parameters[DRAG] != 0.0 {
+        if self.parameters[DRAG] != 0.0 || self.bent {
             for _ in 0..6 {
                 let m = self.motion(k, t + duration);
                 duration -= (m.h - start.h) / m.vh;

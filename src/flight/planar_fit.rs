@@ -16,7 +16,9 @@ use super::drag::{Drag, DragLaw};
 use super::motion_model::{
     ArcFit, FitPoint, MotionModel, VerticalPrior, autocorrelation_inflation, mean_times,
 };
-use super::planar::{ACROSS, ARCS, DRAG, GRAVITY, PlanarArcs};
+use super::planar::{ACROSS, ARCS, BEND_POWERS, BENDS, DRAG, GRAVITY, PlanarArcs};
+use super::scale_change::{SCALE_CHANGES, ScaleChange};
+use super::segment::TrackSample;
 use crate::numeric::linear::solve;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -31,6 +33,10 @@ pub(super) struct PlanarPriors {
     pub(super) vertical: Option<VerticalPrior>,
     /// Of drag; `None` where nothing is.
     pub(super) drag: Option<Drag>,
+    /// How far arcs may be bent, a part of their way.
+    pub(super) bend: Option<f64>,
+    /// How the scale changes, where it does.
+    pub(super) scale_change: Option<ScaleChange>,
 }
 
 impl PlanarPriors {
@@ -48,8 +54,21 @@ impl PlanarPriors {
     }
 
     /// Which parameter is known, its value, its standard uncertainty.
-    fn rows(&self, parameters: &DVector<f64>, held: [bool; ARCS]) -> Vec<(usize, f64, f64)> {
-        let mut rows = Vec::new();
+    fn rows(
+        &self,
+        points: &[FitPoint],
+        times: &[f64],
+        parameters: &DVector<f64>,
+        held: [bool; ARCS],
+    ) -> Vec<(usize, f64, f64)> {
+        let mut rows = self
+            .bend
+            .map_or_else(Vec::new, |part| bend_rows(points, times, part));
+        if let Some(change) = self.scale_change {
+            let from = parameters.len() - SCALE_CHANGES;
+            let known = change.known.iter().enumerate();
+            rows.extend(known.map(|(i, (value, std))| (from + i, *value, *std)));
+        }
         if let Some(drag) = self.drag.filter(|_| !held[DRAG]) {
             rows.push((DRAG, drag.beta, drag.std));
         }
@@ -62,6 +81,27 @@ impl PlanarPriors {
     }
 }
 
+/// What is known of the arcs' bends: none, to the `part` of the arc's way at its ends.
+fn bend_rows(points: &[FitPoint], times: &[f64], part: f64) -> Vec<(usize, f64, f64)> {
+    let mut rows = Vec::new();
+    for (k, time) in times.iter().enumerate() {
+        let arc = || points.iter().filter(move |p| p.arc == k).map(|p| &p.sample);
+        let extent = |of: &dyn Fn(&TrackSample) -> f64| {
+            let (low, high) = arc().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| {
+                (low.min(of(s)), high.max(of(s)))
+            });
+            high - low
+        };
+        let way = extent(&|s| s.r).hypot(extent(&|s| s.h));
+        let half_s = arc().map(|s| (s.t - time).abs()).fold(0.0, f64::max);
+        for (i, power) in BEND_POWERS.iter().chain(&BEND_POWERS).enumerate() {
+            let std = part * way / half_s.powi(*power);
+            rows.push((ARCS + 4 * times.len() + BENDS * k + i, 0.0, std));
+        }
+    }
+    rows
+}
+
 /// The fit without drag, or with drag from the fit `without_drag`.
 pub(super) fn fit(
     points: &[FitPoint],
@@ -72,12 +112,15 @@ pub(super) fn fit(
 ) -> Option<ArcFit> {
     let times = mean_times(points, arcs)?;
     let held = priors.held(without_drag.is_some());
-    let zeros = || DVector::zeros(ARCS + 4 * arcs);
+    let bends = priors.bend.map_or(0, |_| BENDS * arcs);
+    let changes = priors.scale_change.map_or(0, |_| SCALE_CHANGES);
+    let zeros = || DVector::zeros(ARCS + 4 * arcs + bends + changes);
     let mut parameters = without_drag.map_or_else(zeros, |f| f.parameters.clone());
     let mut covariance = None;
     // Linear without drag: one step is the solution. A prior of the lean goes with gravity, which the first step finds.
     let rounds = match (without_drag, priors.vertical) {
         (Some(_), _) => 8,
+        _ if changes > 0 => 8,
         (None, Some(vertical)) if vertical.std_rad.is_finite() => 2,
         (None, _) => 1,
     };
@@ -92,7 +135,8 @@ pub(super) fn fit(
         }
     }
     let (_, residuals) = system(points, &times, &parameters, priors, held);
-    let fitted = parameters.len() - held.iter().filter(|&&h| h).count();
+    // Bends are held by what is known of them, and take from the points' freedom no more than their part.
+    let fitted = parameters.len() - bends - changes - held.iter().filter(|&&h| h).count();
     let freedom = (2 * points.len()).saturating_sub(fitted);
     let reduced_chi = if freedom > 0 {
         (residuals.norm_squared() / freedom as f64).sqrt()
@@ -100,7 +144,14 @@ pub(super) fn fit(
         1.0
     };
     let autocorrelation_inflation = autocorrelation_inflation(points, &residuals);
-    let mut covariance = covariance? * (reduced_chi.max(1.0).powi(2) * autocorrelation_inflation);
+    let inverse = covariance?;
+    let deviance = deviance(
+        points,
+        &residuals,
+        &inverse,
+        &priors.rows(points, &times, &parameters, held),
+    );
+    let mut covariance = inverse * (reduced_chi.max(1.0).powi(2) * autocorrelation_inflation);
     for (i, _) in held.iter().enumerate().filter(|(_, h)| **h) {
         covariance[(i, i)] = 0.0;
     }
@@ -112,7 +163,23 @@ pub(super) fn fit(
         reduced_chi,
         autocorrelation_inflation,
         model,
+        deviance,
     })
+}
+
+/// See [`ArcFit::deviance`]: `known` are the parameters with a prior.
+fn deviance(
+    points: &[FitPoint],
+    residuals: &DVector<f64>,
+    inverse: &DMatrix<f64>,
+    known: &[(usize, f64, f64)],
+) -> Option<f64> {
+    let factor = inverse.clone().cholesky()?;
+    let determined: f64 = factor.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
+    let weights: f64 = points.iter().map(|p| 2.0 * p.sample.weight.ln()).sum();
+    let priors: f64 = known.iter().map(|(_, _, std)| 2.0 * std.ln()).sum();
+    let all = residuals.norm_squared() - weights + priors - determined;
+    all.is_finite().then_some(all)
 }
 
 /// See [`MotionModel::response`].
@@ -144,11 +211,12 @@ fn system(
     priors: &PlanarPriors,
     held: [bool; ARCS],
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let known = priors.rows(parameters, held);
+    let known = priors.rows(points, times, parameters, held);
     let planar = PlanarArcs {
         parameters: parameters.as_slice(),
         times,
         law: priors.law(),
+        bent: priors.bend.is_some(),
     };
     let rows = 2 * points.len() + held.iter().filter(|&&h| h).count() + known.len();
     let mut matrix = DMatrix::zeros(rows, parameters.len());
@@ -158,12 +226,22 @@ fn system(
         let w = p.sample.weight.sqrt();
         let c = ARCS + 4 * p.arc;
         let m = planar.motion(p.arc, p.sample.t);
-        right[2 * i] = w * (p.sample.r - m.r);
-        right[2 * i + 1] = w * (p.sample.h - m.h);
+        let seen = priors
+            .scale_change
+            .map_or(m, |change| change.seen(change_of(parameters), p.sample.t, &m));
+        right[2 * i] = w * (p.sample.r - seen.r);
+        right[2 * i + 1] = w * (p.sample.h - seen.h);
         matrix[(2 * i, c)] = w;
         matrix[(2 * i, c + 1)] = w * t;
         matrix[(2 * i + 1, c + 2)] = w;
         matrix[(2 * i + 1, c + 3)] = w * t;
+        if priors.bend.is_some() {
+            let b = ARCS + 4 * times.len() + BENDS * p.arc;
+            for (n, power) in BEND_POWERS.iter().enumerate() {
+                matrix[(2 * i, b + n)] = w * t.powi(*power);
+                matrix[(2 * i + 1, b + BEND_POWERS.len() + n)] = w * t.powi(*power);
+            }
+        }
         if !held[GRAVITY] {
             matrix[(2 * i + 1, GRAVITY)] = -0.5 * w * t * t;
         }
@@ -174,6 +252,17 @@ fn system(
             let (dr, dh) = planar.drag_shift(p.arc, p.sample.t);
             matrix[(2 * i, DRAG)] = w * dr;
             matrix[(2 * i + 1, DRAG)] = w * dh;
+        }
+        if let Some(change) = priors.scale_change {
+            let now = change_of(parameters);
+            let jacobian = change.jacobian(now, p.sample.t, &m);
+            let in_plane = matrix.rows(2 * i, 2).into_owned();
+            matrix.rows_mut(2 * i, 2).copy_from(&(jacobian * in_plane));
+            let from = parameters.len() - SCALE_CHANGES;
+            for (k, (dr, dh)) in change.slopes(now, p.sample.t, &m).into_iter().enumerate() {
+                matrix[(2 * i, from + k)] = w * dr;
+                matrix[(2 * i + 1, from + k)] = w * dh;
+            }
         }
     }
     let mut row = 2 * points.len();
@@ -187,6 +276,12 @@ fn system(
         row += 1;
     }
     (matrix, right)
+}
+
+/// The changes of scale, the last of the parameters.
+fn change_of(parameters: &DVector<f64>) -> [f64; SCALE_CHANGES] {
+    let from = parameters.len() - SCALE_CHANGES;
+    std::array::from_fn(|k| parameters[from + k])
 }
 
 /// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of

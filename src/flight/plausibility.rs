@@ -1,6 +1,6 @@
 //! Whether fitted arcs are a ball's free flight, and which of them is none: carried, rolling, or chance.
 
-use super::arc_selection::WEAK_POINTS;
+use super::arc_selection::{WEAK_POINTS, goes_far};
 use super::free_flight::{Flight, SpotUse};
 use super::impact_test::impact_between;
 use super::parabola::own_fall;
@@ -9,7 +9,7 @@ use super::segment::TrackSample;
 use crate::numeric::robust::median;
 use std::ops::Range;
 
-/// Least part of a flight's points on arcs whose own curve shows the common fall.
+/// Least part of a flight's points on arcs whose own curve shows the common fall, or that go far up or down.
 const LEAST_CURVED_PART: f64 = 0.6;
 
 /// Least part of the points between a flight's first and last that lie on its arcs. A swinging hand follows a
@@ -68,7 +68,9 @@ impl Flight {
         let scatter = (2.0 * off).clamp(FINE_PART * sigma, sigma);
         let curved: usize = ranges
             .iter()
-            .filter(|r| shows_fall(samples, r, self.fit.gravity(), scatter))
+            .filter(|r| {
+                shows_fall(samples, r, self.fit.gravity(), scatter) || goes_far(&samples[(*r).clone()], sigma)
+            })
             .map(ExactSizeIterator::len)
             .sum();
         let all: usize = ranges.iter().map(ExactSizeIterator::len).sum();

@@ -46,10 +46,10 @@ impl TrackSample {
 }
 
 /// What a new arc costs, in squared standard deviations: its four or five parameters and a margin.
-const ARC_COST: f64 = 24.0;
+pub const ARC_COST: f64 = 24.0;
 
 /// What it costs to leave a point out: four standard deviations.
-const DROP_COST: f64 = 16.0;
+pub const DROP_COST: f64 = 16.0;
 
 /// A residual's share of the cost ends here for a whole arc's mean, which bounds the search: an arc that fits worse
 /// than all its points dropped is never best, nor is one that continues it by much.

@@ -11,11 +11,13 @@ use super::free_flight::Flight;
 use super::linking::{LinkedSpots, Spot, Track, median_radius};
 use super::motion_model::{ArcFit, FitPoint, MotionModel, VerticalPrior};
 use super::parabola::{self, Fall, Gravity, own_gravity};
-use super::planar::DRAG;
+use super::planar::{DRAG, Motion};
 use super::planar_fit::{self, PlanarPriors};
 use super::samples::{SAGITTA_SIGMAS, fine_sigma, samples_of, segment_sigma, shows_fall};
+use super::scale_change::ScaleChange;
 use super::segment::TrackSample;
-use super::{arc_search, impact_test};
+use super::{arc_search, impact_test, path};
+use crate::geometry::PlanePoint;
 use nalgebra::DVector;
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,6 +29,10 @@ pub struct SideView {
     pub vertical: VerticalPrior,
     /// Of drag; `None`: drag is fitted where the flight shows it.
     pub drag: Option<Drag>,
+    /// How far arcs may be bent by what nothing here knows, a part of their way; see `flight::bend`.
+    pub bend: Option<f64>,
+    /// How the scale changes over the picture or in time, where it does.
+    pub scale_change: Option<ScaleChange>,
 }
 
 /// Drag without a prior is believed when it stands out by this many standard uncertainties.
@@ -42,13 +48,20 @@ impl SideView {
     /// Nothing known of drag.
     #[must_use]
     pub const fn new(vertical: VerticalPrior) -> Self {
-        Self { vertical, drag: None }
+        Self {
+            vertical,
+            drag: None,
+            bend: None,
+            scale_change: None,
+        }
     }
 
     fn priors(&self) -> PlanarPriors {
         PlanarPriors {
             vertical: Some(self.vertical),
             drag: self.drag,
+            bend: self.bend,
+            scale_change: self.scale_change,
         }
     }
 
@@ -113,8 +126,51 @@ impl MotionModel for SideView {
         // Without a drag that is not known, a lean of the fall would take the place of what drag does along the path.
         let light = || (ball_radius > 0.0).then(|| Drag::unknown(USUAL_LIGHT_DRAG / ball_radius));
         let drag = self.drag.or_else(light);
-        let open = Self { vertical, drag };
+        let open = Self {
+            vertical,
+            drag,
+            ..*self
+        };
         (open != *self).then(|| Arc::new(open) as Arc<dyn MotionModel>)
+    }
+
+    fn motion_in_picture(&self, parameters: &[f64], times: &[f64], k: usize, t: f64) -> Motion {
+        let m = self.motion_in_plane(parameters, times, k, t);
+        self.scale_change
+            .map_or(m, |change| change.seen(ScaleChange::of(parameters), t, &m))
+    }
+
+    fn magnification(&self, fit: &ArcFit, k: usize, t: f64) -> f64 {
+        let m = fit.in_plane(fit.parameters.as_slice(), k, t);
+        self.scale_change.map_or(1.0, |change| {
+            let jacobian = change.jacobian(ScaleChange::of(fit.parameters.as_slice()), t, &m);
+            jacobian.determinant().abs().sqrt()
+        })
+    }
+
+    fn place_in_plane(&self, fit: &ArcFit, place: PlanePoint, _k: usize, t: f64) -> PlanePoint {
+        self.scale_change.map_or(place, |change| {
+            let now = ScaleChange::of(fit.parameters.as_slice());
+            let (right, up) = change.place_in_plane(now, t, (place.right, place.up));
+            PlanePoint::new(right, up)
+        })
+    }
+
+    fn with_scale_change(&self, change: ScaleChange) -> Option<Arc<dyn MotionModel>> {
+        let scale_change = Some(change);
+        Some(Arc::new(Self {
+            scale_change,
+            ..*self
+        }))
+    }
+
+    fn bend(&self) -> Option<f64> {
+        self.bend
+    }
+
+    fn with_bend(&self, part: f64) -> Option<Arc<dyn MotionModel>> {
+        let bend = Some(part);
+        Some(Arc::new(Self { bend, ..*self }))
     }
 
     fn drag_law(&self) -> DragLaw {
@@ -153,7 +209,8 @@ impl FlightSearch for SideView {
         })
     }
 
-    /// Others that are the same ball before or after it: of the same size, not at the same time, with arcs of the same fall.
+    /// Others that are the same ball before or after it: of the same size, never seen beside it where it falls, and the path of both is
+    /// likelier than that of one, with its fall.
     fn with_continuations(
         &self,
         linked: &LinkedSpots,
@@ -161,25 +218,51 @@ impl FlightSearch for SideView {
         best: &TrackCandidate,
         leaning: bool,
     ) -> Track {
-        let mut whole = track.clone();
         let radius = median_radius(&linked.of(track));
-        let mut spans = vec![best.span];
-        for other_track in linked.tracks.iter().filter(|t| t.len() >= 5 && *t != track) {
-            let spots = linked.of(other_track);
-            let alike = (median_radius(&spots) / radius - 1.0).abs() < ALIKE_PART;
-            let Some(other) = self.candidate(&spots, leaning).filter(|_| alike) else {
-                continue;
+        let time_s = |i: &usize| linked.spots[*i].time_s;
+        let alike = |t: &&Track| {
+            let spots = linked.of(t);
+            *t != track
+                && t.len() >= LEAST_JOINED
+                && (median_radius(&spots) / radius - 1.0).abs() < ALIKE_PART
+        };
+        let mut others: Vec<&Track> = linked.tracks.iter().filter(alike).collect();
+        // The nearest in time first.
+        let away = |t: &Track| -> f64 {
+            let (from, to) = (time_s(&t[0]), time_s(&t[t.len() - 1]));
+            (from - best.span.1).max(best.span.0 - to).max(0.0)
+        };
+        others.sort_by(|a, b| away(a).total_cmp(&away(b)));
+        let mut whole = track.clone();
+        let likelihood = |t: &Track| path::divided(&linked.of(t), Some(best.gravity)).gain;
+        let mut gain = likelihood(&whole);
+        let mut joined_so_far = 0;
+        for other in others {
+            // Where both were seen (two things met, and each track went on with the other) either may be right.
+            let (from, to) = (time_s(&other[0]), time_s(&other[other.len() - 1]));
+            let within = |i: &&usize| (from..=to).contains(&time_s(i));
+            let seen = |i: &&usize| {
+                !whole
+                    .iter()
+                    .any(|k| linked.spots[*k].frame == linked.spots[**i].frame)
             };
-            let (from, to) = other.span;
-            let apart = spans.iter().all(|s| to < s.0 || from > s.1);
-            let same_fall = (other.gravity.down / best.gravity.down - 1.0).abs() < 0.15;
-            if apart && same_fall {
-                // Where both have points (two things met, and each track went on with the other) the falling one's count.
-                let within = |i: usize| (from..=to).contains(&linked.spots[i].time_s);
-                whole.retain(|&i| !within(i));
-                whole.extend(other_track.iter().copied().filter(|&i| within(i)));
-                whole.sort_unstable();
-                spans.push(other.span);
+            let outside: Track = whole.iter().filter(|i| !within(i)).copied().collect();
+            let beside: Track = other.iter().filter(seen).copied().collect();
+            if beside.len() < LEAST_JOINED && self.candidate(&linked.of(other), leaning).is_none() {
+                continue;
+            }
+            if joined_so_far == MOST_JOINED {
+                break;
+            }
+            joined_so_far += 1;
+            let joined = [(&whole, &beside), (&outside, other)].map(|(ours, theirs)| {
+                let mut joined = [&ours[..], &theirs[..]].concat();
+                joined.sort_unstable();
+                (likelihood(&joined), joined)
+            });
+            let best = joined.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((more, joined)) = best.filter(|(more, _)| *more > gain + JOINED_GAIN) {
+                (whole, gain) = (joined, more);
             }
         }
         whole
@@ -189,6 +272,13 @@ impl FlightSearch for SideView {
         arc_search::flight_along(spots, gravity, self, interval_s)
     }
 }
+
+/// Fewer sightings than this are not joined to a track, nor are more others tried than this.
+const LEAST_JOINED: usize = 4;
+const MOST_JOINED: usize = 40;
+
+/// What joining two tracks must gain, squared standard deviations.
+const JOINED_GAIN: f64 = 16.0;
 
 /// Tracks of one ball have radii that differ by less than this part.
 const ALIKE_PART: f64 = 0.25;

@@ -80,48 +80,58 @@ impl TimeBase {
         }
     }
 
-    /// The same if distinct frames were taken at even times, and repeats fill them up to a faster clock (24 Hz stored as 30 Hz);
-    /// with the repeats that this makes. `None` where repeats do not come regularly.
+    /// The clock of a recording whose frames were chosen from pictures of another, even rate, as players and editors do: frame k
+    /// shows the picture ⌊ratio k + phase⌋. Below a ratio of 1 frames repeat the one before, above 1 pictures are missing.
+    /// With the frames that are repeats by that; `None` where stamps do not stand evenly.
+    ///
+    /// With `frame_rate_hz` pictures come at that rate; else they span the time that the stamps span.
     #[must_use]
-    pub fn evenly(&self, stamps_s: &[f64], repeats: &[bool]) -> Option<(Self, Vec<bool>)> {
-        let distinct: Vec<f64> = stamps_s
-            .iter()
-            .zip(repeats)
-            .filter(|(_, repeat)| !**repeat)
-            .map(|(&s, _)| s)
-            .collect();
-        if self.gaps > 0 || distinct.len() == stamps_s.len() || stamps_s.len() != repeats.len() {
+    pub fn resampled(
+        stamps_s: &[f64],
+        frame_rate_hz: Option<f64>,
+        by: Resampling,
+    ) -> Option<(Self, Vec<bool>)> {
+        let stored_s = typical_step(stamps_s.windows(2).map(|w| w[1] - w[0]))?;
+        let first = *stamps_s.first()?;
+        let (gaps, missing) = gaps(stamps_s);
+        if gaps > 0 {
             return None;
         }
-        let stored_s = (stamps_s.last()? - stamps_s.first()?) / (stamps_s.len() - 1) as f64;
-        // The most regular; of those the shortest pattern.
-        let (interval_s, _) = (2..=MOST_PATTERN)
-            .rev()
-            .filter_map(|n| even_interval(&distinct, n, stored_s))
-            .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        // Each stamp is late by less than a stored frame: to which tick it belongs, counted from their mean lag.
-        let turn = |s: f64| std::f64::consts::TAU * s / interval_s;
-        let (sin, cos) = distinct.iter().fold((0.0, 0.0), |(sin, cos), &s| {
-            (sin + turn(s).sin(), cos + turn(s).cos())
-        });
-        let lag = f64::atan2(sin, cos) / std::f64::consts::TAU;
-        let tick = |s: f64| (s / interval_s - lag).round();
-        let start = tick(*distinct.first()?);
-        let (mut times_s, mut repeated) = (Vec::new(), Vec::new());
-        for (&s, &repeat) in stamps_s.iter().zip(repeats) {
-            let last = times_s.last().copied();
-            let time = ((tick(s) - start) * interval_s).max(0.0);
-            let again = last.is_some_and(|last| repeat || time <= last);
-            times_s.push(if again { last.unwrap_or(time) } else { time });
-            repeated.push(again);
+        let mut numbers = Vec::with_capacity(stamps_s.len());
+        for stamp in stamps_s {
+            let number = (stamp - first) / stored_s;
+            if (number - number.round()).abs() > EVEN_PART {
+                return None;
+            }
+            numbers.push(number.round());
         }
-        let even = Self {
-            times_s,
-            interval_s: Some(interval_s),
-            evened: true,
-            ..self.clone()
+        let picture = |k: f64| (by.ratio * k + by.phase + ROUNDING).floor() - (by.phase + ROUNDING).floor();
+        let interval_s = match frame_rate_hz {
+            Some(rate) => 1.0 / rate,
+            None => stored_s / by.ratio,
         };
-        Some((even, repeated))
+        let pictures: Vec<f64> = numbers.iter().map(|&k| picture(k)).collect();
+        let repeats = (0..pictures.len()).map(|i| i > 0 && pictures[i] == pictures[i - 1]);
+        let lost = |i: usize| (pictures[i] - pictures[i - 1]) - (numbers[i] - numbers[i - 1]);
+        let skipped: f64 = (1..pictures.len()).map(|i| lost(i).max(0.0)).sum();
+        let base = Self {
+            times_s: pictures.iter().map(|p| p * interval_s).collect(),
+            interval_s: Some(interval_s),
+            gaps,
+            missing,
+            skipped: skipped as usize,
+            evened: frame_rate_hz.is_none(),
+        };
+        Some((base, repeats.collect()))
+    }
+
+    /// The same clock slower by a `factor`, its frames numbered anew.
+    #[must_use]
+    pub fn stretched(mut self, factor: f64) -> Self {
+        self.times_s.iter_mut().for_each(|t| *t *= factor);
+        self.interval_s = self.interval_s.map(|i| i * factor);
+        self.evened = false;
+        self
     }
 
     /// The same with the time of frames that are missing without a trace in the stamps: `skips` are the first frame after
@@ -141,25 +151,20 @@ impl TimeBase {
     }
 }
 
-/// Distinct frames after which repeats come round again, at most: 24 Hz in a file of 25 Hz.
-const MOST_PATTERN: usize = 24;
-
-/// Part of the clip that must follow the pattern; a repeat of a ball at rest is not told.
-const LEAST_REGULAR: f64 = 0.75;
-
-/// The even interval that makes `n` successive of the `distinct` stamps span a whole number of stored frames, always the same,
-/// and the part of the clip where they do; `None` where they do not, or that is the stored interval itself.
-fn even_interval(distinct: &[f64], n: usize, stored_s: f64) -> Option<(f64, f64)> {
-    let mut spans: Vec<f64> = distinct
-        .iter()
-        .zip(distinct.iter().skip(n))
-        .map(|(a, b)| ((b - a) / stored_s).round())
-        .collect();
-    let frames = crate::numeric::robust::median(&mut spans)?;
-    let regular = spans.iter().filter(|s| **s == frames).count() as f64 / spans.len() as f64;
-    let enough = spans.len() >= 2 * n && regular >= LEAST_REGULAR;
-    (enough && frames > n as f64 && frames % n as f64 != 0.0).then(|| (frames * stored_s / n as f64, regular))
+/// How the frames of a recording were chosen from pictures of another rate; see [`TimeBase::resampled`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resampling {
+    /// Pictures a stored frame.
+    pub ratio: f64,
+    /// Of the first frame, pictures, 0 to 1.
+    pub phase: f64,
 }
+
+/// Stamps are even where they stand within this part of a stored frame's time of an even clock.
+const EVEN_PART: f64 = 0.2;
+
+/// Of a sum of products by whole numbers.
+const ROUNDING: f64 = 1e-9;
 
 /// Places where the stamps leave frames out, and how many frames. Repeats count as frames here: one that fills the place
 /// of a dropped frame is told as a repeat, and its place is no gap in the stamps.
@@ -302,47 +307,35 @@ mod tests {
     }
 
     #[test]
-    fn regular_repeats_may_stand_for_an_even_clock() {
-        for (pattern, stored_hz, true_hz) in [
-            (&[1, 1, 1, 2][..], 30.0, 24.0),
-            (&[2, 3], 60.0, 24.0),
-            (&[1, 1, 1, 1, 2], 30.0, 25.0),
-        ] {
-            let mut repeats = vec![false];
-            for i in 0..60 {
-                let stored: usize = pattern[i % pattern.len()];
-                repeats.extend((1..=stored).map(|k| k < stored));
-            }
-            let stamps: Vec<f64> = (0..repeats.len()).map(|i| i as f64 / stored_hz).collect();
-            // One repeat that nothing shows, as of a ball at rest.
-            let hidden = repeats.iter().skip(40).position(|&r| r).unwrap() + 40;
-            let truth = repeats.clone();
-            repeats[hidden] = false;
-            let base = TimeBase::new(&stamps, &repeats, None);
-            let (even, repeated) = base.evenly(&stamps, &repeats).unwrap();
-            let (mut k, first) = (0, even.times_s[0]);
-            assert!(first == 0.0 && even.evened);
-            for (i, &repeat) in truth.iter().enumerate().skip(1) {
-                k += usize::from(!repeat);
-                let off = (even.times_s[i] - k as f64 / true_hz).abs();
-                assert!(off < 1e-9 || (i == hidden && off < 1.01 / true_hz), "{i}: {off}");
-            }
-            assert_eq!(
-                repeated.iter().filter(|r| **r).count(),
-                truth.iter().filter(|r| **r).count()
+    fn frames_chosen_from_pictures_of_another_rate_have_their_times() {
+        let by = |ratio: f64, phase: f64| Resampling { ratio, phase };
+        // 24 Hz in a file of 30 Hz: every fifth frame is a repeat.
+        let stamps: Vec<f64> = (0..31).map(|i| f64::from(i) / 30.0).collect();
+        let (base, repeats) = TimeBase::resampled(&stamps, None, by(0.8, 0.0)).unwrap();
+        assert_eq!(repeats.iter().filter(|r| **r).count(), 6);
+        assert!((base.times_s[30] - 1.0).abs() < 1e-12 && base.evened && base.skipped == 0);
+        assert!((base.interval_s.unwrap() - 1.0 / 24.0).abs() < 1e-12);
+        // 30 Hz in one of 25: every sixth picture is missing, whenever it comes first.
+        let stamps: Vec<f64> = (0..26).map(|i| f64::from(i) / 25.0).collect();
+        for phase in [0.0, 0.2, 0.8] {
+            let (base, repeats) = TimeBase::resampled(&stamps, None, by(1.2, phase)).unwrap();
+            assert!(!repeats.contains(&true) && base.skipped == 5);
+            let steps: Vec<f64> = base.times_s.windows(2).map(|w| (w[1] - w[0]) * 30.0).collect();
+            assert!(
+                steps
+                    .iter()
+                    .all(|s| (s - 1.0).abs() < 1e-9 || (s - 2.0).abs() < 1e-9)
             );
+            assert!((base.times_s[25] - 1.0).abs() < 1e-12);
         }
-        // Every frame twice is even as it stands; repeats here and there have no pattern.
-        let stamps: Vec<f64> = (0..40).map(f64::from).collect();
-        for repeats in [
-            (0..40).map(|i| i % 2 == 1).collect::<Vec<bool>>(),
-            (0..40).map(|i| [3, 4, 11, 26, 31].contains(&i)).collect(),
-        ] {
-            assert_eq!(
-                TimeBase::new(&stamps, &repeats, None).evenly(&stamps, &repeats),
-                None
-            );
-        }
+        // By a known rate, or as the frames were numbered anew.
+        let (known, _) = TimeBase::resampled(&stamps, Some(300.0), by(1.2, 0.0)).unwrap();
+        assert!((known.times_s[25] - 0.1).abs() < 1e-12);
+        let (base, _) = TimeBase::resampled(&stamps, None, by(1.2, 0.0)).unwrap();
+        assert!((base.stretched(1.2).times_s[25] - 30.0 / 25.0).abs() < 1e-12);
+        // Uneven stamps are of no such recording.
+        let stamps = [0.0, 0.1, 0.2, 0.345, 0.4, 0.5, 0.6];
+        assert_eq!(TimeBase::resampled(&stamps, None, by(0.8, 0.0)), None);
     }
 
     #[test]

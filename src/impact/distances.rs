@@ -108,11 +108,15 @@ impl MeasuredMotion<'_> {
                 place(p, first) - self.edge_place(p).map_or(f64::NAN, |e| e.r) + apart
             });
         }
-        // A horizontal launch is level where it begins: the apex is the edge.
+        // A horizontal launch is level where it begins, and fast: the apex is the edge.
         let apex = |p: &InputValues<'_>| self.vertex_s(p);
         let start = self.flight.spans[0].0;
         let best = apex(&self.inputs.best());
-        let level = (best - start).abs() < 2.0 * self.flight.interval_s;
+        // A ball that leaves an edge more slowly than √(g R) tips round it: slower ones were dropped by a hand.
+        let p = &self.inputs.best();
+        let (speed, fall) = (self.world(p, 0, best).vr.abs(), p.fall() * self.scale(p));
+        let tips_m_s = (fall * self.flight.radius() * self.scale(p)).sqrt();
+        let level = (best - start).abs() < 2.0 * self.flight.interval_s && speed > tips_m_s;
         let distance = || {
             self.inputs
                 .quantity(|p| place(p, first) - self.world(p, 0, apex(p)).r)

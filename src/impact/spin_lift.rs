@@ -106,6 +106,7 @@ mod tests {
                 parameters: &[9.81, part * drag.beta, 0.0, 0.0, 1.5, 0.0, 0.0],
                 times: &[0.0],
                 law: drag.law,
+                bent: false,
             };
             lift.motion(&level, 0, 1e-3)
         };
@@ -123,6 +124,7 @@ mod tests {
             parameters: &[9.81, 0.02, 0.0, 0.0, 1.0, 0.0, 2.0],
             times: &[0.0],
             law: DragLaw::default(),
+            bent: false,
         };
         let lift = SpinLift::new(vec![Some(1.0)]);
         let m = lift.motion(&rising, 0, 0.05);

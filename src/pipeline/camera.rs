@@ -89,6 +89,16 @@ impl<'a> CalibratedCamera<'a> {
         self.calibration.metres_per_unit(&ScaleEvidence::default()).ok()
     }
 
+    /// Metres a plane unit without the fall: by the calibration, or, where the ball is its scale, by the `radius` of what falls, plane units.
+    pub fn metres_per_unit_by_radius(&self, radius: f64) -> Option<f64> {
+        let c = self.calibration;
+        if c.scale.rests_on_ball() {
+            Some(c.ball.radius_m? / radius)
+        } else {
+            self.metres_per_unit_before_flight().map(|q| q.value)
+        }
+    }
+
     /// Metres a plane unit, from whatever scale the calibration names.
     ///
     /// # Errors
@@ -120,6 +130,8 @@ impl<'a> CalibratedCamera<'a> {
             return Box::new(SideView {
                 vertical: VerticalPrior::LEVEL_CAMERA,
                 drag: flight.and_then(|f| self.drag(scale, f.mean_speed())),
+                bend: None,
+                scale_change: None,
             });
         }
         match self.near_top_view(scale, flight) {

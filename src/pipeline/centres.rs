@@ -3,10 +3,11 @@
 //! at again there.
 
 use super::ball_model::{BallModel, BallPictures};
-use super::spots::{BallCentre, FrameTimes, with_id};
+use super::spots::{BallCentre, with_id};
 use crate::detect::LEAST_AGREEMENT;
 use crate::detect::centre::{Accuracy, Centre, CentreInput, Disc, outline};
 use crate::flight::Flight;
+use crate::flight::clock::FrameTimes;
 use crate::geometry::PixelPoint;
 use rayon::prelude::*;
 

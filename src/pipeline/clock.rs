@@ -1,15 +1,25 @@
-//! When each frame was taken: by the file's stamps or the calibration's rate, less the frames that show nothing new, with
-//! the time of frames that are missing without a trace in the stamps.
+//! When each frame was taken. Clocks compete by one likelihood ([`crate::flight::clock`]), each with a price for its free numbers:
+//!
+//! | clock | its free numbers |
+//! |---|---|
+//! | the stamps, or the calibration's rate, as they are | none |
+//! | frames that show the one before left out, the others as stamped | which |
+//! | frames chosen from pictures of another rate ([`TimeBase::resampled`]): repeats or gaps that come regularly | ratio, phase |
+//! | the likeliest of these with frames missing in single places | where, how many |
+//!
+//! Where the first leaves no room for a better one the others are not tried. Assumed: one clock for the whole recording. A piece that is
+//! cut out at an impact shows in its arcs alone, after they are fitted ([`Clocked::with_frames_missing_at_impacts`]).
 
 use super::camera::CalibratedCamera;
 use super::decode::Decoded;
 use super::measurement::Warning;
-use super::spots::{BallCentre, FrameTimes, first_spots};
+use super::spots::{BallCentre, first_spots};
 use super::warnings::of_clock;
 use crate::calibration::Optics;
-use crate::flight::linking::LinkedSpots;
+use crate::flight::clock::{Explained, FrameTimes, MovingTracks};
+use crate::flight::linking::{LinkedSpots, Spot};
 use crate::flight::{self, Flight, dropped_frames};
-use crate::frames::timebase::TimeBase;
+use crate::frames::timebase::{Resampling, TimeBase};
 
 /// The recording with its clock.
 #[derive(Debug)]
@@ -22,41 +32,268 @@ pub struct Clocked {
     pub warnings: Vec<Warning>,
 }
 
-/// The clock of `decoded`, whose things have the `centres`.
+/// The clock of `decoded`, whose things have the `centres`: the likeliest of those that are tried.
 pub fn clocked(
     camera: &CalibratedCamera<'_>,
     decoded: &Decoded,
     centres: &[BallCentre],
     optics: Option<Optics>,
 ) -> Clocked {
-    let (stamps_s, rate_hz) = (&decoded.stamps_s, camera.calibration.frame_rate_hz);
-    // Each list of spots is linked once: all who ask it share its tracks.
-    let linked = |base: &TimeBase, duplicates: &[bool]| {
-        let times_s = &base.times_s;
-        let frames = FrameTimes { times_s, duplicates };
-        LinkedSpots::new(first_spots(camera, centres, frames, optics))
+    let (stamps_s, rate_hz) = (&decoded.stamps_s[..], camera.calibration.frame_rate_hz);
+    let none = vec![false; stamps_s.len()];
+    let as_stamped = TimeBase::new(stamps_s, &[], rate_hz);
+    let frames = FrameTimes {
+        times_s: &as_stamped.times_s,
+        duplicates: &none,
     };
-    let all = TimeBase::new(stamps_s, &[], rate_hz);
-    let by_stamps = linked(&all, &vec![false; stamps_s.len()]);
-    let duplicates =
-        flight::duplicate_frames::find(&by_stamps, &decoded.changes, camera.units_per_px()).frames;
-    let base = TimeBase::new(stamps_s, &duplicates, rate_hz);
-    let distinct = if duplicates.contains(&true) {
-        linked(&base, &duplicates)
-    } else {
-        by_stamps
+    // Linked once, whatever the clock: all compete by the same tracks.
+    let linked = LinkedSpots::new(first_spots(camera, centres, frames, optics));
+    let mut trials = ClockTrials {
+        moving: MovingTracks::new(&linked),
+        falling: Vec::new(),
+        stamps_s,
+        rate_hz,
     };
-    // Where duplicates come regularly, the clock of distinct frames may be even, and the stamps be those of another: the one
-    // that the ball's places suit counts.
-    let even = base.evenly(stamps_s, &duplicates).filter(|_| rate_hz.is_none());
-    let even = even.map(|(base, duplicates)| (linked(&base, &duplicates), base, duplicates));
-    let even = even.filter(|even| flight::clock::suits_better(&even.0, &distinct));
-    let (linked, base, duplicates) = even.unwrap_or((distinct, base, duplicates));
-    let missing = base
-        .interval_s
-        .map_or_else(Vec::new, |interval_s| dropped_frames::find(&linked, interval_s));
-    Clocked::new(base.with_skips(&pairs(&missing)), duplicates, camera, decoded)
+    let model = camera.motion_model(None, None);
+    trials.falling = trials.moving.falling(frames, &*model);
+    let mut rivals = Vec::new();
+    let repeats = flight::duplicate_frames::find(&linked, &decoded.changes, camera.units_per_px()).frames;
+    if repeats.contains(&true) {
+        let base = TimeBase::new(stamps_s, &repeats, rate_hz);
+        let price = trials.price_of_places(&repeats);
+        rivals.push(Clock { base, repeats, price });
+    }
+    let as_stamped = Clock {
+        base: as_stamped,
+        repeats: none,
+        price: 0.0,
+    };
+    let leaves_room = trials.explained(&as_stamped).room > WORTH_TRYING;
+    if leaves_room || !trials.falling.contains(&true) {
+        rivals.extend(trials.resampled());
+    }
+    // What falls under any of them is asked under all.
+    for rival in &rivals {
+        let falling = trials.moving.falling(rival.frames(), &*model);
+        trials.falling.iter_mut().zip(falling).for_each(|(a, b)| *a |= b);
+    }
+    let mut best = trials.tried(as_stamped);
+    for rival in rivals {
+        best = best.or(trials.tried(rival));
+    }
+    if best.explained.room > WORTH_TRYING {
+        best = trials.numbered_anew(best, camera);
+        best = trials.with_single_gaps(best, &linked.spots);
+    }
+    Clocked::new(best.clock.base, best.clock.repeats, camera, decoded)
 }
+
+/// A clock with this much room, in squared standard deviations, may have a better one: that of a gap or of a pattern must gain about
+/// as much.
+const WORTH_TRYING: f64 = 30.0;
+
+/// What a clock must gain beyond the price of its numbers: first centres scatter more than they say here and there, and a false
+/// clock costs more than a missed one in a recording that is plain.
+const MARGIN: f64 = 24.0;
+
+/// Ratios of two whole numbers up to this are tried: 24 Hz in a file of 25 Hz is one.
+const MOST_PATTERN: u32 = 25;
+
+/// Frames may be chosen from pictures at up to so many times their rate, or stored so many times each.
+const MOST_RATIO: f64 = 2.0;
+const MOST_TIMES: u32 = 5;
+
+/// Resampled clocks that are tried in earnest.
+const MOST_TRIED: usize = 3;
+
+/// Gaps in single places, at most.
+const MOST_GAPS: usize = 24;
+
+/// What clocks are tried on.
+struct ClockTrials<'a> {
+    moving: MovingTracks<'a>,
+    /// Of what moves, what falls.
+    falling: Vec<bool>,
+    stamps_s: &'a [f64],
+    rate_hz: Option<f64>,
+}
+
+/// A clock that may be the recording's.
+struct Clock {
+    base: TimeBase,
+    repeats: Vec<bool>,
+    /// For its free numbers, squared standard deviations.
+    price: f64,
+}
+
+impl Clock {
+    fn frames(&self) -> FrameTimes<'_> {
+        FrameTimes {
+            times_s: &self.base.times_s,
+            duplicates: &self.repeats,
+        }
+    }
+}
+
+/// A clock and what it explains.
+struct Tried {
+    clock: Clock,
+    explained: Explained,
+}
+
+impl Tried {
+    fn score(&self) -> f64 {
+        self.explained.gain - self.clock.price
+    }
+
+    /// The likelier of both; this where they are alike.
+    fn or(self, other: Self) -> Self {
+        if other.score() > self.score() { other } else { self }
+    }
+}
+
+impl ClockTrials<'_> {
+    fn explained(&self, clock: &Clock) -> Explained {
+        self.moving.explained(clock.frames(), &self.falling)
+    }
+
+    fn tried(&self, clock: Clock) -> Tried {
+        let explained = self.explained(&clock);
+        Tried { clock, explained }
+    }
+
+    /// The price of naming these frames among all: twice the logarithm of the number of such choices.
+    fn price_of_places(&self, chosen: &[bool]) -> f64 {
+        let (all, some) = (chosen.len(), chosen.iter().filter(|c| **c).count());
+        let choices = |(k, left): (usize, usize)| (left as f64 / (k + 1) as f64).ln();
+        let few = some.min(all - some);
+        2.0 * (0..few).map(|k| choices((k, all - k))).sum::<f64>() + MARGIN
+    }
+
+    /// The clocks of another rate that suit the steps of what moves best.
+    fn resampled(&self) -> Vec<Clock> {
+        let clock = |by: Resampling| TimeBase::resampled(self.stamps_s, self.rate_hz, by);
+        let misfit = |by: Resampling| {
+            let (base, repeats) = clock(by)?;
+            Some(self.moving.step_misfit(FrameTimes {
+                times_s: &base.times_s,
+                duplicates: &repeats,
+            }))
+        };
+        let mut seen: Vec<(f64, Resampling)> = Vec::new();
+        let mut looked = 0_usize;
+        for (above, below) in ratios() {
+            let ratio = f64::from(above) / f64::from(below);
+            let phases = (0..below).map(|k| f64::from(k) / f64::from(below));
+            let fits = phases.filter_map(|phase| {
+                let by = Resampling { ratio, phase };
+                Some((misfit(by)?, by))
+            });
+            seen.extend(fits.inspect(|_| looked += 1).min_by(|a, b| a.0.total_cmp(&b.0)));
+        }
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let price = 2.0 * (looked.max(1) as f64).ln() + MARGIN;
+        let best = seen.into_iter().take(MOST_TRIED);
+        let finer = best.map(|(fit, by)| refined(fit, by, self.stamps_s.len(), misfit));
+        finer
+            .filter_map(|by| {
+                let (base, repeats) = clock(by)?;
+                Some(Clock { base, repeats, price })
+            })
+            .collect()
+    }
+
+    /// `best`, or where its frames were chosen from more pictures and numbered anew, that: the fall tells, where the scale does not rest
+    /// on it.
+    fn numbered_anew(&self, mut best: Tried, camera: &CalibratedCamera<'_>) -> Tried {
+        let base = &best.clock.base;
+        if !(base.evened && base.skipped > 0) {
+            return best;
+        }
+        let stored_s = TimeBase::new(self.stamps_s, &[], None).interval_s;
+        let (Some((fall, radius)), Some(stored_s), Some(interval_s)) =
+            (best.explained.fall, stored_s, base.interval_s)
+        else {
+            return best;
+        };
+        let Some(metres) = camera.metres_per_unit_by_radius(radius) else {
+            return best;
+        };
+        let slower = stored_s / interval_s;
+        let off = |fall: f64| (fall * metres / camera.calibration.gravity_m_s2).ln().abs();
+        if off(fall / (slower * slower)) < off(fall) {
+            best.clock.base = base.clone().stretched(slower);
+        }
+        best
+    }
+
+    /// `best` with the gaps in single places that make it likelier.
+    fn with_single_gaps(&self, mut best: Tried, spots: &[Spot]) -> Tried {
+        let Some(interval_s) = best.clock.base.interval_s else {
+            return best;
+        };
+        let price = 2.0 * (self.stamps_s.len().max(1) as f64).ln() + MARGIN;
+        let linked = LinkedSpots::new(best.clock.frames().distinct(spots));
+        for gap in dropped_frames::proposed(&linked, interval_s)
+            .into_iter()
+            .take(MOST_GAPS)
+        {
+            let more = Clock {
+                base: best.clock.base.clone().with_skips(&pairs(&[gap])),
+                repeats: best.clock.repeats.clone(),
+                price: best.clock.price + price,
+            };
+            best = best.or(self.tried(more));
+        }
+        best
+    }
+}
+
+/// Pictures a stored frame that are tried, as quotients in lowest terms: 1 is none of them.
+fn ratios() -> Vec<(u32, u32)> {
+    let mut all = Vec::new();
+    for below in 1..=MOST_PATTERN {
+        for above in 1..=MOST_PATTERN {
+            let ratio = f64::from(above) / f64::from(below);
+            let fits = ratio <= MOST_RATIO && ratio * f64::from(MOST_TIMES) >= 1.0 && above != below;
+            if fits && greatest_divisor(above, below) == 1 {
+                all.push((above, below));
+            }
+        }
+    }
+    all
+}
+
+fn greatest_divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { greatest_divisor(b, a % b) }
+}
+
+/// The resampling near `by` with the least misfit: other rates than quotients of small numbers drift by a picture over a recording of `frames`.
+fn refined(
+    fit: f64,
+    by: Resampling,
+    frames: usize,
+    misfit: impl Fn(Resampling) -> Option<f64>,
+) -> Resampling {
+    let (mut best, mut least) = (by, fit - REFINED_GAIN);
+    for i in -REFINED_STEPS..=REFINED_STEPS {
+        for k in -REFINED_STEPS..=REFINED_STEPS {
+            let ratio = by.ratio + f64::from(i) / (f64::from(REFINED_STEPS) * frames as f64);
+            let phase = (by.phase + 0.1 * f64::from(k)).rem_euclid(1.0);
+            let trial = Resampling { ratio, phase };
+            if let Some(found) = misfit(trial).filter(|found| *found < least) {
+                (best, least) = (trial, found);
+            }
+        }
+    }
+    best
+}
+
+/// A rate that is no quotient of small numbers costs its digits, squared standard deviations.
+const REFINED_GAIN: f64 = 16.0;
+
+/// Steps of the search on each side: a picture over the recording in all.
+const REFINED_STEPS: i32 = 4;
 
 impl Clocked {
     fn new(base: TimeBase, duplicates: Vec<bool>, camera: &CalibratedCamera<'_>, decoded: &Decoded) -> Self {

@@ -33,7 +33,12 @@ pub fn impacts(
     let flight = with_all_unknowns(&refined.tracked.flight, calibration.upright_std_rad());
     let shake = shake::find(&flight);
     let shaken = shake.as_ref().and_then(|shake| flight.shaken_by(shake));
-    let mut flight = shaken.unwrap_or(flight);
+    let flight = shaken.unwrap_or(flight);
+    let flight = flight.without_touching_points().unwrap_or(flight);
+    let flight = flight.without_held_points().unwrap_or(flight);
+    let departing = flight.departing(&refined.tracked.first_look, camera.stands_still);
+    let departure = departing.as_ref().map(|(_, departure)| *departure);
+    let mut flight = departing.map_or(flight, |(departing, _)| departing);
     let metres_per_unit = camera.metres_per_unit(&flight, radius_px)?;
     let scaled = Scaled {
         camera,
@@ -71,6 +76,8 @@ pub fn impacts(
         calibration,
         camera,
         motion: &motion,
+        departure,
+        first_look: &refined.tracked.first_look,
         interval_s: clocked.base.interval_s.unwrap_or(impacts.flight.interval_s),
         impacts: &impacts,
     };

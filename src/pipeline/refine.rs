@@ -130,6 +130,8 @@ impl Refinement<'_> {
                         flight,
                         centres,
                         optics,
+                        first_look: first.first_look.clone(),
+                        others: first.others.clone(),
                     };
                     let found = if above {
                         found
@@ -176,6 +178,8 @@ impl Refinement<'_> {
             flight,
             centres,
             optics,
+            first_look,
+            others,
         } = found;
         let (from, to) = flight.time_span();
         let within = |t: f64| t >= from && t <= to;
@@ -191,11 +195,15 @@ impl Refinement<'_> {
                 flight: longer,
                 centres: all,
                 optics,
+                first_look,
+                others,
             },
             _ => Tracked {
                 flight,
                 centres: inside,
                 optics,
+                first_look,
+                others,
             },
         }
     }
@@ -209,6 +217,7 @@ impl Refinement<'_> {
             of_track::not_learned(self.accuracy, method),
             of_track::light(self.decoded, &flown),
             of_track::lingering(flight, self.decoded.stamps_s.len()),
+            of_track::others(&tracked.others, self.camera),
         ];
         Refined {
             warnings: warnings.into_iter().flatten().collect(),

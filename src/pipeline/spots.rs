@@ -5,6 +5,7 @@ use crate::calibration::{Optics, View};
 use crate::detect::Sighting;
 use crate::detect::centre::Centre;
 use crate::detect::registration::Registration;
+use crate::flight::clock::FrameTimes;
 use crate::flight::linking::Spot;
 use crate::frames::Coded;
 use crate::geometry::PixelPoint;
@@ -12,15 +13,6 @@ use crate::impact::error_budget::{LEAST_CENTRE_STD_PX, OVAL_CENTRE_STD_RADII, SW
 
 /// Less than this part of an outline on one circle is no outline.
 const WHOLE_OUTLINE: f64 = 0.6;
-
-/// When the frames were taken, and which show nothing new.
-#[derive(Debug, Clone, Copy)]
-pub struct FrameTimes<'a> {
-    /// Time of each, s.
-    pub times_s: &'a [f64],
-    /// Those that show the one before once more.
-    pub duplicates: &'a [bool],
-}
 
 /// A centre of what is, or may be, the ball. It says nothing of pixels but where they lie, so that it may as well come from
 /// elsewhere.

@@ -5,7 +5,8 @@ use super::clock::Clocked;
 use super::spots::{BallCentre, first_spots, with_id};
 use crate::calibration::Optics;
 use crate::flight::linking::{LinkedSpots, Spot};
-use crate::flight::{self, Flight, NoFlight};
+use crate::flight::{self, Flight, NoFlight, OtherFlight};
+use crate::numeric::robust::median;
 
 /// A flight and the centres that it is made of.
 #[derive(Debug, Clone)]
@@ -16,7 +17,17 @@ pub struct Tracked {
     pub centres: Vec<BallCentre>,
     /// The camera's angles that the spots were made with.
     pub optics: Option<Optics>,
+    /// The ball as it was first seen in its flight, each sighting with its own size.
+    pub first_look: Vec<Spot>,
+    /// What else flies meanwhile.
+    pub others: Vec<OtherFlight>,
 }
+
+/// A thing that keeps its place beside another and stands out from what is behind it by this factor less is its shadow, or its reflection.
+const SHADOW_CONTRAST: f64 = 1.5;
+
+/// Shadows that are set aside before the ball, at most.
+const MOST_SHADOWS: usize = 3;
 
 /// The ball among `centres`, which may be of anything.
 ///
@@ -28,14 +39,39 @@ pub fn tracked(
     centres: &[BallCentre],
     optics: Option<Optics>,
 ) -> Result<Tracked, NoFlight> {
-    let spots = first_spots(camera, centres, clocked.frames(), optics);
+    let mut linked = LinkedSpots::new(first_spots(camera, centres, clocked.frames(), optics));
     let model = camera.motion_model(None, None);
-    let flight = flight::find(&LinkedSpots::new(spots), &*model)?;
+    let mut flight = flight::find(&linked, &*model)?;
+    let mut others = flight::others(&linked, &flight, &*model);
+    // What was found may be the shadow of the ball.
+    for _ in 0..MOST_SHADOWS {
+        let mut contrasts: Vec<f64> = flight.used_points().map(|p| p.spot.contrast_grey.abs()).collect();
+        let own = median(&mut contrasts).unwrap_or(0.0);
+        let casts = |o: &OtherFlight| o.moves_along && o.contrast_grey.abs() > SHADOW_CONTRAST * own;
+        if !others.iter().any(casts) {
+            break;
+        }
+        let shadow: Vec<usize> = flight.points.iter().map(|p| p.spot.id).collect();
+        let rest: Vec<Spot> = linked
+            .spots
+            .iter()
+            .filter(|s| !shadow.contains(&s.id))
+            .copied()
+            .collect();
+        let rest = LinkedSpots::new(rest);
+        let Ok(ball) = flight::find(&rest, &*model) else {
+            break;
+        };
+        others = flight::others(&linked, &ball, &*model);
+        (linked, flight) = (rest, ball);
+    }
     let of_ball = flight.points.iter().filter_map(|p| with_id(centres, p.spot.id));
     Ok(Tracked {
         centres: of_ball.copied().collect(),
+        first_look: flight.used_points().map(|p| p.spot).collect(),
         flight,
         optics,
+        others,
     })
 }
 

@@ -105,6 +105,7 @@ fn fit_with(
         reduced_chi,
         autocorrelation_inflation,
         model: Arc::new(*view),
+        deviance: None,
     })
 }
 

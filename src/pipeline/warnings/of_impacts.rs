@@ -2,6 +2,8 @@
 
 use super::{rounded, warning};
 use crate::calibration::{Calibration, View};
+use crate::flight::bend::{Departure, SizeTrend};
+use crate::flight::linking::Spot;
 use crate::flight::shake::Shake;
 use crate::impact::contact::SoftBall;
 use crate::impact::error_budget::READ_STD_PX;
@@ -32,6 +34,10 @@ pub struct WarningContext<'a> {
     pub motion: &'a MeasuredMotion<'a>,
     /// What follows from that.
     pub impacts: &'a Impacts,
+    /// What the arcs are beyond parabolas with drag; `None` where they are that.
+    pub departure: Option<Departure>,
+    /// The ball's sightings, each with its own size.
+    pub first_look: &'a [Spot],
     /// Time between distinct frames, s.
     pub interval_s: f64,
 }
@@ -48,6 +54,10 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     out.extend(impossible_tangential(&impacts.bounces));
     out.extend(distance_against_fall(j));
     out.extend(j.motion.bend().map(bent));
+    out.extend(
+        j.departure
+            .map(|departure| departing(departure, SizeTrend::of(j.first_look))),
+    );
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
     out.extend(different_heights(j));
@@ -73,7 +83,8 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
         ));
     }
     let ratio = flight.scatter_ratio();
-    if ratio > LARGE_SCATTER_RATIO && flight.fit.autocorrelation_inflation > LASTING {
+    let lasting = ratio > LARGE_SCATTER_RATIO && flight.fit.autocorrelation_inflation > LASTING;
+    if lasting && j.departure.is_none() {
         out.push(warning!(
             "not_a_parabola",
             "the centres scatter {ratio:.1} times more about the arcs than about the ball's outline: air drag on a light ball, a moving or rolling-shutter camera, a lens without correction, or a plane of motion seen at a slant. The uncertainties are those of such a scatter; what bends all arcs alike may shift speeds, restitution and angles by more."
@@ -88,6 +99,62 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
         ));
     }
     out
+}
+
+/// A trend of the ball's size is believed where it stands out by so many standard uncertainties, and is worth a word from this part on.
+const TREND_SIGMAS: f64 = 4.0;
+const LEAST_TREND: f64 = 0.01;
+
+/// That arcs are no parabolas, what was done, and whether the ball's size says why.
+fn departing(departure: Departure, trend: Option<SizeTrend>) -> Warning {
+    let clear = |t: &(f64, f64)| t.0.abs() > TREND_SIGMAS * t.1 && t.0.abs() > LEAST_TREND;
+    let percent = |t: (f64, f64)| format!("{:+.1} ± {:.1} %", 100.0 * t.0, 100.0 * t.1);
+    let seen = trend.map_or_else(Vec::new, |t| {
+        let all = [
+            (
+                t.up,
+                "from the lowest place to the highest: the camera looks at the plane of motion at a slant",
+            ),
+            (
+                t.right,
+                "from the left to the right: the camera looks at the plane of motion from the side",
+            ),
+            (
+                t.time,
+                "from the first frame to the last: the ball nears the camera or goes away from it",
+            ),
+        ];
+        let told = all.into_iter().filter(|(t, _)| clear(t));
+        told.map(|(t, what)| format!("{} {what}", percent(t))).collect()
+    });
+    let done = match departure {
+        Departure::ScaleChanges => {
+            "One fall for all arcs tells how the scale changes, and the ball's size does: speeds and places were corrected by it, with its uncertainty.".to_owned()
+        }
+        Departure::Bent(part) => format!(
+            "The path is bent by about {:.1} % of its way beyond what gravity and drag make of it. Speeds at an impact were taken from the path near it, with uncertainties to match; lengths far from the impacts may be off by as much.",
+            100.0 * part
+        ),
+    };
+    if departure == Departure::ScaleChanges || !seen.is_empty() {
+        let width = if seen.is_empty() {
+            String::new()
+        } else {
+            format!(
+                " (the ball's width in the picture changes by {})",
+                seen.join("; and by ")
+            )
+        };
+        warning!(
+            "scale_changes",
+            "the scale is not the same everywhere{width}: one scale for the whole picture does not describe the path. {done} Put the camera square to the plane of motion and further away, or calibrate the plane with a board."
+        )
+    } else {
+        warning!(
+            "not_a_parabola",
+            "the arcs are no parabolas: a camera that pans or is held by hand, a plane of motion seen at a slant, a ball that nears the camera, moving air, a hand at the ball. {done} Put the camera on a tripod, square to the plane of motion, and further away."
+        )
+    }
 }
 
 /// That the ball may be softer than its times and restitution are for.

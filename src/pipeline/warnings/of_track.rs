@@ -2,8 +2,9 @@
 
 use super::warning;
 use crate::detect::centre::Accuracy;
-use crate::flight::Flight;
+use crate::flight::{Flight, OtherFlight};
 use crate::geometry::PlanePoint;
+use crate::pipeline::camera::CalibratedCamera;
 use crate::pipeline::decode::Decoded;
 use crate::pipeline::measurement::Warning;
 
@@ -27,6 +28,34 @@ pub fn light(seen: &Decoded, flown: &[usize]) -> Option<Warning> {
             "light_changed",
             "the light changes by a factor of {:.2} while the ball flies: where a side of it is saturated or dark in one light and not in the other, its centre is displaced by some hundredths of its radius, which is not in the uncertainties. Use a steady light.",
             most / least
+        )
+    })
+}
+
+/// That other things fly while the ball does: how many, when and where.
+pub fn others(others: &[OtherFlight], camera: &CalibratedCamera<'_>) -> Option<Warning> {
+    let one = |o: &OtherFlight| {
+        let place = camera.map.pixel_from_plane(o.place);
+        let place = place.map_or(String::new(), |p| {
+            format!(" near ({:.0}, {:.0}) px", p.u_px, p.v_px)
+        });
+        let with = if o.moves_along {
+            ", which keeps its place beside the ball: a shadow, a reflection or a ball launched with it"
+        } else {
+            ""
+        };
+        format!(
+            "one from {:.2} to {:.2} s, first seen{place}{with}",
+            o.from_s, o.to_s
+        )
+    };
+    let all: Vec<String> = others.iter().map(one).collect();
+    (!all.is_empty()).then(|| {
+        warning!(
+            "several_things_fly",
+            "{} other thing(s) fly while the ball does: {}. Measured is the one with the most evidence of a bouncing ball; no bounce joins two of them. If another is meant, record it alone.",
+            all.len(),
+            all.join("; ")
         )
     })
 }
