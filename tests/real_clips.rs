@@ -12,6 +12,7 @@
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
+use track::frames::{self, Coding, Timing, VideoOptions, VideoWriter};
 use track::pipeline::{Measurement, Outcome, PointUse, measure};
 use track::quantity::Quantity;
 
@@ -223,4 +224,93 @@ fn every_calibration_of_a_clip_can_be_read() {
         read += 1;
     }
     assert_eq!(read, 7);
+}
+
+/// The clip twice in one file, the second time so many seconds later, measured; `None` where the clip is not there.
+fn measured_twice(clip: &str, later_s: f64) -> Option<Measurement> {
+    let path = recordings().join(clip);
+    if !path.exists() {
+        println!("skipped: there is no {}", path.display());
+        return None;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let twice = dir.path().join("twice.mp4");
+    let mut writer: Option<VideoWriter> = None;
+    let mut start_s = 0.0;
+    for _ in 0..2 {
+        let mut source = frames::open(&path).unwrap();
+        let rate_hz = source.info().nominal_rate_hz.unwrap_or(30.0);
+        let mut last_s = start_s;
+        while let Some(frame) = source.next_frame().unwrap() {
+            let coding = Coding::H264 {
+                crf: 10,
+                gop: 30,
+                b_frames: 0,
+            };
+            let options = VideoOptions {
+                timing: Timing::Stamped,
+                ..VideoOptions::new(rate_hz, coding)
+            };
+            let (width, height) = (frame.luma.width, frame.luma.height);
+            let writer = writer
+                .get_or_insert_with(|| VideoWriter::create_with(&twice, width, height, &options).unwrap());
+            last_s = start_s + frame.time_s;
+            writer.write_at(&frame.luma, last_s).unwrap();
+        }
+        start_s = last_s + later_s;
+    }
+    writer.unwrap().finish().unwrap();
+    let m = measure(
+        &twice,
+        &calibration(clip),
+        "the calibration",
+        Accuracy::Standard,
+        &mut |_| (),
+    )
+    .unwrap();
+    for launch in m.each_launch() {
+        println!("| {clip}, twice | {} |", summary(launch));
+    }
+    Some(m)
+}
+
+#[test]
+fn a_clip_twice_in_one_file_is_two_launches() {
+    let mut faults = Vec::new();
+    for clip in [
+        "drop-tennis-ticks.mp4",
+        "oblique-yellow-two-bounces.mp4",
+        "projectile-45deg-2.687mps.mp4",
+    ] {
+        let (Some(once), Some(twice)) = (measured(clip), measured_twice(clip, 5.0)) else {
+            continue;
+        };
+        let mut fault = |why: String| faults.push(format!("{clip}: {why}"));
+        let codes: Vec<&str> = twice.warnings.iter().map(|w| w.code).collect();
+        if !(codes.contains(&"several_launches") && codes.contains(&"piece_cut_out")) {
+            fault(format!("warned of {codes:?}"));
+        }
+        if twice.each_launch().len() != 2 {
+            fault(format!("{} launches", twice.each_launch().len()));
+        }
+        for launch in twice.each_launch() {
+            let pairs: Vec<(Quantity, Quantity)> = once
+                .bounces
+                .iter()
+                .zip(&launch.bounces)
+                .filter_map(|(a, b)| Some((a.restitution?, b.restitution?)))
+                .collect();
+            let off = |(a, b): &&(Quantity, Quantity)| {
+                let std = a
+                    .std_uncertainty
+                    .unwrap_or(0.0)
+                    .hypot(b.std_uncertainty.unwrap_or(0.0));
+                (a.value - b.value).abs() > ROUGH.max(3.0 * std)
+            };
+            if pairs.len() < 2 || pairs.iter().any(|pair| off(&pair)) {
+                fault(format!("restitutions {pairs:?}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }

@@ -3,9 +3,11 @@
 //! The columns are those of velocities, with the deviations and correlations of each bounce, and more: what `track fit` does
 //! not know it leaves alone. A bounce that would mislead a fit stands there all the same, with the reason in `left_out`.
 //!
-//! Rows count as independent in a fit. All bounces of a recording share its floor's slope, though, which is often the most of a
+//! Where a recording holds several launches, the rows of all of them stand there, with the launch's number.
+//!
+//! Rows count as independent in a fit. All bounces of a launch share its floor's slope (those of a recording the calibration's), though, which is often the most of a
 //! coefficient's uncertainty: each of n rows has that part of its variance n times, so that the mean of the n is as uncertain as
-//! the slope makes it, not 1/√n of that. What is neglected: two bounces of one recording share the arc between them, and all of
+//! the slope makes it, not 1/√n of that. What is neglected: two bounces of one launch share the arc between them, and all of
 //! them the scale.
 
 use super::BatchRecording;
@@ -61,7 +63,7 @@ const OF_LAUNCH: [(&str, &str); 2] = [("x0_m", "/x0_m"), ("x_m", "/x_m")];
 
 /// The names of the columns.
 fn header() -> Vec<String> {
-    let mut names: Vec<String> = ["group", "recording", "bounce", "left_out", "regime"]
+    let mut names: Vec<String> = ["group", "recording", "launch", "bounce", "left_out", "regime"]
         .map(str::to_owned)
         .to_vec();
     let mut with_std = |name: &str| names.extend([name.to_owned(), format!("{name}_std")]);
@@ -93,12 +95,31 @@ impl BounceRows {
     /// The bounces of a recording's `result`.
     #[must_use]
     pub fn of(result: &Value, source: &RowSource<'_>) -> Self {
-        let rows = with_shared_slope(result, source.calibration.ball.inertia_factor)
+        let inertia_factor = source.calibration.ball.inertia_factor;
+        let bounces = |launch: &Value| launch["bounces"].as_array().map_or(0, Vec::len);
+        let of_launch = |all: usize, (n, launch): (usize, &Value)| -> Vec<Vec<String>> {
+            // A slope that the impacts tell is the launch's own.
+            let own = launch
+                .pointer("/floor/source")
+                .is_some_and(|source| source == "impacts");
+            let sharing = if own { bounces(launch) } else { all };
+            with_shared_slope(launch, sharing, inertia_factor)
+                .iter()
+                .enumerate()
+                .map(|(i, bounce)| row(launch, source, (n + 1, i), bounce))
+                .collect()
+        };
+        // A recording of one launch is that launch.
+        let launches = match result["launches"].as_array() {
+            Some(launches) if !launches.is_empty() => launches.as_slice(),
+            _ => std::slice::from_ref(result),
+        };
+        let all = launches.iter().map(bounces).sum();
+        let rows = launches
             .iter()
             .enumerate()
-            .map(|(i, bounce)| row(result, source, i, bounce))
-            .collect();
-        Self(rows)
+            .flat_map(|launch| of_launch(all, launch));
+        Self(rows.collect())
     }
 
     /// How many bounces there are.
@@ -129,13 +150,14 @@ pub fn table<'a>(recordings: impl Iterator<Item = &'a BounceRows>) -> Result<Vec
         .map_err(|error| ::csv::Error::from(error.into_error()))
 }
 
-/// The bounces of a recording, each with the shared slope's part of the covariance of its velocities as often as there are bounces.
-fn with_shared_slope(result: &Value, inertia_factor: f64) -> Vec<Value> {
+/// The bounces of a launch, each with the shared slope's part of the covariance of its velocities as often as there are
+/// bounces that are `sharing` it.
+fn with_shared_slope(result: &Value, sharing: usize, inertia_factor: f64) -> Vec<Value> {
     let mut bounces = result["bounces"].as_array().cloned().unwrap_or_default();
     let slope_std_deg = result
         .pointer("/floor/slope_deg/std_uncertainty")
         .and_then(Value::as_f64);
-    let more = (bounces.len() as f64 - 1.0) * slope_std_deg.unwrap_or(0.0).to_radians().powi(2);
+    let more = (sharing as f64 - 1.0) * slope_std_deg.unwrap_or(0.0).to_radians().powi(2);
     if more.is_nan() || more <= 0.0 {
         return bounces;
     }
@@ -187,7 +209,8 @@ fn with_shared_slope(result: &Value, inertia_factor: f64) -> Vec<Value> {
     bounces
 }
 
-fn row(result: &Value, source: &RowSource<'_>, i: usize, bounce: &Value) -> Vec<String> {
+/// The row of a bounce: of this launch of the recording, from 1, and in it, from 0. `result`: what is measured of that launch.
+fn row(result: &Value, source: &RowSource<'_>, (launch, i): (usize, usize), bounce: &Value) -> Vec<String> {
     let RowSource {
         recording,
         calibration,
@@ -196,6 +219,7 @@ fn row(result: &Value, source: &RowSource<'_>, i: usize, bounce: &Value) -> Vec<
     let mut cells = vec![
         recording.group.clone(),
         recording.name.clone(),
+        launch.to_string(),
         (i + 1).to_string(),
         left_out(result, calibration, i, bounce).unwrap_or_default(),
         bounce["regime"].as_str().unwrap_or_default().to_owned(),
@@ -351,6 +375,29 @@ mod tests {
         assert_eq!(first.inertia_factor(), 0.4);
         assert_eq!(s.rows[1].value(Column::X), None, "x belongs to the launch");
         assert_eq!(s.rows[1].value(Column::SpinIn), Some(0.5));
+    }
+
+    #[test]
+    fn launches_of_one_recording_have_rows_of_their_own() {
+        let one = result();
+        let mut several = result();
+        let mut second = result();
+        second["x0_m"] = q(0.3, 1e-4);
+        several["launches"] = json!([one, second]);
+        let s = series(&several, &calibration());
+        assert_eq!((s.rows.len(), s.set_aside.len()), (4, 0));
+        let x0: Vec<Option<f64>> = s.rows.iter().map(|row| row.value(Column::X0)).collect();
+        assert_eq!(x0, [Some(0.2), None, Some(0.3), None]);
+        let (recording, calibration) = (recording(), calibration());
+        let source = RowSource {
+            recording: &recording,
+            calibration: &calibration,
+            page: "a",
+        };
+        let place = header().iter().position(|name| name == "launch").unwrap();
+        let rows = BounceRows::of(&several, &source);
+        let numbers: Vec<&str> = rows.0.iter().map(|row| row[place].as_str()).collect();
+        assert_eq!(numbers, ["1", "1", "2", "2"]);
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //! 5. Two arcs that meet between the last point of one and the first of the next are an impact (`impact_test`, `impacts`).
 //! 6. What is no ball's flight is refused (`plausibility`), and so are points at the ends of arcs that may be another's
 //!    (`arc_ends`).
+//! 7. Two flights of one recording are parts of one launch, or two launches ([`continuation`]).
 //!
 //! The same tracks show what is wrong with the clock: [`duplicate_frames`], [`dropped_frames`], [`clock`].
 //!
@@ -23,6 +24,7 @@ mod arc_search;
 mod arc_selection;
 pub mod bend;
 pub mod clock;
+pub mod continuation;
 pub mod distant_top_view;
 pub mod drag;
 pub mod dropped_frames;

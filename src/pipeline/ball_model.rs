@@ -134,6 +134,9 @@ pub fn learned(
         .appearance()
         .map(|settings| {
             let examples = examples(pictures, tracked, settings);
+            if mostly_let_go(pictures, tracked) {
+                return Default::default();
+            }
             let behind = examples.iter().filter_map(|e| e.patch.background.first());
             let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
             let longest_exposure_s = tracked.flight.interval_s;
@@ -156,6 +159,17 @@ pub fn learned(
             .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind)),
         appearance,
     })
+}
+
+/// Whether memory had no room for the pixels of most of the flight: its centres are those of the first look, and an appearance
+/// would not speak for them.
+fn mostly_let_go(pictures: &BallPictures<'_>, tracked: &Tracked) -> bool {
+    let used = || tracked.flight.used_points();
+    let gone = used().filter(|p| {
+        let sighting = &pictures.decoded.sightings[p.spot.id];
+        sighting.blob.crop.luma.data.is_empty()
+    });
+    2 * gone.count() > used().count()
 }
 
 /// Frames to learn from: used points whose pixels were kept, evenly over the flight.

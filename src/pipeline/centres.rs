@@ -10,6 +10,7 @@ use crate::flight::Flight;
 use crate::flight::clock::FrameTimes;
 use crate::geometry::PixelPoint;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// How long before and after the flight found at first the ball may have been missed, s.
 const AROUND_S: f64 = 1.5;
@@ -21,6 +22,8 @@ pub struct BallSearch<'a> {
     pub pictures: BallPictures<'a>,
     /// When.
     pub frames: FrameTimes<'a>,
+    /// In these frames only.
+    pub within: &'a Range<usize>,
     /// Of what.
     pub ball: &'a BallModel,
     /// How.
@@ -37,7 +40,7 @@ impl BallSearch<'_> {
             .filter(|&i| {
                 let frame = sightings[i].frame;
                 let t = times_s[frame];
-                t >= from && t <= to && !duplicates[frame]
+                t >= from && t <= to && !duplicates[frame] && self.within.contains(&frame)
             })
             .collect();
         let each: Vec<Option<BallCentre>> = wanted
@@ -71,7 +74,8 @@ impl BallSearch<'_> {
         sightings
             .filter(|(_, s)| {
                 let t = times_s[s.frame];
-                !duplicates[s.frame] && t > from - AROUND_S && t < to + AROUND_S && !within(t)
+                let asked = !duplicates[s.frame] && self.within.contains(&s.frame);
+                asked && t > from - AROUND_S && t < to + AROUND_S && !within(t)
             })
             .filter_map(|(i, s)| {
                 let alike = |c: &Centre| {
@@ -98,19 +102,20 @@ impl BallSearch<'_> {
             .registration
             .frame_from_reference(pictures.predicted(flight, t)?);
         let radius_px = self.ball.radius_px.value * flight.magnification_at(t) * pictures.size(s, there);
+        // Near the prediction the first look's own centre is the better start; far from it, it is another thing.
+        let gate = 0.5 * radius_px + 2.0;
+        let first = s.centre.filter(|c| c.disc.centre.distance_px(there) < gate);
+        // Where memory had no room for its pixels, that is all there is.
+        if s.blob.crop.luma.data.is_empty() {
+            return first.map(|c| BallCentre::new(id, s, c));
+        }
         if !s.blob.crop.contains(there, -0.3 * radius_px) {
             return None;
         }
         let swept_px = pictures
             .velocity_px_s(flight, t)?
             .map(|v| v * self.ball.exposure_s());
-        // Near the prediction the first look's own centre is the better start; far from it, it is another thing.
-        let gate = 0.5 * radius_px + 2.0;
-        let start = s
-            .centre
-            .map(|c| c.disc.centre)
-            .filter(|c| c.distance_px(there) < gate)
-            .unwrap_or(there);
+        let start = first.map_or(there, |c| c.disc.centre);
         let disc = Disc {
             centre: start,
             radius_px,

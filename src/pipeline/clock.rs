@@ -22,7 +22,7 @@ use crate::flight::{self, Flight, dropped_frames};
 use crate::frames::timebase::{Resampling, TimeBase};
 
 /// The recording with its clock.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Clocked {
     /// Times of all frames.
     pub base: TimeBase,

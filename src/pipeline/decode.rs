@@ -31,8 +31,10 @@ pub struct Decoded {
     pub changes: Vec<Option<f32>>,
     /// Each frame against the reference picture.
     pub registrations: Vec<Registration>,
-    /// Moving things in frame order.
+    /// Moving things in frame order, as many as memory has room for.
     pub sightings: Vec<Sighting>,
+    /// Moving things that there were.
+    pub moving: usize,
     /// The detector with the background it used.
     pub detector: Detector,
     /// What is odd about the file.
@@ -76,7 +78,7 @@ pub enum Progress {
 /// in one place never is the median.
 const SURVEY_FRAMES: usize = 15;
 
-/// Pixels kept of all sightings together, bytes. With decoder, survey and frames in flight the whole stays below
+/// Memory of all sightings together, bytes. With decoder, survey and frames in flight the whole stays below
 /// 300 MB at 1080p.
 const CROPS_BUDGET_BYTES: usize = 80 << 20;
 
@@ -248,6 +250,7 @@ impl DecodingPass {
 
     fn seen(self, source: &frames::ReadAhead) -> Decoded {
         let health = source.health();
+        let (sightings, moving) = self.kept.finished();
         Decoded {
             info: source.info().clone(),
             warnings: of_file(&health),
@@ -255,7 +258,8 @@ impl DecodingPass {
             stamps_s: self.stamps_s,
             changes: self.changes,
             registrations: self.registrations,
-            sightings: self.kept.sightings,
+            sightings,
+            moving,
             detector: self.detector,
         }
     }
@@ -321,19 +325,28 @@ impl DecodingPass {
     }
 }
 
-/// Sightings whose pixels are let go when the budget is spent: first of what is no ball, the oldest first.
+/// Sightings within the budget of memory. When that is spent what is no ball is forgotten, the oldest first; then round things
+/// lose their pixels, and keep what the first look made of them.
 #[derive(Default)]
 struct SightingStore {
     sightings: Vec<Sighting>,
     shapeless: VecDeque<usize>,
     round: VecDeque<usize>,
+    /// Those of `sightings` that count no more.
+    forgotten: Vec<usize>,
     bytes: usize,
+    /// How many there were in all.
+    seen: usize,
 }
+
+/// Forgotten sightings that are worth taking the list apart.
+const MOST_FORGOTTEN: usize = 4096;
 
 impl SightingStore {
     fn add(&mut self, new: Vec<Sighting>) {
         for s in new {
-            self.bytes += s.blob.crop.luma.data.len();
+            self.seen += 1;
+            self.bytes += bytes_of(&s);
             let queue = if s.centre.is_some() {
                 &mut self.round
             } else {
@@ -343,22 +356,60 @@ impl SightingStore {
             self.sightings.push(s);
         }
         while self.bytes > CROPS_BUDGET_BYTES {
-            let Some(i) = self.shapeless.pop_front().or_else(|| self.round.pop_front()) else {
+            if let Some(i) = self.shapeless.pop_front() {
+                self.bytes -= bytes_of(&self.sightings[i]);
+                let_go(&mut self.sightings[i]);
+                self.forgotten.push(i);
+            } else if let Some(i) = self.round.pop_front() {
+                let before = bytes_of(&self.sightings[i]);
+                let_go(&mut self.sightings[i]);
+                self.bytes -= before - bytes_of(&self.sightings[i]);
+            } else {
                 break;
-            };
-            let crop = &mut self.sightings[i].blob.crop;
-            self.bytes -= crop.luma.data.len();
-            *crop = Crop {
-                u: crop.u,
-                v: crop.v,
-                luma: Luma {
-                    width: 0,
-                    height: 0,
-                    data: Vec::new(),
-                },
-            };
+            }
+        }
+        if self.forgotten.len() > MOST_FORGOTTEN {
+            self.forget();
         }
     }
+
+    /// Takes what is forgotten out of the list.
+    fn forget(&mut self) {
+        self.forgotten.sort_unstable();
+        let forgotten = std::mem::take(&mut self.forgotten);
+        let mut index = 0;
+        self.sightings.retain(|_| {
+            index += 1;
+            forgotten.binary_search(&(index - 1)).is_err()
+        });
+        for i in self.shapeless.iter_mut().chain(&mut self.round) {
+            *i -= forgotten.partition_point(|f| f < i);
+        }
+    }
+
+    /// What is left, and how many sightings there were.
+    fn finished(mut self) -> (Vec<Sighting>, usize) {
+        self.forget();
+        (self.sightings, self.seen)
+    }
+}
+
+fn bytes_of(s: &Sighting) -> usize {
+    size_of::<Sighting>() + s.blob.crop.luma.data.len()
+}
+
+/// Without its pixels.
+fn let_go(s: &mut Sighting) {
+    let crop = &mut s.blob.crop;
+    *crop = Crop {
+        u: crop.u,
+        v: crop.v,
+        luma: Luma {
+            width: 0,
+            height: 0,
+            data: Vec::new(),
+        },
+    };
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use crate::detect::crop::Crop;
 use crate::flight::{Flight, FlightPoint, SpotUse};
 use crate::frames::{Luma, LumaRange};
 use crate::geometry::{PlanePoint, WorldPoint};
+use std::sync::Arc;
 
 /// Points of a drawn arc.
 const ARC_POINTS: usize = 48;
@@ -76,9 +77,8 @@ pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
     }
 }
 
-/// The empty scene and the ball of every used point.
-pub fn strobe(seen: &Decoded, found: &[BallCentre], flight: &Flight) -> Strobe {
-    let mut strobe = empty_strobe(seen);
+/// The empty `strobe` with the ball of every used point.
+pub fn strobe(mut strobe: Strobe, seen: &Decoded, found: &[BallCentre], flight: &Flight) -> Strobe {
     for p in flight.used_points() {
         let Some(f) = with_id(found, p.spot.id) else {
             continue;
@@ -123,7 +123,7 @@ fn span(centre: f64, reach: f64, corner: usize, size: usize) -> std::ops::Range<
 pub fn empty_strobe(seen: &Decoded) -> Strobe {
     let background = stretch(&seen.detector.background.luma, seen.info.luma_range);
     Strobe {
-        background,
+        background: Arc::new(background),
         balls: Vec::new(),
     }
 }

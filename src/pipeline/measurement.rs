@@ -1,4 +1,4 @@
-//! What a measurement of one recording consists of: the shapes that `measure` fills and `report` writes.
+//! What a measurement of one recording consists of, launch by launch: the shapes that `measure` fills and `report` writes.
 
 pub use crate::calibration::View;
 use crate::frames::Luma;
@@ -6,6 +6,7 @@ use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Everything measured on one recording.
 #[derive(Debug, Clone)]
@@ -38,6 +39,33 @@ pub struct Measurement {
     pub arcs: Vec<ArcTrace>,
     /// What a stroboscopic picture is made of.
     pub strobe: Option<Strobe>,
+    /// Where the recording holds several launches, each of them as a measurement of its own, in time order: what stands above is
+    /// then the first's, but for the warnings, which are all of them. Empty where there is one.
+    pub launches: Vec<Measurement>,
+}
+
+impl Measurement {
+    /// Every launch, in time order; of a recording with one, that is the measurement itself.
+    #[must_use]
+    pub fn each_launch(&self) -> &[Self] {
+        if self.launches.is_empty() {
+            std::slice::from_ref(self)
+        } else {
+            &self.launches
+        }
+    }
+
+    /// First and last time at which the ball was seen in free flight, s; `None` where it was not.
+    #[must_use]
+    pub fn time_span(&self) -> Option<(f64, f64)> {
+        let mut flown = self
+            .track
+            .points
+            .iter()
+            .filter(|p| matches!(p.use_, PointUse::Used(_)));
+        let first = flown.next()?;
+        Some((first.time_s, flown.next_back().unwrap_or(first).time_s))
+    }
 }
 
 /// The recording as a file.
@@ -172,8 +200,8 @@ pub struct Warning {
 /// What a stroboscopic picture is made of: the empty scene, and the ball cut out of its frames.
 #[derive(Debug, Clone)]
 pub struct Strobe {
-    /// The scene without anything that moves, code values stretched to 0..=255.
-    pub background: Luma,
+    /// The scene without anything that moves, code values stretched to 0..=255; all launches share it.
+    pub background: Arc<Luma>,
     /// Cut-outs of used points, in time order.
     pub balls: Vec<StrobeBall>,
 }

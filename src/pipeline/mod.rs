@@ -4,9 +4,9 @@
 //! |---|---|---|
 //! | `decode` | every frame looked at once: what moves, and its first centre | `decode::Decoded` |
 //! | `clock` | when each frame was taken; duplicate and missing frames | `clock::Clocked` |
-//! | `track` | the ball among all that moves, by first centres or given ones | `track::Tracked` |
-//! | `refine` | appearance, centres, scale and flight in turn | `refine::Refined` |
-//! | `impacts` | metres: bounces, distances, the checks | `in_metres::Impacts` |
+//! | `launches` | the ball among all that moves, each time that it is set free (`track`, by first centres or given ones) | `launches::TrackedLaunch` |
+//! | `launch` | one launch after the other, `refine`: appearance, centres, scale and flight in turn | `refine::Refined` |
+//! | | and `impacts`, in metres: bounces, distances, the checks | `in_metres::Impacts` |
 //! | `result` | all of it put together | [`Measurement`] |
 //!
 //! A stage takes values and gives a value, with its warnings. From `track` on none needs pixels but `refine`, so centres
@@ -22,6 +22,8 @@ mod drawing;
 mod error;
 mod impacts;
 mod in_metres;
+mod launch;
+mod launches;
 mod measurement;
 mod refine;
 mod result;
@@ -35,13 +37,11 @@ pub use measurement::*;
 
 use crate::calibration::{Calibration, CalibrationError};
 use crate::detect::centre::Accuracy;
-use crate::flight::dropped_frames;
 use crate::frames::FrameSource;
 use camera::CalibratedCamera;
-use clock::Clocked;
-use refine::Refinement;
+use launch::{LaunchMeasurement, MeasuredLaunch, MeasuredLaunches, NotMeasured};
 use std::path::Path;
-use warnings::rejection;
+use warnings::{of_launches, rejection};
 
 /// Measures `video`. `calibration_name` is what messages call the calibration.
 ///
@@ -72,29 +72,18 @@ pub fn measure(
 
     let centres = spots::first_centres(&decoded.sightings);
     let optics = camera.optics(camera.metres_per_unit_before_flight());
-    let clocked = clock::clocked(camera, &decoded, &centres, optics);
-    let follow = |clocked: &Clocked, optics| {
-        let tracked = track::tracked(camera, clocked, &centres, optics)?;
-        let recording = Refinement {
-            camera,
-            decoded: &decoded,
-            clocked,
-            accuracy,
-        };
-        refine::refined(&recording, tracked)
+    let mut clocked = clock::clocked(camera, &decoded, &centres, optics);
+    let recording = LaunchMeasurement {
+        camera,
+        decoded: &decoded,
+        centres: &centres,
+        accuracy,
     };
-    let first = follow(&clocked, optics);
-    // The impacts may show frames to be missing that no stamp does: then once more on the clock with them. Where that is what
-    // was missing, the impacts are where they were, and their arcs meet.
-    let later = first.as_ref().ok().and_then(|first| {
-        let first = &first.tracked;
-        let later = clocked.with_frames_missing_at_impacts(&first.flight, camera, &decoded)?;
-        let refined = follow(&later, first.optics).ok()?;
-        let flight = &refined.tracked.flight;
-        let meets = flight.used() >= first.flight.used() && dropped_frames::at_impacts(flight).is_empty();
-        meets.then_some((later, Ok(refined)))
-    });
-    let (clocked, refined) = later.unwrap_or((clocked, first));
+    let found = launches::tracked(camera, &clocked, &centres, optics);
+    let measured = match found.map_err(NotMeasured::NoFlight) {
+        Ok(found) => recording.each(&mut clocked, &found),
+        Err(reason) => Err(reason),
+    };
 
     let facts = result::video_facts(video, decoded.health.frames_read, camera, &clocked);
     let before = [
@@ -103,28 +92,32 @@ pub fn measure(
         camera.warnings().as_slice(),
     ]
     .concat();
-    match refined {
-        Ok(refined) => {
-            let impacts = impacts::impacts(camera, &clocked, &refined).map_err(misfit)?;
-            let strobe = drawing::strobe(&decoded, &refined.tracked.centres, &impacts.flight);
-            Ok(result::measured(
-                facts,
-                camera,
-                &refined,
-                impacts,
-                Some(strobe),
-                before,
-            ))
+    let empty = drawing::empty_strobe(&decoded);
+    let put_together = |launch: MeasuredLaunch| {
+        let MeasuredLaunch { refined, impacts } = launch;
+        let strobe = drawing::strobe(empty.clone(), &decoded, &refined.tracked.centres, &impacts.flight);
+        result::measured(&facts, camera, &refined, impacts, Some(strobe), &before)
+    };
+    match measured {
+        Ok(MeasuredLaunches {
+            first,
+            later,
+            left_out,
+        }) => {
+            let cuts = of_launches::cut_out(&first, &later, (&decoded, &clocked.base), camera);
+            let before = [&before[..], cuts.as_slice()].concat();
+            let later = later.into_iter().map(put_together).collect();
+            Ok(result::of_launches(put_together(first), later, left_out, before))
         }
-        Err(reason) => {
+        Err(NotMeasured::NoScale(source)) => Err(misfit(source)),
+        Err(NotMeasured::NoFlight(reason)) => {
             let reason = rejection::no_flight(&reason, &decoded, &clocked.base, &calibration);
-            let strobe = drawing::empty_strobe(&decoded);
             Ok(result::rejected(
                 facts,
                 camera,
                 accuracy,
                 reason,
-                Some(strobe),
+                Some(empty),
                 before,
             ))
         }

@@ -19,6 +19,7 @@ use crate::detect::centre::appearance::RadiusSource;
 use crate::flight::flight_search::FlightSearch;
 use crate::flight::linking::LinkedSpots;
 use crate::flight::{self, Flight, NoFlight};
+use std::ops::Range;
 
 /// Part of the first look's points that must be found again for the second look to count.
 const KEPT_PART: f64 = 0.75;
@@ -56,6 +57,8 @@ pub struct Refinement<'a> {
     pub clocked: &'a Clocked,
     /// The centre method asked for.
     pub accuracy: Accuracy,
+    /// The frames in which the flight is looked for: those of its launch.
+    pub within: &'a Range<usize>,
 }
 
 /// The flight of `first` with the best centres that the pixels give.
@@ -161,6 +164,7 @@ impl Refinement<'_> {
         BallSearch {
             pictures: *pictures,
             frames: self.clocked.frames(),
+            within: self.within,
             ball,
             accuracy,
         }

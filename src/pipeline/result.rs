@@ -9,7 +9,7 @@ use super::measurement::{
 };
 use super::refine::Refined;
 use super::spots::with_id;
-use super::warnings::rejection;
+use super::warnings::{of_launches, rejection};
 use crate::detect::centre::Accuracy;
 use crate::flight::FlightPoint;
 use crate::impact::Distances;
@@ -39,15 +39,15 @@ pub fn video_facts(
     }
 }
 
-/// A recording that was measured, or holds a flight without a bounce. `before` are the warnings of the stages that gave the
-/// flight; one of the flight with the same code says nothing new.
+/// A launch that was measured, or a flight without a bounce. `before` are the warnings of the recording; one of the flight with
+/// the same code says nothing new.
 pub fn measured(
-    video: VideoFacts,
+    video: &VideoFacts,
     camera: &CalibratedCamera<'_>,
     refined: &Refined,
     impacts: Impacts,
     strobe: Option<Strobe>,
-    before: Vec<Warning>,
+    before: &[Warning],
 ) -> Measurement {
     let outcome = if impacts.bounces.is_empty() {
         Outcome::Rejected {
@@ -60,7 +60,7 @@ pub fn measured(
     let mut new = impacts.warnings;
     new.retain(|new| before.iter().all(|w| w.code != new.code));
     Measurement {
-        video,
+        video: video.clone(),
         view: camera.calibration.view,
         outcome,
         track,
@@ -73,7 +73,8 @@ pub fn measured(
         bounces: impacts.bounces.into_iter().map(|(_, b)| b).collect(),
         arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame),
         strobe,
-        warnings: [before, new, refined.warnings.clone()].concat(),
+        warnings: [new, refined.warnings.clone()].concat(),
+        launches: Vec::new(),
     }
 }
 
@@ -107,6 +108,27 @@ pub fn rejected(
         warnings,
         arcs: Vec::new(),
         strobe,
+        launches: Vec::new(),
+    }
+}
+
+/// The launches of a recording as one measurement: the `first`, with the warnings of the recording (`before`) and of all launches,
+/// and each by itself where there are `later` ones. `left_out`: flights that are no launches.
+pub fn of_launches(
+    mut first: Measurement,
+    later: Vec<Measurement>,
+    left_out: usize,
+    before: Vec<Warning>,
+) -> Measurement {
+    if later.is_empty() {
+        first.warnings = [before, first.warnings].concat();
+        return first;
+    }
+    let launches = [vec![first.clone()], later].concat();
+    Measurement {
+        warnings: [before, of_launches::of_several(&launches, left_out)].concat(),
+        launches,
+        ..first
     }
 }
 

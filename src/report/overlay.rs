@@ -90,7 +90,8 @@ impl Overlay {
             .filter(|radius| radius.is_finite() && *radius > 0.0)
             .unwrap_or(5.0 * stroke_px);
         let mut arcs = CoverageMask::default();
-        for pair in measurement.arcs.iter().flat_map(|arc| arc.samples.windows(2)) {
+        let drawn = measurement.each_launch().iter().flat_map(|launch| &launch.arcs);
+        for pair in drawn.flat_map(|arc| arc.samples.windows(2)) {
             arcs.line(pair[0].pixel, pair[1].pixel, stroke_px);
         }
         Self {
@@ -161,10 +162,11 @@ impl Overlay {
 
 /// The centres with finite places, in the order of frames.
 fn balls(measurement: &Measurement) -> Vec<DrawnBall> {
-    let mut balls: Vec<DrawnBall> = measurement
-        .track
-        .points
+    let points = measurement
+        .each_launch()
         .iter()
+        .flat_map(|launch| &launch.track.points);
+    let mut balls: Vec<DrawnBall> = points
         .filter(|point| point.pixel.u_px.is_finite() && point.pixel.v_px.is_finite())
         .map(|point| DrawnBall {
             frame: point.frame,
@@ -183,15 +185,19 @@ fn impacts(measurement: &Measurement, radius_px: f64) -> Vec<(usize, PixelPoint)
         View::Side => radius_px,
         View::Top => 0.0,
     };
-    let points = &measurement.track.points;
-    drawing_geometry::impacts(measurement)
-        .iter()
-        .filter_map(|mark| {
+    let of_launch = |launch: &Measurement| {
+        let points = &launch.track.points;
+        let shown = |mark: &drawing_geometry::ImpactMark| {
             let centre = mark.centre?;
             let frame = points.iter().find(|point| point.time_s >= mark.time_s)?.frame;
             Some((frame, PixelPoint::new(centre.u_px, centre.v_px + below)))
-        })
-        .collect()
+        };
+        drawing_geometry::impacts(launch)
+            .iter()
+            .filter_map(shown)
+            .collect::<Vec<_>>()
+    };
+    measurement.each_launch().iter().flat_map(of_launch).collect()
 }
 
 /// How much of each pixel is covered, for the 2 × 2 pixels that share a chroma sample: (0, 0), (1, 0), (0, 1), (1, 1).

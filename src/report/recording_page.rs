@@ -19,44 +19,140 @@ const BOUNCES_A_TABLE: usize = 3;
 /// # Errors
 /// See [`PageError`].
 pub fn report_html(measurement: &Measurement) -> Result<String, PageError> {
-    let picture = strobe::strobe_picture(measurement)?;
-    let along = track_plots::coordinate_plot(measurement, Coordinate::Along)?;
-    let up = track_plots::coordinate_plot(measurement, Coordinate::Up)?;
     let name = words::file_name(measurement);
-    // Numbers of a recording that is not to be trusted would be read all the same.
-    let trusted = measurement.outcome == Outcome::Measured;
-    let body = html! {
-        (header(measurement, &name))
-        @if let Some(picture) = &picture { (picture_section(measurement, picture)) }
-        @if trusted { (main_numbers(measurement)) }
-        (warnings(&measurement.warnings))
-        @if let Some(readings) = measurement.readings.as_ref().filter(|_| trusted) { (models(readings)) }
-        (plot_section(measurement, &[along, up]))
-        @if trusted {
-            (scene_section(measurement))
-            (bounce_section(measurement))
+    let launches = &measurement.launches;
+    let body = if launches.is_empty() {
+        let page = LaunchSections::new(measurement, 1)?;
+        html! {
+            (header(measurement, &name))
+            (page.picture_and_numbers)
+            (warnings(&measurement.warnings))
+            (page.details)
+            (provenance(measurement))
         }
-        (track_section(measurement))
-        (provenance(measurement))
+    } else {
+        let pages = launches
+            .iter()
+            .map(|launch| LaunchSections::new(launch, launches.len()));
+        let pages = pages.collect::<Result<Vec<_>, _>>()?;
+        html! {
+            (header(measurement, &name))
+            (overview(launches))
+            (warnings(&measurement.warnings))
+            @for (i, (launch, page)) in launches.iter().zip(&pages).enumerate() {
+                div.launch id=(format!("launch-{}", i + 1)) {
+                    h1 { "Launch " (i + 1) }
+                    p.soft { (words::seen_flying(launch)) }
+                    (page.picture_and_numbers)
+                    (page.details)
+                }
+            }
+            (provenance(measurement))
+        }
     };
     Ok(document(&name, "", &body))
 }
 
+/// What the page says of one launch.
+struct LaunchSections {
+    picture_and_numbers: Markup,
+    details: Markup,
+}
+
+impl LaunchSections {
+    /// Of one of so many `launches` on the page.
+    fn new(measurement: &Measurement, launches: usize) -> Result<Self, PageError> {
+        let picture = strobe::strobe_picture(measurement, launches)?;
+        let along = track_plots::coordinate_plot(measurement, Coordinate::Along)?;
+        let up = track_plots::coordinate_plot(measurement, Coordinate::Up)?;
+        // Numbers of a recording that is not to be trusted would be read all the same.
+        let trusted = measurement.outcome == Outcome::Measured;
+        Ok(Self {
+            picture_and_numbers: html! {
+                @if let Some(picture) = &picture { (picture_section(measurement, picture)) }
+                @if trusted { (main_numbers(measurement)) }
+            },
+            details: html! {
+                @if let Some(readings) = measurement.readings.as_ref().filter(|_| trusted) { (models(readings)) }
+                (plot_section(measurement, &[along, up]))
+                @if trusted {
+                    (scene_section(measurement))
+                    (bounce_section(measurement))
+                }
+                (track_section(measurement))
+            },
+        })
+    }
+}
+
 fn header(measurement: &Measurement, name: &str) -> Markup {
-    let bounces = words::counted(measurement.bounces.len() as u64, "bounce");
-    let (used, _) = words::point_counts(measurement);
+    let launches = measurement.each_launch();
+    let bounces = launches.iter().map(|launch| launch.bounces.len() as u64).sum();
+    let used: usize = launches.iter().map(|launch| words::point_counts(launch).0).sum();
     html! {
         header {
             h1 { (name) }
             @match &measurement.outcome {
                 Outcome::Measured => p {
-                    span.status { "✓ measured" } " — " (bounces) ", " (used) " centres in use"
+                    span.status { "✓ measured" } " — "
+                    @if launches.len() > 1 { (words::counted(launches.len() as u64, "launch")) ", " }
+                    (words::counted(bounces, "bounce")) ", " (used) " centres in use"
                 },
                 Outcome::Rejected { reason } => div.rejected {
                     strong { "✗ Not measured" }
                     p { (reason) }
                 },
             }
+        }
+    }
+}
+
+/// A row a launch, with what its first bounce says.
+fn overview(launches: &[Measurement]) -> Markup {
+    html! {
+        section {
+            h2 { "The launches" }
+            div.scroll {
+                table.bounces.launches {
+                    thead {
+                        tr {
+                            th scope="col" { "launch" }
+                            @for head in ["from", "bounces"] { th scope="col" { (head) } }
+                            @for column in words::LAUNCH_COLUMNS {
+                                th scope="col" colspan="2" { (symbol_html(column.symbol)) @if !column.unit.is_empty() { " (" (column.unit) ")" } }
+                            }
+                        }
+                    }
+                    tbody {
+                        @for (i, launch) in launches.iter().enumerate() {
+                            tr {
+                                th scope="row" { a href=(format!("#launch-{}", i + 1)) { (i + 1) } }
+                                td.v { (launch.time_span().map_or_else(|| NO_VALUE.to_owned(), |s| format!("{} s", words::trimmed(s.0, 3)))) }
+                                td.v { (launch.bounces.len()) }
+                                @for column in words::LAUNCH_COLUMNS { (value_cells((column.quantity)(launch))) }
+                            }
+                        }
+                    }
+                }
+            }
+            p.soft {
+                "Coefficients and the angle are the first bounce’s of each launch. Each launch is measured by itself: its own fall, "
+                "ball and floor; all share the camera and its clock."
+            }
+        }
+    }
+}
+
+/// A quantity in two cells of a table: its value, and its uncertainty.
+fn value_cells(quantity: Option<Quantity>) -> Markup {
+    html! {
+        @match words::written(quantity) {
+            None => { td.v { (NO_VALUE) } td.u {} },
+            Some(WrittenQuantity { value, uncertainty, power: None }) => {
+                td.v { (value) }
+                td.u { "± " (uncertainty) }
+            },
+            Some(_) => td.v colspan="2" { (format_quantity(quantity, "")) },
         }
     }
 }
@@ -348,16 +444,7 @@ fn bounce_row(row: &BounceRow, bounces: &[Bounce]) -> Markup {
             th scope="row" { (row.name) }
             td.symbol { (symbol_html(row.symbol)) }
             td.unit { (row.unit) }
-            @for quantity in bounces.iter().map(row.quantity) {
-                @match words::written(quantity) {
-                    None => { td.v { (NO_VALUE) } td.u {} },
-                    Some(WrittenQuantity { value, uncertainty, power: None }) => {
-                        td.v { (value) }
-                        td.u { "± " (uncertainty) }
-                    },
-                    Some(_) => td.v colspan="2" { (format_quantity(quantity, "")) },
-                }
-            }
+            @for quantity in bounces.iter().map(row.quantity) { (value_cells(quantity)) }
         }
     }
 }
@@ -427,18 +514,18 @@ mod tests {
     use crate::report::page::tests::assert_well_formed;
     use crate::report::test_measurements;
 
-    /// The page but for the base64 of its photograph, which may spell anything.
-    fn without_photograph(page: &str) -> String {
-        match page.split_once("base64,") {
-            Some((before, rest)) => before.to_owned() + rest.split_once('"').unwrap().1,
-            None => page.to_owned(),
-        }
+    /// The page but for the base64 of its photographs, which may spell anything.
+    fn without_photographs(page: &str) -> String {
+        let mut parts = page.split("base64,");
+        let first = parts.next().unwrap().to_owned();
+        parts.fold(first, |text, part| text + part.split_once('"').unwrap().1)
     }
 
     #[test]
     fn every_kind_of_measurement_gives_a_whole_page() {
         for measurement in [
             test_measurements::two_bounces(),
+            test_measurements::three_launches(),
             test_measurements::leftward(),
             test_measurements::vertical_drop(),
             test_measurements::rejected(),
@@ -448,7 +535,7 @@ mod tests {
         ] {
             let page = report_html(&measurement).unwrap();
             assert_well_formed(&page);
-            let text = without_photograph(&page);
+            let text = without_photographs(&page);
             assert!(!text.contains("NaN") && !text.contains(">inf"));
             assert!(page.len() < 1_500_000, "{}", page.len());
         }
@@ -504,6 +591,21 @@ mod tests {
     }
 
     #[test]
+    fn each_launch_of_several_has_its_part() {
+        let page = report_html(&test_measurements::three_launches()).unwrap();
+        assert!(page.contains("3 launches, 6 bounces"), "the header");
+        assert_eq!(page.matches("<h2>The first bounce</h2>").count(), 3);
+        assert_eq!(page.matches("class=\"strobe\"").count(), 3);
+        for n in 1..=3 {
+            assert!(
+                page.contains(&format!("href=\"#launch-{n}\""))
+                    && page.contains(&format!("id=\"launch-{n}\""))
+            );
+        }
+        assert_eq!(page.matches("dropped_frames").count(), 1);
+    }
+
+    #[test]
     fn a_rejected_recording_says_why_and_shows_no_numbers() {
         let page = report_html(&test_measurements::rejected()).unwrap();
         assert!(page.contains("Not measured") && page.contains("no free flight"));
@@ -522,6 +624,7 @@ mod tests {
         let dir = std::path::PathBuf::from(std::env::var("TRACK_PAGES").unwrap());
         for (name, measurement) in [
             ("two", test_measurements::two_bounces()),
+            ("launches", test_measurements::three_launches()),
             ("left", test_measurements::leftward()),
             ("drop", test_measurements::vertical_drop()),
             ("rejected", test_measurements::rejected()),

@@ -15,8 +15,10 @@ use thiserror::Error;
 
 /// The embedded photograph is made no wider than this, px.
 const MAX_WIDTH_PX: usize = 1600;
-/// It is compressed harder until it is no larger than this (a third more as base64), bytes.
+/// It is compressed harder until it is no larger than this (a third more as base64), bytes; ...
 const MAX_JPEG_BYTES: usize = 700_000;
+/// ... those of several launches on one page together no larger than this.
+const MAX_PAGE_BYTES: usize = 3_000_000;
 /// Two discs whose centres are this many of their radii (with the rim) apart share 15 % of their area:
 /// (2/π)(acos t − t √(1 − t²)) = 0.15 at t = 0.745, and the centres are 2 t radii apart.
 const APART_RADII: f64 = 1.49;
@@ -59,15 +61,18 @@ pub struct StrobePicture {
     pub interval_s: Option<f64>,
 }
 
-/// The picture of a recording; `None` where there is nothing to make it of.
+/// The picture of one launch, of `pictures` on its page; `None` where there is nothing to make it of.
 ///
 /// # Errors
 /// See [`StrobeError`].
-pub fn strobe_picture(measurement: &Measurement) -> Result<Option<StrobePicture>, StrobeError> {
+pub fn strobe_picture(
+    measurement: &Measurement,
+    pictures: usize,
+) -> Result<Option<StrobePicture>, StrobeError> {
     let Some(strobe) = &measurement.strobe else {
         return Ok(None);
     };
-    let Luma { width, height, data } = &strobe.background;
+    let Luma { width, height, data } = &*strobe.background;
     if width * height == 0 || data.len() != width * height {
         return Err(StrobeError::Size {
             width: *width,
@@ -78,7 +83,8 @@ pub fn strobe_picture(measurement: &Measurement) -> Result<Option<StrobePicture>
     let impacts = drawing_geometry::impacts(measurement);
     let choice = choose(&flashes(measurement, strobe), &impacts);
     let photograph = composite(strobe, &choice.balls);
-    let jpeg = jpeg::jpeg(&photograph, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
+    let most_bytes = MAX_JPEG_BYTES.min(MAX_PAGE_BYTES / pictures.max(1));
+    let jpeg = jpeg::jpeg(&photograph, MAX_WIDTH_PX, most_bytes)?;
     Ok(Some(StrobePicture {
         svg: svg(measurement, &jpeg, &impacts),
         shown: choice.balls.len(),
@@ -234,7 +240,7 @@ fn nearest(flashes: &[Flash], time_s: f64) -> Option<usize> {
 
 /// The empty scene with the chosen balls laid in, each within its outline.
 fn composite(strobe: &Strobe, balls: &[usize]) -> Luma {
-    let mut picture = strobe.background.clone();
+    let mut picture = Luma::clone(&strobe.background);
     for ball in balls.iter().filter_map(|&index| strobe.balls.get(index)) {
         lay_in(&mut picture, ball);
     }
@@ -507,7 +513,7 @@ mod tests {
     #[test]
     fn the_picture_is_small_complete_and_well_formed() {
         let measurement = test_measurements::two_bounces();
-        let picture = strobe_picture(&measurement).unwrap().unwrap();
+        let picture = strobe_picture(&measurement, 1).unwrap().unwrap();
         assert!(picture.svg.len() < 1_000_000, "{}", picture.svg.len());
         assert_eq!(picture.svg.matches(r#"class="arc""#).count(), 3);
         assert_eq!(picture.svg.matches(r#"class="impact""#).count(), 2);
@@ -523,11 +529,13 @@ mod tests {
 
     #[test]
     fn without_material_there_is_no_picture_and_bad_material_is_an_error() {
-        assert_eq!(strobe_picture(&test_measurements::rejected()).unwrap(), None);
+        assert_eq!(strobe_picture(&test_measurements::rejected(), 1).unwrap(), None);
         let mut measurement = test_measurements::two_bounces();
-        measurement.strobe.as_mut().unwrap().background.data.pop();
+        std::sync::Arc::make_mut(&mut measurement.strobe.as_mut().unwrap().background)
+            .data
+            .pop();
         assert!(matches!(
-            strobe_picture(&measurement),
+            strobe_picture(&measurement, 1),
             Err(StrobeError::Size { .. })
         ));
     }
@@ -536,7 +544,7 @@ mod tests {
     fn without_any_ball_the_scene_is_shown_empty() {
         let mut measurement = test_measurements::two_bounces();
         measurement.strobe.as_mut().unwrap().balls.clear();
-        let picture = strobe_picture(&measurement).unwrap().unwrap();
+        let picture = strobe_picture(&measurement, 1).unwrap().unwrap();
         assert_eq!((picture.shown, picture.interval_s), (0, None));
     }
 }

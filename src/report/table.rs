@@ -19,20 +19,31 @@ pub fn table(measurement: &Measurement) -> String {
     if let Outcome::Rejected { reason } = &measurement.outcome {
         line(&mut text, "REJECTED", reason);
     }
-    if measurement.outcome == Outcome::Measured {
-        line(
-            &mut text,
-            "gravity",
-            &format_quantity(measurement.gravity_m_s2, "m/s²"),
-        );
-        scene_lines(&mut text, measurement);
-        bounce_lines(&mut text, &measurement.bounces);
-        distance_lines(&mut text, &measurement.distances);
-    }
-    if let Some(readings) = &measurement.readings {
-        reading_lines(&mut text, readings);
+    for (i, launch) in measurement.each_launch().iter().enumerate() {
+        if !measurement.launches.is_empty() {
+            text.push('\n');
+            line(
+                &mut text,
+                &format!("LAUNCH {}", i + 1),
+                &words::seen_flying(launch),
+            );
+        }
+        launch_lines(&mut text, launch);
     }
     text
+}
+
+/// What was measured of one launch.
+fn launch_lines(text: &mut String, launch: &Measurement) {
+    if launch.outcome == Outcome::Measured {
+        line(text, "gravity", &format_quantity(launch.gravity_m_s2, "m/s²"));
+        scene_lines(text, launch);
+        bounce_lines(text, &launch.bounces);
+        distance_lines(text, &launch.distances);
+    }
+    if let Some(readings) = &launch.readings {
+        reading_lines(text, readings);
+    }
 }
 
 /// A row of the per-bounce table, shared with the page: what it is, its symbol, its unit, and where it stands.
@@ -116,7 +127,9 @@ fn file_lines(text: &mut String, measurement: &Measurement) {
         ),
     );
     let track = &measurement.track;
-    let (used, _) = words::point_counts(measurement);
+    let launches = measurement.each_launch();
+    let used: usize = launches.iter().map(|launch| words::point_counts(launch).0).sum();
+    let detected: usize = launches.iter().map(|launch| launch.track.detected).sum();
     let std = track.centre_std_px.map_or_else(
         || "uncertainty of a centre unknown".to_owned(),
         |std| format!("a centre to ± {} px", words::two_digits(std)),
@@ -126,10 +139,19 @@ fn file_lines(text: &mut String, measurement: &Measurement) {
         "ball",
         &format!(
             "seen in {}, used in {used}; radius {}; {std}",
-            words::counted(track.detected as u64, "frame"),
+            words::counted(detected as u64, "frame"),
             format_quantity(track.radius_px, "px"),
         ),
     );
+    if launches.len() > 1 {
+        let bounces = launches.iter().map(|launch| launch.bounces.len() as u64).sum();
+        let launches = words::counted(launches.len() as u64, "launch");
+        line(
+            text,
+            "launches",
+            &format!("{launches}, {}", words::counted(bounces, "bounce")),
+        );
+    }
 }
 
 /// Launch, floor and "up" as they were found.
@@ -307,6 +329,20 @@ mod tests {
         measurement.bounces = vec![bounce; 7];
         let text = table(&measurement);
         assert!(text.contains("bounce 7"));
+        assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
+    }
+
+    #[test]
+    fn several_launches_follow_each_other() {
+        let text = table(&test_measurements::three_launches());
+        assert!(text.contains("launches    3 launches, 6 bounces"), "{text}");
+        for n in 1..=3 {
+            assert!(
+                text.contains(&format!("LAUNCH {n}    seen flying from")),
+                "{text}"
+            );
+        }
+        assert_eq!(text.matches("preferred").count(), 3);
         assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     }
 

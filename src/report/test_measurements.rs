@@ -347,10 +347,48 @@ pub fn two_bounces() -> Measurement {
         }],
         arcs: arcs(),
         strobe: Some(Strobe {
-            background: background(),
+            background: std::sync::Arc::new(background()),
             balls,
         }),
+        launches: Vec::new(),
     }
+}
+
+/// Three launches in one recording, some seconds apart.
+pub fn three_launches() -> Measurement {
+    let launches: Vec<Measurement> = (0..3).map(|n| later(two_bounces(), n)).collect();
+    let several = Warning {
+        code: "several_launches",
+        message: "the recording holds 3 launches".to_owned(),
+    };
+    Measurement {
+        warnings: [vec![several], launches[0].warnings.clone()].concat(),
+        launches: launches.clone(),
+        ..launches[0].clone()
+    }
+}
+
+/// `m` as the launch number `n`, 600 frames each after the one before.
+fn later(mut m: Measurement, n: usize) -> Measurement {
+    let frames = 600 * n;
+    let seconds = frames as f64 / RATE_HZ;
+    for p in &mut m.track.points {
+        p.frame += frames;
+        p.time_s += seconds;
+    }
+    for bounce in &mut m.bounces {
+        bounce.time_s = bounce.time_s.map(|t| Quantity {
+            value: t.value + seconds,
+            ..t
+        });
+    }
+    for sample in m.arcs.iter_mut().flat_map(|arc| &mut arc.samples) {
+        sample.time_s += seconds;
+    }
+    for ball in &mut m.strobe.as_mut().unwrap().balls {
+        ball.frame += frames;
+    }
+    m
 }
 
 /// The same to the left: every pixel mirrored, the world as before (x runs along the launch).
@@ -362,7 +400,10 @@ pub fn leftward() -> Measurement {
         mirror(&mut sample.pixel);
     }
     let strobe = m.strobe.as_mut().unwrap();
-    for row in strobe.background.data.chunks_mut(WIDTH) {
+    for row in std::sync::Arc::make_mut(&mut strobe.background)
+        .data
+        .chunks_mut(WIDTH)
+    {
         row.reverse();
     }
     for ball in &mut strobe.balls {

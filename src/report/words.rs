@@ -228,6 +228,51 @@ pub(super) fn file_name(measurement: &Measurement) -> String {
         .into_owned()
 }
 
+/// A column of a table with a row a launch.
+pub(super) struct LaunchColumn {
+    /// As in the paper.
+    pub symbol: &'static str,
+    /// Empty for a pure number.
+    pub unit: &'static str,
+    /// The quantity of a launch, in that unit: of its first bounce, or its own.
+    pub quantity: fn(&Measurement) -> Option<Quantity>,
+}
+
+/// What tells launches apart.
+pub(super) const LAUNCH_COLUMNS: [LaunchColumn; 6] = [
+    launch_column("e", "", |m| m.bounces.first()?.restitution),
+    launch_column("θ", "°", |m| degrees(m.bounces.first()?.incident.angle_rad)),
+    launch_column("μ", "", |m| m.bounces.first()?.friction),
+    launch_column("x_0", "m", |m| m.distances.x0_m),
+    launch_column("x", "m", |m| m.distances.x_m),
+    launch_column("g", "m/s²", |m| m.gravity_m_s2),
+];
+
+const fn launch_column(
+    symbol: &'static str,
+    unit: &'static str,
+    quantity: fn(&Measurement) -> Option<Quantity>,
+) -> LaunchColumn {
+    LaunchColumn {
+        symbol,
+        unit,
+        quantity,
+    }
+}
+
+/// From when to when a launch was seen, and what of it.
+pub(super) fn seen_flying(launch: &Measurement) -> String {
+    let bounces = counted(launch.bounces.len() as u64, "bounce");
+    let (used, _) = point_counts(launch);
+    launch.time_span().map_or_else(String::new, |(from, to)| {
+        format!(
+            "seen flying from {} to {} s; {bounces}, {used} centres in use",
+            trimmed(from, 3),
+            trimmed(to, 3)
+        )
+    })
+}
+
 /// How many points were used, and how many were not for each reason, the most frequent first.
 pub(super) fn point_counts(measurement: &Measurement) -> (usize, Vec<(&str, usize)>) {
     let mut used = 0;
@@ -247,7 +292,12 @@ pub(super) fn point_counts(measurement: &Measurement) -> (usize, Vec<(&str, usiz
 
 /// `1 frame`, `2 frames`.
 pub(super) fn counted(count: u64, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+    let ending = match count {
+        1 => "",
+        _ if noun.ends_with("ch") => "es",
+        _ => "s",
+    };
+    format!("{count} {noun}{ending}")
 }
 
 /// A bare uncertainty to two significant digits, as [`format_quantity`] writes it.

@@ -85,6 +85,12 @@ impl Clip {
         }
     }
 
+    /// What is known of it alone.
+    pub fn without_pictures(mut self) -> Self {
+        self.frames = Vec::new();
+        self
+    }
+
     /// The same with a calibration file that `change` has changed.
     pub fn calibrated(mut self, change: impl Fn(&mut Value)) -> Self {
         change(&mut self.calibration_json);
@@ -313,7 +319,7 @@ pub struct Judged {
 pub const HONEST_SIGMAS: f64 = 4.0;
 
 impl Judged {
-    fn new(found: Result<Measurement, MeasureError>, clip: &Clip) -> Self {
+    pub fn new(found: Result<Measurement, MeasureError>, clip: &Clip) -> Self {
         let mut judged = Self {
             found,
             compared: Vec::new(),

@@ -4,6 +4,7 @@
 pub mod of_clock;
 pub mod of_file;
 pub mod of_impacts;
+pub mod of_launches;
 pub mod of_track;
 pub mod rejection;
 

@@ -9,7 +9,7 @@ use crate::pipeline::decode::Decoded;
 /// Why nothing was measured, and what to try.
 pub fn no_flight(reason: &NoFlight, seen: &Decoded, base: &TimeBase, calibration: &Calibration) -> String {
     let frames = seen.stamps_s.len();
-    let moving = seen.sightings.len();
+    let moving = seen.moving;
     match reason {
         NoFlight::NothingRound { spots } => format!(
             "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."

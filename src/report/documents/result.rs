@@ -52,7 +52,41 @@ pub struct ResultDocument<'a> {
     pub x_source: Option<&'static str>,
     /// What the two models make of the first bounce.
     pub models: Option<ModelsDocument>,
+    /// Where the recording holds several launches, each of them in time order; what stands above is then the first's.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub launches: Vec<OneLaunchDocument<'a>>,
     /// What the user has to know.
+    pub warnings: Vec<WarningDocument<'a>>,
+}
+
+/// One of several launches of a recording.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct OneLaunchDocument<'a> {
+    /// When the ball was first seen in free flight.
+    pub from_s: Option<f64>,
+    /// When it was last.
+    pub to_s: Option<f64>,
+    /// The impacts on the floor, in time order.
+    pub bounces: Vec<BounceDocument>,
+    /// Launch edge to first impact, m.
+    pub x0_m: Option<Quantity>,
+    /// First to second impact, m.
+    pub x_m: Option<Quantity>,
+    /// `observed` or `extrapolated`.
+    pub x_source: Option<&'static str>,
+    /// Magnitude of the acceleration in flight, m/s²; `null` where the scale itself comes from gravity.
+    pub gravity_m_s2: Option<Quantity>,
+    /// What the two models make of the first bounce.
+    pub models: Option<ModelsDocument>,
+    /// Where the ball left a bench that it was seen on.
+    pub launch: Option<LaunchDocument>,
+    /// How far "up" is from where the calibration has it.
+    pub up: Option<UpDocument>,
+    /// The floor's slope.
+    pub floor: Option<FloorDocument>,
+    /// The ball in every frame of the launch where it was seen.
+    pub track: TrackDocument<'a>,
+    /// What the user has to know of this launch.
     pub warnings: Vec<WarningDocument<'a>>,
 }
 
@@ -253,44 +287,65 @@ impl<'a> ResultDocument<'a> {
             Outcome::Measured => ("measured", None),
             Outcome::Rejected { reason } => ("rejected", Some(reason.as_str())),
         };
-        let warnings = measurement.warnings.iter().map(|warning| WarningDocument {
-            code: warning.code,
-            message: &warning.message,
-        });
+        let first = one_launch(measurement);
         Self {
             schema: SCHEMA,
             build: Build::THIS,
             status,
             reason,
             video: video(&measurement.video),
-            track: track(&measurement.track, measurement.view),
-            gravity_m_s2: quantity(measurement.gravity_m_s2),
-            up: measurement.up.map(|up| UpDocument {
-                tilt_deg: degrees(Some(up.tilt_rad)),
-                source: match up.source {
-                    UpSource::Calibration => "calibration",
-                    UpSource::Fall => "fall",
-                },
-            }),
-            floor: measurement.floor.map(|floor| FloorDocument {
-                slope_deg: degrees(Some(floor.slope_rad)),
-                source: match floor.source {
-                    FloorSource::Impacts => "impacts",
-                    FloorSource::Calibration => "calibration",
-                    FloorSource::Level => "assumed_level",
-                },
-            }),
-            launch: measurement.launch.as_ref().map(launch),
-            bounces: measurement.bounces.iter().map(bounce).collect(),
-            x0_m: quantity(measurement.distances.x0_m),
-            x_m: quantity(measurement.distances.x_m),
-            x_source: measurement.distances.x_source.map(|source| match source {
-                XSource::Observed => "observed",
-                XSource::Extrapolated => "extrapolated",
-            }),
-            models: measurement.readings.as_ref().map(models),
-            warnings: warnings.collect(),
+            track: first.track,
+            gravity_m_s2: first.gravity_m_s2,
+            up: first.up,
+            floor: first.floor,
+            launch: first.launch,
+            bounces: first.bounces,
+            x0_m: first.x0_m,
+            x_m: first.x_m,
+            x_source: first.x_source,
+            models: first.models,
+            launches: measurement.launches.iter().map(one_launch).collect(),
+            warnings: first.warnings,
         }
+    }
+}
+
+fn one_launch(measurement: &Measurement) -> OneLaunchDocument<'_> {
+    let seen = measurement.time_span();
+    let warnings = measurement.warnings.iter().map(|warning| WarningDocument {
+        code: warning.code,
+        message: &warning.message,
+    });
+    OneLaunchDocument {
+        from_s: seen.map(|(from, _)| from),
+        to_s: seen.map(|(_, to)| to),
+        bounces: measurement.bounces.iter().map(bounce).collect(),
+        x0_m: quantity(measurement.distances.x0_m),
+        x_m: quantity(measurement.distances.x_m),
+        x_source: measurement.distances.x_source.map(|source| match source {
+            XSource::Observed => "observed",
+            XSource::Extrapolated => "extrapolated",
+        }),
+        gravity_m_s2: quantity(measurement.gravity_m_s2),
+        models: measurement.readings.as_ref().map(models),
+        launch: measurement.launch.as_ref().map(launch),
+        up: measurement.up.map(|up| UpDocument {
+            tilt_deg: degrees(Some(up.tilt_rad)),
+            source: match up.source {
+                UpSource::Calibration => "calibration",
+                UpSource::Fall => "fall",
+            },
+        }),
+        floor: measurement.floor.map(|floor| FloorDocument {
+            slope_deg: degrees(Some(floor.slope_rad)),
+            source: match floor.source {
+                FloorSource::Impacts => "impacts",
+                FloorSource::Calibration => "calibration",
+                FloorSource::Level => "assumed_level",
+            },
+        }),
+        track: track(&measurement.track, measurement.view),
+        warnings: warnings.collect(),
     }
 }
 
@@ -547,6 +602,33 @@ mod tests {
         assert!(result["models"].is_null());
         assert!(result["x_source"].is_null());
         assert_eq!(result["bounces"], json!([]));
+    }
+
+    #[test]
+    fn several_launches_stand_each_by_itself() {
+        let measurement = test_measurements::three_launches();
+        let result = result_json(&measurement);
+        let launches = result["launches"].as_array().unwrap();
+        assert_eq!(launches.len(), 3);
+        assert_eq!(
+            keys(&launches[0])[..9],
+            [
+                "from_s",
+                "to_s",
+                "bounces",
+                "x0_m",
+                "x_m",
+                "x_source",
+                "gravity_m_s2",
+                "models",
+                "launch"
+            ]
+        );
+        for key in ["bounces", "x0_m", "gravity_m_s2", "models", "track"] {
+            assert_eq!(result[key], launches[0][key], "{key}");
+        }
+        let from = |i: usize| launches[i]["from_s"].as_f64().unwrap();
+        assert!(from(0) < from(1) && from(1) < from(2));
     }
 
     #[test]

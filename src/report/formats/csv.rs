@@ -23,7 +23,7 @@ impl OutputFormat for Points {
 /// The points as CSV. A cell is empty where there is no value; numbers carry all their digits, as in the JSON.
 ///
 /// In a top view the columns `z_m` and `residual_z_m` are called `y_m` and `residual_y_m`, because that is what is in
-/// them.
+/// them. Where the recording holds several launches, the points of all are there, and a column `launch` says which, from 1.
 ///
 /// # Errors
 /// Whatever the `csv` crate refuses; into memory it refuses nothing.
@@ -33,7 +33,8 @@ fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
         View::Side => ("z_m", "residual_z_m"),
         View::Top => ("y_m", "residual_y_m"),
     };
-    writer.write_record([
+    let several = !measurement.launches.is_empty();
+    let header = [
         "frame",
         "time_s",
         "u_px",
@@ -46,9 +47,13 @@ fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
         "reason",
         "residual_x_m",
         second_residual,
-    ])?;
-    for point in &measurement.track.points {
-        writer.write_record(row(point))?;
+    ];
+    writer.write_record(header.into_iter().chain(several.then_some("launch")))?;
+    for (i, launch) in measurement.each_launch().iter().enumerate() {
+        for point in &launch.track.points {
+            let number = several.then(|| (i + 1).to_string());
+            writer.write_record(row(point).into_iter().chain(number))?;
+        }
     }
     writer
         .into_inner()
@@ -114,6 +119,16 @@ mod tests {
                 PointUse::Unused(why) => assert_eq!((&row[7], &row[8], &row[9]), ("false", "", why.as_str())),
             }
         }
+    }
+
+    #[test]
+    fn each_point_of_several_launches_says_which() {
+        let measurement = test_measurements::three_launches();
+        let (header, rows) = parsed(&measurement);
+        assert_eq!(header.last().unwrap(), "launch");
+        assert_eq!(rows.len(), 3 * measurement.track.points.len());
+        let launches: Vec<&str> = rows.iter().map(|row| &row[12]).collect();
+        assert!(launches.is_sorted() && launches[0] == "1" && launches[rows.len() - 1] == "3");
     }
 
     #[test]

@@ -1,0 +1,186 @@
+//! One launch of a recording, from its first centres to its impacts.
+
+use super::camera::CalibratedCamera;
+use super::clock::Clocked;
+use super::decode::Decoded;
+use super::impacts;
+use super::in_metres::Impacts;
+use super::launches::{self, TrackedLaunch};
+use super::refine::{self, Refined, Refinement};
+use super::spots::BallCentre;
+use super::track::{self, Tracked};
+use crate::calibration::{CalibrationError, Optics};
+use crate::detect::centre::Accuracy;
+use crate::flight::continuation::is_same_ball;
+use crate::flight::{NoFlight, dropped_frames};
+use std::ops::Range;
+
+/// A recording whose launches are measured.
+#[derive(Debug, Clone, Copy)]
+pub struct LaunchMeasurement<'a> {
+    /// By what it was taken.
+    pub camera: &'a CalibratedCamera<'a>,
+    /// Its pixels.
+    pub decoded: &'a Decoded,
+    /// The first centres of all that moves.
+    pub centres: &'a [BallCentre],
+    /// The centre method asked for.
+    pub accuracy: Accuracy,
+}
+
+/// A launch, measured.
+#[derive(Debug)]
+pub struct MeasuredLaunch {
+    /// The flight by the best centres.
+    pub refined: Refined,
+    /// In metres.
+    pub impacts: Impacts,
+}
+
+/// The launches of a recording, measured.
+#[derive(Debug)]
+pub struct MeasuredLaunches {
+    /// The first in time, or the only one.
+    pub first: MeasuredLaunch,
+    /// Those after it.
+    pub later: Vec<MeasuredLaunch>,
+    /// Flights of the same ball beside them that show no bounce, or could not be measured.
+    pub left_out: usize,
+}
+
+/// Why a launch could not be measured.
+#[derive(Debug)]
+pub enum NotMeasured {
+    /// What was tracked shows to be no ball's flight.
+    NoFlight(NoFlight),
+    /// The calibration's scale rests on what was not measured.
+    NoScale(CalibrationError),
+}
+
+impl LaunchMeasurement<'_> {
+    /// All launches of those `found` by `clock` that bounce, in time order; without one the flight with the most evidence. A
+    /// recording in which only that one is left is measured as if nothing else moved in it.
+    ///
+    /// # Errors
+    /// See [`NotMeasured`]: of the flight with the most evidence, where no other one could be measured.
+    pub fn each(
+        &self,
+        clock: &mut Clocked,
+        found: &[TrackedLaunch],
+    ) -> Result<MeasuredLaunches, NotMeasured> {
+        let alone = |clock: &mut Clocked| {
+            let best = found.iter().find(|l| l.is_best).or(found.first());
+            let Some(best) = best else {
+                return Err(NotMeasured::NoFlight(NoFlight::NothingFalls { longest: 0 }));
+            };
+            let whole = TrackedLaunch {
+                frames: launches::ALL_FRAMES,
+                ..best.clone()
+            };
+            Ok(MeasuredLaunches {
+                first: self.of(clock, &whole)?,
+                later: Vec::new(),
+                left_out: 0,
+            })
+        };
+        if found.len() < 2 {
+            return alone(clock);
+        }
+        let mut later = clock.clone();
+        let measured = found
+            .iter()
+            .filter_map(|l| Some((l.is_best, self.of(&mut later, l).ok()?)));
+        let mut kept: Vec<(bool, MeasuredLaunch)> =
+            measured.filter(|(_, l)| !l.impacts.bounces.is_empty()).collect();
+        // With the best centres a size or a fall may show to be another one.
+        let reference = kept.iter().find(|(is_best, _)| *is_best).or(kept.first());
+        let reference = reference.map(|(_, l)| l.refined.tracked.flight.clone());
+        kept.retain(|(_, l)| {
+            let flight = &l.refined.tracked.flight;
+            reference.as_ref().is_some_and(|best| is_same_ball(best, flight))
+        });
+        if kept.iter().all(|(is_best, _)| *is_best) {
+            return alone(clock);
+        }
+        let left_out = found.len() - kept.len();
+        let mut launches = kept.into_iter().map(|(_, launch)| launch);
+        let Some(first) = launches.next() else {
+            return alone(clock);
+        };
+        *clock = later;
+        Ok(MeasuredLaunches {
+            first,
+            later: launches.collect(),
+            left_out,
+        })
+    }
+
+    /// The `launch` that was found by `clock`, which becomes the clock with the frames that are missing at its impacts.
+    ///
+    /// # Errors
+    /// See [`NotMeasured`].
+    pub fn of(&self, clock: &mut Clocked, launch: &TrackedLaunch) -> Result<MeasuredLaunch, NotMeasured> {
+        let frames = &launch.frames;
+        // Launches before it may have moved its times.
+        let first = launch.tracked.flight.points.first();
+        let moved = first.is_some_and(|p| clock.base.times_s[p.spot.frame] != p.spot.time_s);
+        let tracked = if moved {
+            self.tracked(clock, frames, launch.tracked.optics)
+        } else {
+            Ok(launches::only_within(launch.tracked.clone(), frames))
+        };
+        let first = tracked
+            .and_then(|tracked| self.refined(clock, tracked, frames))
+            .map_err(NotMeasured::NoFlight)?;
+        let (later, refined) = self.with_frames_missing_at_impacts(clock, first, frames);
+        if let Some(later) = later {
+            *clock = later;
+        }
+        let impacts = impacts::impacts(self.camera, clock, &refined).map_err(NotMeasured::NoScale)?;
+        Ok(MeasuredLaunch { refined, impacts })
+    }
+
+    /// The impacts may show frames to be missing that no stamp does: then once more on the clock with them. Where that is what
+    /// was missing, the impacts are where they were, and their arcs meet.
+    fn with_frames_missing_at_impacts(
+        &self,
+        clock: &Clocked,
+        first: Refined,
+        frames: &Range<usize>,
+    ) -> (Option<Clocked>, Refined) {
+        let again = || {
+            let first = &first.tracked;
+            let later = clock.with_frames_missing_at_impacts(&first.flight, self.camera, self.decoded)?;
+            let tracked = self.tracked(&later, frames, first.optics).ok()?;
+            let refined = self.refined(&later, tracked, frames).ok()?;
+            let flight = &refined.tracked.flight;
+            let meets = flight.used() >= first.flight.used() && dropped_frames::at_impacts(flight).is_empty();
+            meets.then_some((later, refined))
+        };
+        match again() {
+            Some((later, refined)) => (Some(later), refined),
+            None => (None, first),
+        }
+    }
+
+    fn tracked(
+        &self,
+        clock: &Clocked,
+        frames: &Range<usize>,
+        optics: Option<Optics>,
+    ) -> Result<Tracked, NoFlight> {
+        let own = self.centres.iter().filter(|c| frames.contains(&c.frame));
+        track::tracked(self.camera, clock, &own.copied().collect::<Vec<_>>(), optics)
+    }
+
+    fn refined(&self, clock: &Clocked, tracked: Tracked, within: &Range<usize>) -> Result<Refined, NoFlight> {
+        let recording = Refinement {
+            camera: self.camera,
+            decoded: self.decoded,
+            clocked: clock,
+            accuracy: self.accuracy,
+            within,
+        };
+        refine::refined(&recording, tracked)
+    }
+}
