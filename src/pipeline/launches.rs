@@ -64,19 +64,12 @@ pub fn tracked(
 }
 
 /// The `tracked` of one launch, with the frames that are its own.
-pub fn only_within(tracked: Tracked, frames: &Range<usize>) -> Tracked {
-    let Tracked {
-        mut flight,
-        mut centres,
-        optics,
-    } = tracked;
-    flight.points.retain(|p| frames.contains(&p.spot.frame));
-    centres.retain(|c| frames.contains(&c.frame));
-    Tracked {
-        flight,
-        centres,
-        optics,
-    }
+pub fn only_within(mut tracked: Tracked, frames: &Range<usize>) -> Tracked {
+    let within = |frame: usize| frames.contains(&frame);
+    tracked.flight.points.retain(|p| within(p.spot.frame));
+    tracked.centres.retain(|c| within(c.frame));
+    tracked.first_look.retain(|s| within(s.frame));
+    tracked
 }
 
 /// A flight and the frames from its first to its last point in use.
