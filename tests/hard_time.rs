@@ -50,6 +50,65 @@ fn an_impact_on_a_frame_or_between_two_is_the_same() {
     }
 }
 
+/// A recording at `rate_hz` by a camera that reads its picture in `readout_s`, with a ball of steel that flies over most of it.
+fn rolled(seed: u64, rate_hz: f64, readout_s: f64) -> Value {
+    let far = with(
+        launched(scene(seed), 0.7, 0.6),
+        "camera",
+        json!({"image_size_px": [640, 480], "metres_per_pixel": 0.0018, "origin_px": [30, 440], "readout_s": readout_s}),
+    );
+    let far = with(far, "stop", json!({"tail_s": 0.2}));
+    at_rate(
+        with(far, "ball", json!({"radius_m": 0.02, "mass_kg": 0.26})),
+        rate_hz,
+    )
+}
+
+const ROLLED: [(f64, f64); 5] = [
+    (240.0, 0.004),
+    (120.0, 0.005),
+    (60.0, 0.005),
+    (60.0, 0.012),
+    (30.0, 0.02),
+];
+
+#[test]
+fn a_rolling_shutter_whose_readout_is_told_is_true() {
+    for (k, (rate_hz, readout_s)) in ROLLED.into_iter().enumerate() {
+        let clip = Clip::of(&rolled(640 + k as u64, rate_hz, readout_s));
+        assert_eq!(clip.calibration.readout_s, Some(readout_s));
+        let found = clip.measured();
+        let what = format!("{rate_hz} Hz, {readout_s} s");
+        assert_true(&found, 2, &what);
+        assert!(
+            !found.warns("rolling_shutter") && !found.warns("not_a_parabola"),
+            "{what}"
+        );
+    }
+}
+
+#[test]
+fn a_rolling_shutter_that_is_not_told_is_found_by_the_flight() {
+    for (k, (rate_hz, readout_s)) in ROLLED.into_iter().enumerate() {
+        let found = Clip::of(&rolled(650 + k as u64, rate_hz, readout_s))
+            .untold("camera")
+            .measured();
+        let what = format!("{rate_hz} Hz, {readout_s} s");
+        assert_true(&found, 2, &what);
+        assert!(found.warns("rolling_shutter"), "{what}");
+    }
+    // A global shutter is none, with a spin and drag that bend all arcs, too.
+    let spun = with(
+        rolled(660, 240.0, 0.0),
+        "launch",
+        json!({"spin_ratio": [0, -2, 0], "speed_m_s": 1.0}),
+    );
+    let light = with(spun, "ball", json!({"mass_kg": 0.015}));
+    let found = Clip::of(&light).measured();
+    assert_true(&found, 2, "no readout");
+    assert!(!found.warns("rolling_shutter"));
+}
+
 #[test]
 fn a_clip_that_begins_at_the_impact_has_no_x0_and_no_spin() {
     let impact_s = usual().truth.bounces[0].time_s;

@@ -100,6 +100,9 @@ pub struct Calibration {
     pub deviations: Vec<Deviation>,
     /// True capture rate, Hz, where the file's time stamps are not to be believed.
     pub frame_rate_hz: Option<f64>,
+    /// Rolling shutter: the time from the exposure of the stored picture's first row to that of its last, s; `None`: nothing is
+    /// said of it, and all rows are taken as exposed at once unless the flight shows otherwise.
+    pub readout_s: Option<f64>,
     /// Acceleration of free fall, m/s².
     pub gravity_m_s2: f64,
     /// Whether the file says so.
@@ -134,6 +137,7 @@ impl Calibration {
             lens_std: [None; 9],
             deviations: Vec::new(),
             frame_rate_hz: None,
+            readout_s: None,
             gravity_m_s2: 9.81,
             gravity_given: false,
             gravity_std_m_s2: None,

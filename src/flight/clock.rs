@@ -19,7 +19,7 @@ use super::segment::DROP_COST;
 /// When the frames were taken, and which show nothing new.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameTimes<'a> {
-    /// Time of each, s; that of the frame before for one that repeats it.
+    /// Time of each, s, of its middle row; that of the frame before for one that repeats it.
     pub times_s: &'a [f64],
     /// Those that show the one before once more.
     pub duplicates: &'a [bool],

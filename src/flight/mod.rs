@@ -46,6 +46,7 @@ pub mod planar;
 mod planar_fit;
 mod plausibility;
 mod refit;
+pub mod row_delays;
 mod samples;
 pub mod scale_change;
 pub mod segment;

@@ -3,7 +3,7 @@
 use super::free_flight::{Flight, FlightPoint, SpotUse};
 use super::launch;
 use super::linking::Spot;
-use super::motion_model::MotionModel;
+use super::motion_model::{MotionModel, VerticalPrior};
 use super::outliers::refitted;
 
 impl Flight {
@@ -32,6 +32,17 @@ impl Flight {
         }
         flight.launch = launch::find(&flight);
         Some(flight)
+    }
+
+    /// The flight under everything that is not known of it: how "up" leans by what the calibration knows alone (to
+    /// `upright_std_rad`), and the drag of a ball of which nothing is said. (While arcs are looked for in rough centres, so much
+    /// freedom would let them follow what is no ball's.)
+    #[must_use]
+    pub fn with_all_unknowns(&self, upright_std_rad: f64) -> Self {
+        let upright = VerticalPrior::known_to(upright_std_rad);
+        let open = self.fit.model.with_unknowns(upright, self.radius());
+        let fitted = open.and_then(|open| self.under(&*open));
+        fitted.unwrap_or_else(|| self.clone())
     }
 
     /// The arcs of these `points`, which keep their uses.

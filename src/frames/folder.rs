@@ -319,6 +319,7 @@ impl<P: Pixels> FolderReader<P> {
             codec: format!("{codec} images ({format})"),
             has_time_base: false,
             time_resolution_s: None,
+            row_order: orientation.row_order(),
             pixel_aspect: 1.0,
         };
         Ok(Self {

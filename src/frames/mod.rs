@@ -191,6 +191,20 @@ impl LumaRange {
     }
 }
 
+/// In which direction of the upright picture the rows of the stored one follow each other: what a rolling shutter exposes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RowOrder {
+    /// As the upright picture's.
+    #[default]
+    Down,
+    /// The upright picture is the stored one turned by 180 degrees.
+    Up,
+    /// It is the stored one turned by 90 degrees: stored rows are columns, the first to the left.
+    Right,
+    /// The same with the first to the right.
+    Left,
+}
+
 /// What is known of a recording before its first frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceInfo {
@@ -213,6 +227,8 @@ pub struct SourceInfo {
     pub has_time_base: bool,
     /// The unit that the file stores times in, s: no stamp is better than this. `None` without a time base.
     pub time_resolution_s: Option<f64>,
+    /// How the file's rotation tag turns its rows.
+    pub row_order: RowOrder,
     /// Width of a pixel over its height, as shown; 1 for square pixels.
     pub pixel_aspect: f64,
 }

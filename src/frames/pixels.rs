@@ -1,7 +1,7 @@
 //! From a decoded picture to planes of our own: upright, 8 bits, without padding.
 
 use super::av::{AvError, ComponentLayout, Converter, Picture, PictureKind, PixelFormat};
-use super::{Luma, LumaRange, Yuv420};
+use super::{Luma, LumaRange, RowOrder, Yuv420};
 
 /// The turn (and mirroring) that sets a stored picture upright: stored (x, y) is shown at (±x, ±y), or at (±y, ±x)
 /// when transposed, moved back into the picture.
@@ -41,6 +41,22 @@ impl Orientation {
             })
         } else {
             Err(b.atan2(a).to_degrees())
+        }
+    }
+
+    /// Where stored rows run to in the shown picture.
+    pub(super) fn row_order(self) -> RowOrder {
+        match self {
+            Self {
+                transposed: false,
+                mirror_y: false,
+                ..
+            } => RowOrder::Down,
+            Self {
+                transposed: false, ..
+            } => RowOrder::Up,
+            Self { mirror_x: false, .. } => RowOrder::Right,
+            Self { .. } => RowOrder::Left,
         }
     }
 
@@ -276,6 +292,28 @@ mod tests {
             [1, 4, 2, 5, 3, 6],
             "transposed"
         );
+    }
+
+    #[test]
+    fn stored_rows_run_where_the_turn_takes_them() {
+        for (turn, order) in [
+            (matrix(1, 0, 0, 1), RowOrder::Down),
+            (matrix(-1, 0, 0, 1), RowOrder::Down),
+            (matrix(-1, 0, 0, -1), RowOrder::Up),
+            (matrix(0, 1, -1, 0), RowOrder::Left),
+            (matrix(0, -1, 1, 0), RowOrder::Right),
+        ] {
+            assert_eq!(Orientation::of(&turn).unwrap().row_order(), order);
+            // Two rows of three: the first holds 1.
+            let shown = placed(turn, (3, 2), &[1, 1, 1, 2, 2, 2]);
+            let first = match order {
+                RowOrder::Down => [shown[0], shown[2]],
+                RowOrder::Up => [shown[3], shown[5]],
+                RowOrder::Right => [shown[0], shown[4]],
+                RowOrder::Left => [shown[1], shown[5]],
+            };
+            assert_eq!(first, [1, 1], "{order:?}");
+        }
     }
 
     #[test]

@@ -162,6 +162,7 @@ mod tests {
                 codec: String::new(),
                 has_time_base: true,
                 time_resolution_s: None,
+                row_order: crate::frames::RowOrder::Down,
                 pixel_aspect: 1.0,
             };
             (

@@ -649,6 +649,7 @@ fn info(
         codec: format!("{} ({})", facts.codec, first.format_name()),
         has_time_base: facts.has_stamps,
         time_resolution_s: facts.time_base.positive().filter(|_| facts.has_stamps),
+        row_order: orientation.row_order(),
         pixel_aspect,
     }
 }

@@ -18,12 +18,16 @@ use crate::impact::error_budget::{
 };
 use crate::numeric::robust::median;
 use crate::quantity::Quantity;
+use nalgebra::Vector2;
 
 /// A rim that differs from what is behind it by less than this part of where it differs most is faded.
 const FADED_PART: f64 = 0.25;
 
 /// An outline this little longer than wide is round, px.
 const ROUND_ENOUGH_PX: f64 = 0.01;
+
+/// Rounds to settle at which time a rolling shutter sees the ball: each takes ball's speed over rows' speed off the error.
+const READOUT_ROUNDS: usize = 6;
 
 /// What all frames share.
 #[derive(Debug, Clone)]
@@ -88,24 +92,44 @@ impl<'a> BallPictures<'a> {
         self.silhouette(s, p).map_or(1.0, |drawn| drawn.size)
     }
 
-    /// The pixels around a sighting, and how the picture draws out a ball like `disc` there.
-    pub fn patch<'s>(&self, s: &'s Sighting, disc: &Disc) -> Patch<'s>
+    /// The pixels around a sighting, and how the picture draws out a ball like `disc` there that moves with `velocity_px_s`.
+    pub fn patch<'s>(&self, s: &'s Sighting, disc: &Disc, velocity_px_s: [f64; 2]) -> Patch<'s>
     where
         'a: 's,
     {
-        let drawn = self
-            .silhouette(s, disc.centre)
-            .filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
+        let drawn = self.silhouette(s, disc.centre);
+        let drawn = drawn.and_then(|drawn| {
+            let stretch = self.camera.readout.stretch(velocity_px_s)? * drawn.stretch;
+            Some(Silhouette { stretch, ..drawn })
+        });
+        let drawn = drawn.filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
         Patch {
             affine: drawn.and_then(|drawn| AffinePatch::new(disc.centre, drawn.stretch)),
             ..self.decoded.detector.patch(&s.blob.crop, &s.registration)
         }
     }
 
-    /// Where the arcs say the ball is at `t`, in the reference picture.
-    pub fn predicted(&self, flight: &Flight, t: f64) -> Option<PixelPoint> {
-        let m = flight.fit.motion(flight.arc_at(t), t);
-        self.camera.map.pixel_from_plane(PlanePoint::new(m.r, m.h))
+    /// When and where the arcs say that a sighting's frame, taken at `frame_s`, shows the ball.
+    pub fn predicted(&self, flight: &Flight, s: &Sighting, frame_s: f64) -> Option<(f64, PixelPoint)> {
+        let at = |t: f64| {
+            let m = flight.fit.motion(flight.arc_at(t), t);
+            let seen = self.camera.map.pixel_from_plane(PlanePoint::new(m.r, m.h))?;
+            Some(s.registration.frame_from_reference(seen))
+        };
+        let (mut t, mut there) = (frame_s, at(frame_s)?);
+        if self.camera.readout.whole_s != 0.0 {
+            for _ in 0..READOUT_ROUNDS {
+                t = frame_s + self.camera.readout.delay_s(there);
+                there = at(t)?;
+            }
+        }
+        Some((t, there))
+    }
+
+    /// The velocity with which a frame shows a thing to sweep over its pixels that moves with `velocity_px_s`.
+    pub fn seen_velocity_px_s(&self, velocity_px_s: [f64; 2]) -> [f64; 2] {
+        let stretch = self.camera.readout.stretch(velocity_px_s);
+        stretch.map_or(velocity_px_s, |s| (s * Vector2::from(velocity_px_s)).into())
     }
 
     /// Velocity in the picture at `t`, px/s.
@@ -194,9 +218,10 @@ fn examples<'a>(
         .step_by(step)
         .filter_map(|&(s, c, t)| {
             let disc = c.centre.disc;
-            let patch = pictures.patch(s, &disc);
+            let velocity_px_s = pictures.velocity_px_s(flight, t)?;
+            let patch = pictures.patch(s, &disc, velocity_px_s);
             let moving = Disc {
-                swept_px: pictures.velocity_px_s(flight, t)?,
+                swept_px: pictures.seen_velocity_px_s(velocity_px_s),
                 ..disc
             };
             let round = patch.affine.map_or(moving, |d| d.disc_in_patch(&moving));

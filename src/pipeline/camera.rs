@@ -3,6 +3,7 @@
 //! brakes it.
 
 use super::measurement::Warning;
+use super::readout::Readout;
 use super::warnings::warning;
 use crate::calibration::{
     Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
@@ -15,6 +16,7 @@ use crate::flight::motion_model::VerticalPrior;
 use crate::flight::near_top_view::NearTopView;
 use crate::flight::planar::GRAVITY;
 use crate::flight::side_view::SideView;
+use crate::frames::RowOrder;
 use crate::geometry::PixelPoint;
 use crate::impact::error_budget::{AXIS_PART, DISTANCE_RELATIVE_STD, SPHERE_DRAG_RELATIVE_STD};
 use crate::quantity::Quantity;
@@ -23,7 +25,7 @@ use crate::quantity::Quantity;
 const USUAL_SPEED_M_S: f64 = 2.0;
 
 /// A calibrated camera and its pictures.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct CalibratedCamera<'a> {
     /// What is known of it.
     pub calibration: &'a Calibration,
@@ -33,14 +35,19 @@ pub struct CalibratedCamera<'a> {
     pub size_px: (usize, usize),
     /// Whether it stands still, but for swings.
     pub stands_still: bool,
+    /// When its rows are exposed.
+    pub readout: Readout,
 }
 
 impl<'a> CalibratedCamera<'a> {
+    /// For pictures of `size_px` whose stored rows run in `row_order`.
+    ///
     /// # Errors
     /// A calibration that maps no plane.
     pub fn new(
         calibration: &'a Calibration,
         size_px: (usize, usize),
+        row_order: RowOrder,
         stands_still: bool,
     ) -> Result<Self, CalibrationError> {
         Ok(Self {
@@ -48,7 +55,17 @@ impl<'a> CalibratedCamera<'a> {
             map: calibration.rectification()?,
             size_px,
             stands_still,
+            readout: Readout::global(size_px, row_order).of(calibration.readout_s.unwrap_or(0.0), 0.0),
         })
+    }
+
+    /// The same with a readout of `whole_s` ± `std_s`.
+    #[must_use]
+    pub fn with_readout(&self, whole_s: f64, std_s: f64) -> Self {
+        Self {
+            readout: self.readout.of(whole_s, std_s),
+            ..self.clone()
+        }
     }
 
     /// Whether the ball falls in the picture.
@@ -183,8 +200,27 @@ impl<'a> CalibratedCamera<'a> {
         })
     }
 
-    /// A top view whose camera is not known to be far.
-    pub fn warnings(&self) -> Option<Warning> {
+    /// A top view whose camera is not known to be far; a rolling shutter that the flight shows.
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.near_unsaid()
+            .into_iter()
+            .chain(self.rolls_unsaid())
+            .collect()
+    }
+
+    fn rolls_unsaid(&self) -> Option<Warning> {
+        let (whole_s, std_s) = (self.readout.whole_s, self.readout.std_s);
+        (self.calibration.readout_s.is_none() && whole_s != 0.0).then(|| {
+            let way = if whole_s > 0.0 { "last" } else { "last, which comes first" };
+            warning!(
+                "rolling_shutter",
+                "the flight shows that the rows of a picture are not exposed at once: from the first stored row to the {way}, {:.2} ± {:.2} ms pass. Each centre was given its row's time, and the uncertainties hold what is not known of it. Set \"camera\": {{\"readout_s\": {:.5}}} in the calibration, better as measured of this camera and mode (a lamp that flashes, or a recording that shows it clearly).",
+                1e3 * whole_s.abs(), 1e3 * std_s, whole_s
+            )
+        })
+    }
+
+    fn near_unsaid(&self) -> Option<Warning> {
         let c = self.calibration;
         (c.view == View::Top && c.distance_m.is_none()).then(|| {
             warning!(

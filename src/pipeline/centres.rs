@@ -15,6 +15,9 @@ use std::ops::Range;
 /// How long before and after the flight found at first the ball may have been missed, s.
 const AROUND_S: f64 = 1.5;
 
+/// Of a ball on no arc yet: where the shutter rolls it is fitted as if it stood.
+const UNKNOWN_VELOCITY: [f64; 2] = [0.0; 2];
+
 /// A search for a ball of known size and looks in the frames of a recording.
 #[derive(Debug, Clone, Copy)]
 pub struct BallSearch<'a> {
@@ -89,18 +92,16 @@ impl BallSearch<'_> {
                     radius_px: self.ball.radius_px.value * self.pictures.size(s, centre),
                     swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
                 };
-                self.outlined(i, &start)
+                self.outlined(i, &start, UNKNOWN_VELOCITY)
             })
             .collect()
     }
 
-    /// The ball in a sighting of the time `t`, near the place where the flight has it.
+    /// The ball in a sighting of a frame taken at `t`, near the place where the flight has it.
     fn guided(&self, flight: &Flight, id: usize, t: f64) -> Option<BallCentre> {
         let pictures = &self.pictures;
         let s = &pictures.decoded.sightings[id];
-        let there = s
-            .registration
-            .frame_from_reference(pictures.predicted(flight, t)?);
+        let (t, there) = pictures.predicted(flight, s, t)?;
         let radius_px = self.ball.radius_px.value * flight.magnification_at(t) * pictures.size(s, there);
         // Near the prediction the first look's own centre is the better start; far from it, it is another thing.
         let gate = 0.5 * radius_px + 2.0;
@@ -112,8 +113,9 @@ impl BallSearch<'_> {
         if !s.blob.crop.contains(there, -0.3 * radius_px) {
             return None;
         }
+        let velocity_px_s = pictures.velocity_px_s(flight, t)?;
         let swept_px = pictures
-            .velocity_px_s(flight, t)?
+            .seen_velocity_px_s(velocity_px_s)
             .map(|v| v * self.ball.exposure_s());
         let start = first.map_or(there, |c| c.disc.centre);
         let disc = Disc {
@@ -122,18 +124,18 @@ impl BallSearch<'_> {
             swept_px,
         };
         let close = |c: &BallCentre, to: PixelPoint, gate: f64| c.centre.disc.centre.distance_px(to) < gate;
-        self.fitted(id, &disc)
+        self.fitted(id, &disc, velocity_px_s)
             .or_else(|| {
-                self.outlined(id, &disc)
+                self.outlined(id, &disc, velocity_px_s)
                     .filter(|c| close(c, start, 0.5 * radius_px))
             })
             .filter(|c| close(c, there, gate))
     }
 
-    /// The centre near `start`.
-    fn fitted(&self, id: usize, start: &Disc) -> Option<BallCentre> {
+    /// The centre near `start` of a ball of this velocity.
+    fn fitted(&self, id: usize, start: &Disc, velocity_px_s: [f64; 2]) -> Option<BallCentre> {
         let s = &self.pictures.decoded.sightings[id];
-        let patch = self.pictures.patch(s, start);
+        let patch = self.pictures.patch(s, start, velocity_px_s);
         let round = patch.affine.map_or(*start, |d| d.disc_in_patch(start));
         let appearance = self.ball.appearance.as_ref();
         let method = self.accuracy.possible(appearance.is_some()).method();
@@ -150,16 +152,20 @@ impl BallSearch<'_> {
     }
 
     /// The centre wherever around `start` the patch holds an outline of the ball's size.
-    fn outlined(&self, id: usize, start: &Disc) -> Option<BallCentre> {
+    fn outlined(&self, id: usize, start: &Disc, velocity_px_s: [f64; 2]) -> Option<BallCentre> {
         let s = &self.pictures.decoded.sightings[id];
         let outline_px = self.ball.outline_px * start.radius_px / self.ball.radius_px.value;
-        let found = outline::find(&self.pictures.patch(s, start), start.centre, Some(outline_px))?;
+        let found = outline::find(
+            &self.pictures.patch(s, start, velocity_px_s),
+            start.centre,
+            Some(outline_px),
+        )?;
         let disc = Disc {
             centre: found.disc.centre,
             ..*start
         };
         (found.agreement >= LEAST_AGREEMENT)
-            .then(|| self.fitted(id, &disc))
+            .then(|| self.fitted(id, &disc, velocity_px_s))
             .flatten()
     }
 }

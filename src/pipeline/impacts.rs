@@ -7,9 +7,9 @@ use super::clock::Clocked;
 use super::in_metres::{Impacts, WorldFrame};
 use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
+use super::rolling_shutter;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::CalibrationError;
-use crate::flight::motion_model::VerticalPrior;
 use crate::flight::{Flight, shake};
 use crate::impact::error_budget::{LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
@@ -30,7 +30,10 @@ pub fn impacts(
     let calibration = camera.calibration;
     let ball = refined.ball.as_ref();
     let radius_px = ball_model::radius_px(camera, &refined.tracked, ball);
-    let flight = with_all_unknowns(&refined.tracked.flight, calibration.upright_std_rad());
+    let flight = refined
+        .tracked
+        .flight
+        .with_all_unknowns(calibration.upright_std_rad());
     let shake = shake::find(&flight);
     let shaken = shake.as_ref().and_then(|shake| flight.shaken_by(shake));
     let flight = shaken.unwrap_or(flight);
@@ -50,6 +53,7 @@ pub fn impacts(
     let (free, lift) = scaled.motion(&flight, SpinLift::default()).without_lift();
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
+    let free = rolling_shutter::widened(free, camera, &refined.tracked);
     let motion = scaled.motion(&free, lift);
     let bounces = motion.bounces();
     let radius_seen_m = || Some(radius_px?.value * camera.ball_units_per_px() * metres_per_unit.value);
@@ -83,16 +87,6 @@ pub fn impacts(
     };
     let warnings = of_impacts(&context);
     Ok(Impacts { warnings, ..impacts })
-}
-
-/// The flight under everything that is not known of it: how "up" leans by what the calibration knows alone, and the drag of a
-/// ball of which nothing is said. (While arcs are looked for in rough centres, so much freedom would let them follow what is
-/// no ball's.)
-fn with_all_unknowns(flight: &Flight, upright_std_rad: f64) -> Flight {
-    let upright = VerticalPrior::known_to(upright_std_rad);
-    let open = flight.fit.model.with_unknowns(upright, flight.radius());
-    let fitted = open.and_then(|open| flight.under(&*open));
-    fitted.unwrap_or_else(|| flight.clone())
 }
 
 /// What turns a flight into metres.

@@ -57,7 +57,20 @@ pub enum NotMeasured {
     NoScale(CalibrationError),
 }
 
-impl LaunchMeasurement<'_> {
+impl<'a> LaunchMeasurement<'a> {
+    /// By `camera`, of what was `seen`: pixels and first centres, with the centre method asked for.
+    pub fn new(
+        camera: &'a CalibratedCamera<'a>,
+        (decoded, centres, accuracy): (&'a Decoded, &'a [BallCentre], Accuracy),
+    ) -> Self {
+        Self {
+            camera,
+            decoded,
+            centres,
+            accuracy,
+        }
+    }
+
     /// All launches of those `found` by `clock` that bounce, in time order; without one the flight with the most evidence. A
     /// recording in which only that one is left is measured as if nothing else moved in it.
     ///
@@ -138,6 +151,15 @@ impl LaunchMeasurement<'_> {
         }
         let impacts = impacts::impacts(self.camera, clock, &refined).map_err(NotMeasured::NoScale)?;
         Ok(MeasuredLaunch { refined, impacts })
+    }
+
+    /// The flight with the most evidence by `clock`, with the best centres.
+    ///
+    /// # Errors
+    /// [`NoFlight`] where nothing flies.
+    pub fn most_evident(&self, clock: &Clocked, optics: Option<Optics>) -> Result<Refined, NoFlight> {
+        let tracked = self.tracked(clock, &launches::ALL_FRAMES, optics)?;
+        self.refined(clock, tracked, &launches::ALL_FRAMES)
     }
 
     /// The impacts may show frames to be missing that no stamp does: then once more on the clock with them. Where that is what

@@ -25,8 +25,10 @@ mod in_metres;
 mod launch;
 mod launches;
 mod measurement;
+mod readout;
 mod refine;
 mod result;
+mod rolling_shutter;
 mod spots;
 mod track;
 mod warnings;
@@ -67,31 +69,38 @@ pub fn measure(
     progress(Progress::Fit);
     let calibration = decoded.calibration_of_reference(calibration);
     let size_px = (decoded.info.width_px, decoded.info.height_px);
-    let camera = CalibratedCamera::new(&calibration, size_px, decoded.camera_stands_still());
+    let row_order = decoded.info.row_order;
+    let camera = CalibratedCamera::new(&calibration, size_px, row_order, decoded.camera_stands_still());
     let camera = &camera.map_err(misfit)?;
 
     let centres = spots::first_centres(&decoded.sightings);
     let optics = camera.optics(camera.metres_per_unit_before_flight());
-    let mut clocked = clock::clocked(camera, &decoded, &centres, optics);
-    let recording = LaunchMeasurement {
-        camera,
-        decoded: &decoded,
-        centres: &centres,
-        accuracy,
+    let clock = clock::clocked(camera, &decoded, &centres, optics);
+    let interval_s = clock.base.interval_s;
+    let seen = (&decoded, &centres[..], accuracy);
+    let launches_by = |camera: &CalibratedCamera<'_>| {
+        let mut clock = clock.clone();
+        let found = launches::tracked(camera, &clock, &centres, optics);
+        let found = found.map_err(NotMeasured::NoFlight);
+        let measured = found.and_then(|found| LaunchMeasurement::new(camera, seen).each(&mut clock, &found));
+        (clock, measured)
     };
-    let found = launches::tracked(camera, &clocked, &centres, optics);
-    let measured = match found.map_err(NotMeasured::NoFlight) {
-        Ok(found) => recording.each(&mut clocked, &found),
-        Err(reason) => Err(reason),
+    let (mut clocked, mut measured) = launches_by(camera);
+    // The arcs may show that rows have times of their own: then once more by those.
+    let rolling = {
+        let by_rows = |rolling: &CalibratedCamera<'_>| {
+            LaunchMeasurement::new(rolling, seen).most_evident(&clocked, optics)
+        };
+        let first = measured.as_ref().ok().map(|m| &m.first.refined);
+        rolling_shutter::found(camera, first, interval_s, by_rows)
     };
+    let camera = rolling.as_ref().unwrap_or(camera);
+    if rolling.is_some() {
+        (clocked, measured) = launches_by(camera);
+    }
 
     let facts = result::video_facts(video, decoded.health.frames_read, camera, &clocked);
-    let before = [
-        &decoded.warnings[..],
-        &clocked.warnings,
-        camera.warnings().as_slice(),
-    ]
-    .concat();
+    let before = [&decoded.warnings[..], &clocked.warnings, &camera.warnings()].concat();
     let empty = drawing::empty_strobe(&decoded);
     let put_together = |launch: MeasuredLaunch| {
         let MeasuredLaunch { refined, impacts } = launch;

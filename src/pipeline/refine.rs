@@ -188,11 +188,13 @@ impl Refinement<'_> {
         let (from, to) = flight.time_span();
         let within = |t: f64| t >= from && t <= to;
         let times_s = &self.clocked.base.times_s;
-        let (inside, _): (Vec<_>, Vec<_>) = centres.into_iter().partition(|c| within(times_s[c.frame]));
+        let exposed_s = |c: &BallCentre| times_s[c.frame] + self.camera.readout.delay_s(c.centre.disc.centre);
+        let (inside, _): (Vec<_>, Vec<_>) = centres.into_iter().partition(|c| within(exposed_s(c)));
         let pictures = BallPictures::new(self.decoded, self.camera, optics);
         let around = self.search(&pictures, ball, accuracy).around(&flight, within);
         let mut all = [&inside[..], &around[..]].concat();
         all.sort_by_key(|c| c.id);
+        all.dedup_by_key(|c| c.id);
         let spots = spots_of(self.camera, self.clocked, &all, optics);
         match flight::find(&LinkedSpots::new(spots), model) {
             Ok(longer) if longer.used() >= flight.used() => Tracked {

@@ -57,7 +57,7 @@ impl BallCentre {
         }
     }
 
-    /// Its spot in the plane, at the ball's centre: that is not the centre of its outline where the camera is near.
+    /// Its spot in the plane, at the time when its row was exposed, at the ball's centre: that is not the centre of its outline where the camera is near.
     pub fn spot(
         &self,
         camera: &CalibratedCamera<'_>,
@@ -72,7 +72,7 @@ impl BallCentre {
         Some(Spot {
             id: self.id,
             frame: self.frame,
-            time_s: times_s[self.frame],
+            time_s: times_s[self.frame] + camera.readout.delay_s(disc.centre),
             place: camera
                 .silhouettes(optics)
                 .centre_of_outline(seen, disc.radius_px)

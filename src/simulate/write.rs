@@ -176,6 +176,9 @@ pub fn calibration(recording: &SimulatedRecording) -> Value {
             json!({"camera_matrix": lens.camera_matrix, "distortion": distortion}),
         );
     }
+    if recording.uses("rolling_shutter") {
+        calib.insert("camera".into(), json!({"readout_s": camera.readout_s}));
+    }
     calib.insert("gravity_m_s2".into(), json!(scene.gravity_m_s2));
     let ball = &scene.ball;
     calib.insert(

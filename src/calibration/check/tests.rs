@@ -17,6 +17,7 @@ fn recording() -> SourceInfo {
         codec: "h264".into(),
         has_time_base: true,
         time_resolution_s: None,
+        row_order: crate::frames::RowOrder::Down,
         pixel_aspect: 1.0,
     }
 }

@@ -31,7 +31,7 @@ const LARGEST_FILE_BYTES: u64 = 1_000_000;
 /// Larger than any camera's picture.
 const LARGEST_SIDE_PX: u64 = 100_000;
 
-const TOP_KEYS: [&str; 18] = [
+const TOP_KEYS: [&str; 19] = [
     "schema",
     "view",
     "image_size_px",
@@ -45,12 +45,14 @@ const TOP_KEYS: [&str; 18] = [
     "lens",
     "deviations",
     "frame_rate_hz",
+    "camera",
     "gravity_m_s2",
     "gravity_std_m_s2",
     "ball",
     "launch",
     "floor",
 ];
+const CAMERA_KEYS: [&str; 1] = ["readout_s"];
 const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_factor"];
 const LAUNCH_KEYS: [&str; 3] = ["edge_x_m", "spin_ratio", "track_width_m"];
 const FLOOR_KEYS: [&str; 4] = ["slope_deg", "std_deg", "line_px", "line_std_px"];
@@ -58,9 +60,10 @@ const FLOOR_KEYS: [&str; 4] = ["slope_deg", "std_deg", "line_px", "line_std_px"]
 /// Where a key that stands in the wrong place belongs, or what it is called here.
 pub(super) fn home_of(name: &str) -> Option<String> {
     let scale = Scale::keys();
-    let sections: [(&str, &[&str]); 5] = [
+    let sections: [(&str, &[&str]); 6] = [
         ("scale", &scale),
         ("lens", &LENS_KEYS),
+        ("camera", &CAMERA_KEYS),
         ("ball", &BALL_KEYS),
         ("launch", &LAUNCH_KEYS),
         ("floor", &FLOOR_KEYS),
@@ -158,6 +161,7 @@ fn calibration(top: &Section<'_>) -> Option<Calibration> {
             "give the rate at which the camera captured, or leave it out to use the file's time stamps",
         ),
     );
+    let readout_s = readout(top, frame_rate_hz);
     let gravity_m_s2 = top
         .number("gravity_m_s2", POSITIVE.or_try("leave it out for 9.81"))
         .unwrap_or(9.81);
@@ -193,6 +197,7 @@ fn calibration(top: &Section<'_>) -> Option<Calibration> {
         lens_std,
         deviations,
         frame_rate_hz,
+        readout_s,
         gravity_m_s2,
         gravity_given: top.get("gravity_m_s2").is_some(),
         gravity_std_m_s2,
@@ -288,6 +293,22 @@ fn distance(top: &Section<'_>) -> (Option<f64>, Option<f64>) {
         );
     }
     (distance_m, distance_std_m)
+}
+
+/// How long the camera takes to read a picture, s; `None`: all rows at once.
+fn readout(top: &Section<'_>, frame_rate_hz: Option<f64>) -> Option<f64> {
+    let section = top.section("camera", &CAMERA_KEYS)?;
+    let readout_s = section.number("readout_s", READOUT)?;
+    let longest_s = frame_rate_hz.map_or(f64::INFINITY, |rate| 1.0 / rate);
+    if readout_s.abs() > LONGEST_READOUT * longest_s {
+        section.refuse(
+            section.key("readout_s"),
+            format!("{readout_s}, longer than a frame ({longest_s:.6} s by frame_rate_hz)"),
+            "at most the time from frame to frame",
+            "give seconds, and the rate at which the camera captured as frame_rate_hz",
+        );
+    }
+    Some(readout_s)
 }
 
 /// A ball that lies in the calibrated plane (on the floor, in a top view) is in front of the camera.
@@ -517,6 +538,14 @@ const UP_STD: NumberRange = NumberRange {
     holds: |x| (1e-15..45.0).contains(&x),
     hint: "give degrees, or leave it out",
 };
+const READOUT: NumberRange = NumberRange {
+    accepted: "a number from -1 to 1, in seconds",
+    holds: |x| (-1.0..=1.0).contains(&x),
+    hint: "the time from the first row's exposure to the last row's, of the order of 0.01; below 0 where the picture is stored \
+           upside down; leave it out for a global shutter",
+};
+/// A readout may be longer than a frame by what a rate is rounded by.
+const LONGEST_READOUT: f64 = 1.01;
 const SLOPE: NumberRange = NumberRange {
     accepted: "a number from -45 to 45, in degrees",
     holds: |x| (-45.0..=45.0).contains(&x),

@@ -35,6 +35,8 @@ pub struct CalibrationKeys {
     pub deviations: Option<Vec<DeviationKeys>>,
     /// The rate at which the camera captured, Hz.
     pub frame_rate_hz: Option<Positive>,
+    /// What is known of the camera.
+    pub camera: Option<CameraKeys>,
     /// Acceleration of free fall, m/s².
     pub gravity_m_s2: Option<Positive>,
     /// Its standard uncertainty, m/s².
@@ -99,6 +101,16 @@ pub struct DeviationKeys {
     pub lens: Option<[f64; 9]>,
     /// Change of scale.world_from_pixel.
     pub world_from_pixel: Option<[[f64; 3]; 3]>,
+}
+
+/// The camera, as far as it is known.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct CameraKeys {
+    /// Rolling shutter: the time from the exposure of the first row to that of the last, as stored, s; below 0 where the picture
+    /// is stored upside down.
+    #[schemars(range(min = -1, max = 1))]
+    pub readout_s: Option<f64>,
 }
 
 /// The ball, as far as it is known.

@@ -78,6 +78,7 @@ pub(super) fn to_json(c: &Calibration) -> Value {
         ("lens", lens),
         ("deviations", deviations(c)),
         ("frame_rate_hz", c.frame_rate_hz.map(Value::from)),
+        ("camera", c.readout_s.map(|s| json!({"readout_s": s}))),
         ("gravity_m_s2", c.gravity_given.then(|| c.gravity_m_s2.into())),
         ("gravity_std_m_s2", c.gravity_std_m_s2.map(Value::from)),
         ("ball", Some(ball)),

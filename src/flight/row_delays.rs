@@ -1,0 +1,138 @@
+//! What arcs show of a shutter that exposes one row after the other: each point is later (or earlier) than its frame by the same
+//! time ρ times its place among the rows.
+//!
+//! One number more in the fit: moving the times of all points by ρ sᵢ moves the points along their own velocities, and what of
+//! that the arcs (with gravity, "up" and drag as freely as the flight's model has them) do not follow is left in the residuals.
+//! With h the height, that is h h', cubic in time on a parabola: it has the sign of the velocity. A plane seen at a slant bends
+//! paths by h² and r h, which have not; a spin bends each arc by a lift square to its velocity, which has. These directions are taken
+//! out as well, so that neither passes for a readout.
+
+use super::free_flight::Flight;
+use super::linking::Spot;
+use super::motion_model::{FitPoint, autocorrelation_inflation};
+use crate::quantity::Quantity;
+use nalgebra::{DMatrix, DVector};
+
+/// Distances of a path from a slanted plane's along r and h.
+type Shift = fn(f64, f64) -> (f64, f64);
+
+/// What a plane seen at a slant does to a place, from the middle of the path: the scale grows along h, along r.
+const SLANTS: [Shift; 2] = [|r, h| (r * h, h * h), |r, h| (r * r, r * h)];
+
+/// Part of a direction with which its response is worked out: small enough for the arcs to be linear in.
+const PROBE: f64 = 1e-4;
+
+/// The time ρ, s, by which points are later for each unit of `share`, with its standard uncertainty; `None` where the flight's
+/// points do not determine it.
+#[must_use]
+pub fn estimate(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<Quantity> {
+    let points = flight.fit_points();
+    let shares: Vec<f64> = flight.used_points().map(|p| share(&p.spot)).collect();
+    let middle = |of: fn(&FitPoint) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let (r0, h0) = (middle(|p| p.sample.r), middle(|p| p.sample.h));
+    let along = points.iter().zip(&shares).map(|(p, s)| along_path(flight, p, *s));
+    let mut directions: Vec<Vec<(f64, f64)>> = vec![along.collect()];
+    let size = 1.0 / flight.radius();
+    for slant in SLANTS {
+        let shift = |p: &FitPoint| {
+            let (r, h) = slant(size * (p.sample.r - r0), size * (p.sample.h - h0));
+            (r / size, h / size)
+        };
+        directions.push(points.iter().map(shift).collect());
+    }
+    directions.extend((0..flight.fit.arcs()).map(|k| points.iter().map(|p| lift(flight, p, k)).collect()));
+    let residuals = whitened(
+        &points,
+        points.iter().map(|p| {
+            let m = flight.fit.motion(p.arc, p.sample.t);
+            (p.sample.r - m.r, p.sample.h - m.h)
+        }),
+    );
+    let columns: Vec<DVector<f64>> = directions
+        .iter()
+        .map(|d| whitened(&points, d.iter().copied()))
+        .collect();
+    let left_over: Option<Vec<DVector<f64>>> =
+        directions.iter().map(|d| left_over(flight, &points, d)).collect();
+    let (columns, left_over) = (
+        DMatrix::from_columns(&columns),
+        DMatrix::from_columns(&left_over?),
+    );
+    // What is known of "up" and drag has rows of its own in the arcs' fit. What is left over is square to all that the arcs
+    // follow, those rows included, so that products with the directions themselves have their share.
+    let lengths = DVector::from_iterator(
+        columns.ncols(),
+        (0..columns.ncols()).map(|i| columns.column(i).dot(&left_over.column(i)).max(0.0).sqrt()),
+    );
+    let normal = (columns.transpose() * &left_over).component_div(&(&lengths * lengths.transpose()));
+    let inverse = (0.5 * (&normal + normal.transpose())).cholesky()?.inverse();
+    let inverse = inverse.component_div(&(&lengths * lengths.transpose()));
+    let best = &inverse * (columns.transpose() * &residuals);
+    let left = residuals - &left_over * &best;
+    let freedom = left
+        .len()
+        .checked_sub(4 * flight.fit.arcs() + 2 + best.len())
+        .filter(|f| *f > 0)?;
+    let reduced = left.norm_squared() / freedom as f64;
+    let variance = inverse[(0, 0)] * reduced * autocorrelation_inflation(&points, &left);
+    Quantity::new(best[0], variance.sqrt())
+}
+
+/// How the parameters of the flight's arcs follow when each unit of `share` makes points later by a second.
+#[must_use]
+pub fn response(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<DVector<f64>> {
+    let points = flight.fit_points();
+    let shifts: Vec<(f64, f64)> = points
+        .iter()
+        .zip(flight.used_points())
+        .map(|(p, used)| {
+            let (r, h) = along_path(flight, p, share(&used.spot));
+            (-r, -h)
+        })
+        .collect();
+    flight.fit.response(&points, &shifts)
+}
+
+/// How far a point is further on its path, plane units, a second of readout.
+fn along_path(flight: &Flight, p: &FitPoint, share: f64) -> (f64, f64) {
+    let m = flight.fit.motion(p.arc, p.sample.t);
+    (share * m.vr, share * m.vh)
+}
+
+/// How far a lift of the turn rate 1/s takes a point of arc `k` from its path: the acceleration is the velocity turned by a right
+/// angle.
+fn lift(flight: &Flight, p: &FitPoint, k: usize) -> (f64, f64) {
+    if p.arc != k {
+        return (0.0, 0.0);
+    }
+    let planar = flight.fit.planar(flight.fit.parameters.as_slice());
+    let pushed = planar.pushed_by(k, p.sample.t, |vr, vh| (-vh, vr));
+    (pushed.r, pushed.h)
+}
+
+/// Of `shifts` of the points, what their arcs do not follow, whitened.
+fn left_over(flight: &Flight, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
+    let change = flight.fit.response(points, shifts)?;
+    let (model, fit) = (&flight.fit.model, &flight.fit);
+    let largest = shifts
+        .iter()
+        .fold(0.0_f64, |most, s| most.max(s.0.abs()).max(s.1.abs()));
+    let part = PROBE * flight.radius() / largest;
+    let moved = |by: f64| fit.parameters.clone() + by * &change;
+    let (ahead, behind) = (moved(part), moved(-part));
+    let followed = points.iter().zip(shifts).map(|(p, (r, h))| {
+        let at = |q: &DVector<f64>| model.motion_in_picture(q.as_slice(), &fit.times, p.arc, p.sample.t);
+        let (a, b) = (at(&ahead), at(&behind));
+        (r - (a.r - b.r) / (2.0 * part), h - (a.h - b.h) / (2.0 * part))
+    });
+    Some(whitened(points, followed))
+}
+
+/// Two rows a point: its `shifts` in its standard deviations.
+fn whitened(points: &[FitPoint], shifts: impl Iterator<Item = (f64, f64)>) -> DVector<f64> {
+    let rows = points.iter().zip(shifts).flat_map(|(p, (r, h))| {
+        let w = p.sample.weight.sqrt();
+        [w * r, w * h]
+    });
+    DVector::from_iterator(2 * points.len(), rows)
+}

@@ -1,0 +1,131 @@
+//! A rolling shutter that the calibration does not tell of: found by the flight, put right, and said.
+//!
+//! The readout time is one more number of the fit ([`row_delays`]), known beforehand to be 0 give or take the time from frame to
+//! frame, which no camera's readout exceeds. It is taken for real where the points say so by more than that number's price, as
+//! the odds of the two readings tell: exp(z²/2)·σ/τ for a value z standard uncertainties σ off 0, τ the width of what is known
+//! beforehand. Then the times of all points are those of their rows, the ball is looked for once more with them, and the number's
+//! uncertainty is carried through to all results. Where a flight was refused for its times, a few readouts are tried first.
+
+use super::camera::CalibratedCamera;
+use super::refine::Refined;
+use super::spots::with_id;
+use super::track::Tracked;
+use crate::flight::linking::Spot;
+use crate::flight::{Flight, NoFlight, row_delays};
+use crate::quantity::Quantity;
+
+/// Odds, as a logarithm, from which a readout is taken for real: what else bends all arcs alike (drag that is not quite its
+/// law, a lens) may look a little like it.
+const LEAST_LN_ODDS: f64 = 12.0;
+
+/// Readouts tried where no flight is found without one, as parts of the time from frame to frame.
+const TRIED_PARTS: [f64; 6] = [0.4, 0.7, 0.2, 0.95, -0.4, -0.8];
+
+/// A readout is no longer than from frame to frame, but for what a rate is off by.
+const LONGEST_PART: f64 = 1.05;
+
+/// Rounds of readout and flight, at most.
+const MOST_ROUNDS: usize = 3;
+
+/// A readout that changes by less than this part of its standard uncertainty is found.
+const SETTLED_PART: f64 = 0.2;
+
+/// Part of the points used without a readout that must be used with it.
+const KEPT_PART: f64 = 0.9;
+
+/// The camera with the readout that the flight of a recording shows; `None` where it shows none. `follow` finds the flight by a camera;
+/// `first` is what was found without a readout, if anything; `interval_s` is the time from frame to frame.
+pub fn found<'a>(
+    camera: &CalibratedCamera<'a>,
+    first: Option<&Refined>,
+    interval_s: Option<f64>,
+    follow: impl Fn(&CalibratedCamera<'a>) -> Result<Refined, NoFlight>,
+) -> Option<CalibratedCamera<'a>> {
+    let interval_s = interval_s?;
+    if camera.calibration.readout_s.is_some() || !camera.falls() {
+        return None;
+    }
+    match first {
+        Some(refined) => {
+            let readout = shown(camera, &refined.tracked)?;
+            let stands = ln_odds(readout, interval_s) > LEAST_LN_ODDS;
+            stands
+                .then(|| settled(camera, readout, interval_s, &follow))?
+                .filter(|(_, again)| {
+                    again.tracked.flight.used() as f64 >= KEPT_PART * refined.tracked.flight.used() as f64
+                })
+                .map(|(rolling, _)| rolling)
+        }
+        None => {
+            // What they settle at is the same, from wherever they find the flight.
+            TRIED_PARTS.iter().find_map(|part| {
+                let start = Quantity::undetermined(part * interval_s)?;
+                settled(camera, start, interval_s, &follow).map(|(rolling, _)| rolling)
+            })
+        }
+    }
+}
+
+/// The camera with the readout that the flight settles at from `start`, and that flight; `None` where it comes to none.
+fn settled<'a>(
+    camera: &CalibratedCamera<'a>,
+    start: Quantity,
+    interval_s: f64,
+    follow: &impl Fn(&CalibratedCamera<'a>) -> Result<Refined, NoFlight>,
+) -> Option<(CalibratedCamera<'a>, Refined)> {
+    let mut readout = start;
+    let mut last = None;
+    for _ in 0..MOST_ROUNDS {
+        if readout.value.abs() > LONGEST_PART * interval_s {
+            return None;
+        }
+        let std_s = readout.std_uncertainty.unwrap_or(0.0);
+        let rolling = camera.with_readout(readout.value, std_s);
+        let refined = follow(&rolling).ok()?;
+        let more = shown(&rolling, &refined.tracked)?;
+        last = Some((rolling, refined));
+        let std_s = more.std_uncertainty?;
+        readout = Quantity::new(readout.value + more.value, std_s)?;
+        if more.value.abs() < SETTLED_PART * std_s {
+            break;
+        }
+    }
+    let (rolling, refined) = last?;
+    let rolling = rolling.with_readout(rolling.readout.whole_s, readout.std_uncertainty?);
+    (ln_odds(readout, interval_s) > LEAST_LN_ODDS).then_some((rolling, refined))
+}
+
+/// By how much the readout is more than the camera's, as the flight shows it, s.
+fn shown(camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Option<Quantity> {
+    let open = tracked
+        .flight
+        .with_all_unknowns(camera.calibration.upright_std_rad());
+    let readout = row_delays::estimate(&open, |spot| share(camera, tracked, spot))?;
+    readout.std_uncertainty.filter(|s| *s > 0.0).map(|_| readout)
+}
+
+/// How far down the rows a spot is.
+fn share(camera: &CalibratedCamera<'_>, tracked: &Tracked, spot: &Spot) -> f64 {
+    let centre = with_id(&tracked.centres, spot.id);
+    centre.map_or(0.0, |c| camera.readout.share(c.centre.disc.centre))
+}
+
+/// Odds of a readout against none, as a logarithm.
+fn ln_odds(readout: Quantity, interval_s: f64) -> f64 {
+    let std_s = readout.std_uncertainty.unwrap_or(f64::INFINITY);
+    let width = interval_s.hypot(std_s);
+    let square = |x: f64| x * x;
+    0.5 * (square(readout.value / std_s) - square(readout.value / width)) + (std_s / width).ln()
+}
+
+/// `flight` with the uncertainty of the camera's readout in its covariance.
+pub fn widened(mut flight: Flight, camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Flight {
+    let std_s = camera.readout.std_s;
+    if std_s > 0.0
+        && let Some(change) = row_delays::response(&flight, |spot| share(camera, tracked, spot))
+    {
+        let change = std_s * change;
+        flight.fit.covariance += &change * change.transpose();
+    }
+    flight
+}
