@@ -110,6 +110,21 @@ fn a_rolling_shutter_that_is_not_told_is_found_by_the_flight() {
 }
 
 #[test]
+fn stamps_cut_or_rounded_to_a_tick_are_read_as_their_even_clock() {
+    let clip = usual();
+    for tick_s in [1e-3, 2e-3, 1.0 / 600.0] {
+        for (what, write) in [("cut", f64::floor as fn(f64) -> f64), ("rounded", f64::round)] {
+            let coarse = |t: &f64| write(t / tick_s + 1e-6) * tick_s;
+            let found = clip.stamped(&clip.times_s.iter().map(coarse).collect::<Vec<f64>>());
+            let what = format!("{what} to {tick_s} s");
+            assert_true(&found, 2, &what);
+            assert!(found.warns("stamps_rounded"), "{what}");
+        }
+    }
+    assert!(!clip.stamped(&clip.times_s).warns("stamps_rounded"));
+}
+
+#[test]
 fn a_clip_that_begins_at_the_impact_has_no_x0_and_no_spin() {
     let impact_s = usual().truth.bounces[0].time_s;
     for frames in [0, 2, 3] {

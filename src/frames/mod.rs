@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `av/` | FFmpeg's C structs behind a safe face; the only `unsafe` |
 //! | [`encode`] | frames to a video file |
+//! | [`even_clock`] | stamps that an even clock was rounded to |
 //! | [`error`] | why a recording could not be read |
 //! | `folder` | a folder of numbered images |
 //! | `pixels` | from a decoded picture to upright planes of 8 bits |
@@ -19,6 +20,7 @@ use std::path::PathBuf;
 mod av;
 pub mod encode;
 pub mod error;
+pub mod even_clock;
 mod folder;
 mod pixels;
 pub mod readahead;

@@ -13,6 +13,7 @@ use crate::detect::background::{self, Background};
 use crate::detect::crop::Crop;
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
+use crate::frames::even_clock::{self, EvenClock};
 use crate::frames::{self, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth};
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -25,8 +26,10 @@ pub struct Decoded {
     pub info: SourceInfo,
     /// What was wrong with it.
     pub health: StreamHealth,
-    /// Time stamp of each frame, s.
+    /// Time stamp of each frame, s: as the file has it, or as the even clock has it that all stamps are rounded from.
     pub stamps_s: Vec<f64>,
+    /// That clock.
+    pub even_clock: Option<EvenClock>,
     /// Mean change of each frame against the one before, grey levels.
     pub changes: Vec<Option<f32>>,
     /// Each frame against the reference picture.
@@ -249,13 +252,20 @@ impl DecodingPass {
     }
 
     fn seen(self, source: &frames::ReadAhead) -> Decoded {
-        let health = source.health();
         let (sightings, moving) = self.kept.finished();
+        let (health, info) = (source.health(), source.info().clone());
+        let even = |tick_s| even_clock::evened(&self.stamps_s, tick_s, info.nominal_rate_hz);
+        let even = info.time_resolution_s.and_then(even);
+        let (stamps_s, even_clock) = match even {
+            Some((times_s, clock)) => (times_s, Some(clock)),
+            None => (self.stamps_s, None),
+        };
         Decoded {
-            info: source.info().clone(),
+            info,
             warnings: of_file(&health),
             health,
-            stamps_s: self.stamps_s,
+            stamps_s,
+            even_clock,
             changes: self.changes,
             registrations: self.registrations,
             sightings,

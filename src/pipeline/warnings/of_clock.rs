@@ -16,6 +16,7 @@ pub fn of_clock(
 ) -> Vec<Warning> {
     let mut out = Vec::new();
     out.extend(duplicated(seen, base, duplicates, calibration));
+    out.extend(rounded_stamps(seen, calibration));
     if base.gaps > 0 {
         out.push(warning!(
             "dropped_frames",
@@ -37,6 +38,19 @@ pub fn of_clock(
     out.extend(shaken_camera(seen, base));
     out
 }
+/// Stamps that are rounded so coarsely that it shows.
+fn rounded_stamps(seen: &Decoded, calibration: &Calibration) -> Option<Warning> {
+    let clock = seen.even_clock.filter(|_| calibration.frame_rate_hz.is_none())?;
+    (clock.moved_s > WORTH_SAYING_PART * clock.interval_s).then(|| warning!(
+        "stamps_rounded",
+        "the file stores times to {:.3} ms only. All of its stamps are those of an even clock of {:.4} Hz to within that, which is what was used; as they stand they would be off by up to {:.3} ms. If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
+        1e3 * clock.tick_s, 1.0 / clock.interval_s, 1e3 * clock.moved_s
+    ))
+}
+
+/// A stamp that is moved by less than this part of an interval is not worth a word.
+const WORTH_SAYING_PART: f64 = 0.01;
+
 /// Frames that show the one before once more.
 fn duplicated(
     seen: &Decoded,
