@@ -31,6 +31,38 @@ fn scaled(luma: &mut Luma, factor: f64) {
 }
 
 #[test]
+fn soft_shadows_that_sweep_over_the_wall_move_no_camera() {
+    for (k, (texture_grey, depth, width_px, speed)) in [
+        (4.0, 0.4, 40.0, 3.0),
+        (4.0, 0.25, 90.0, 1.5),
+        (25.0, 0.5, 40.0, 3.0),
+        (25.0, 0.3, 120.0, 6.0),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let wall = with(
+            scene(1200 + k as u64),
+            "look",
+            json!({"texture_grey": texture_grey}),
+        );
+        let shadow = |frame: usize, luma: &mut Luma, _: &track::simulate::truth::CentreTruth| {
+            let width = luma.width;
+            for (i, p) in luma.data.iter_mut().enumerate() {
+                let (u, v) = ((i % width) as f64, (i / width) as f64);
+                let away = (u + 0.5 * v - (speed * frame as f64 - 40.0)) / width_px;
+                let light = 1.0 - depth * (-0.5 * away * away).exp();
+                *p = (f64::from(*p) * light).round() as u8;
+            }
+        };
+        let found = Clip::opened(&wall, shadow).measured();
+        let what = format!("texture {texture_grey}, depth {depth}, {width_px} px, {speed} px a frame");
+        assert!(!found.warns("camera_moved"), "{what}: {:?}", found.warnings());
+        assert!(found.bounces() == 2, "{what}");
+    }
+}
+
+#[test]
 fn a_ball_of_two_pixels_and_one_of_a_third_of_the_picture() {
     for radius_px in [2.0, 4.0, 16.0] {
         assert_true(

@@ -63,6 +63,9 @@ const FIXED_CAMERA_PX: f64 = 0.35;
 /// largest of fifteen shifts is 2.3 times their median.
 const DRIFT_SIGMAS: f64 = 4.0;
 
+/// A shift that is so far from where the scene's edges are is none, px.
+const REFUTED_PX: f64 = 2.0;
+
 impl Background {
     /// The background of `survey` (frames of one size, spread over the recording, in time order). `None` when empty.
     #[must_use]
@@ -76,13 +79,24 @@ impl Background {
             first = Registrar::new(reference, noise_grey);
         }
         let mut registrations: Vec<Registration> = first.locate(survey);
-        let drift_px = drift_px(&registrations);
-        let shift_std_px = if drift_px < FIXED_CAMERA_PX {
+        let drift = drift_px(&registrations);
+        let shift_std_px = if drift < FIXED_CAMERA_PX {
             0.0
         } else {
             first.shift_std_px(survey, &registrations)
         };
-        let fixed = drift_px < FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
+        let mut fixed = drift < FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
+        if !fixed {
+            // A soft shadow or a lamp may pass for a shift; it moves no edges.
+            let by_edges = first.by_edges(survey, &registrations);
+            fixed = drift_px(&by_edges) < FIXED_CAMERA_PX;
+            for (r, edges) in registrations.iter_mut().zip(by_edges) {
+                let (du, dv) = (edges.shift_u_px - r.shift_u_px, edges.shift_v_px - r.shift_v_px);
+                if fixed || du.hypot(dv) > REFUTED_PX {
+                    *r = edges;
+                }
+            }
+        }
         let luma = if fixed {
             median_of(survey)
         } else {
@@ -505,6 +519,61 @@ mod tests {
         assert!((mean(&scene, false) - 56.0).abs() < 0.1);
         assert!((mean(&scene, true) - 56.0).abs() < 0.3, "{}", mean(&scene, true));
         assert!(mean(&median, true) > 58.0, "{}", mean(&median, true));
+    }
+
+    /// A wall with texture of `texture_grey` in noise of 2, over which a soft shadow of half-width `width` moves that takes `depth`.
+    fn shaded(
+        texture_grey: f64,
+        depth: f64,
+        width: f64,
+        step_px: f64,
+        shift: impl Fn(usize) -> f64,
+    ) -> Vec<Luma> {
+        let mut random = crate::test_noise::TestNoise(11);
+        (0..15)
+            .map(|i| {
+                let (middle, moved) = (60.0 + step_px * i as f64, shift(i));
+                Luma::from_fn(480, 360, |u, v| {
+                    let (u, v) = (u as f64, v as f64);
+                    let waves: f64 = (1..=12)
+                        .map(|k| {
+                            let (k, turn) = (f64::from(k), 2.4 * f64::from(k));
+                            let number = 0.03 + 0.05 * k;
+                            (number * ((u - moved) * turn.cos() + v * turn.sin()) + k * k).sin()
+                        })
+                        .sum();
+                    let away = ((u - middle) * 0.9 + (v - 180.0) * 0.4) / width;
+                    let light = 1.0 - depth * (-0.5 * away * away).exp();
+                    let grey = light * (90.0 + texture_grey * waves / 2.4) + 2.0 * random.normal();
+                    grey.round().clamp(0.0, 255.0) as u8
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn soft_shadows_move_no_camera() {
+        for texture_grey in [3.0, 6.0, 25.0] {
+            for (depth, width, step_px) in [
+                (0.3, 60.0, 25.0),
+                (0.6, 90.0, 25.0),
+                (0.5, 150.0, 40.0),
+                (0.7, 60.0, 8.0),
+            ] {
+                let survey = shaded(texture_grey, depth, width, step_px, |_| 0.0);
+                let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
+                assert!(
+                    background.registrar.fixed,
+                    "{texture_grey} {depth} {width} {step_px}"
+                );
+            }
+            // A camera that drifts by 14 px, with and without one.
+            for depth in [0.0, 0.4] {
+                let survey = shaded(texture_grey, depth, 90.0, 25.0, |i| i as f64);
+                let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
+                assert!(!background.registrar.fixed, "{texture_grey} {depth}: drifts");
+            }
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod blobs;
 pub mod camera_swing;
 pub mod centre;
 pub mod crop;
+mod local_light;
 mod noise;
 mod registrar;
 pub mod registration;

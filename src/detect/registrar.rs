@@ -5,9 +5,12 @@
 //! gain and the offset are found by robust Gauss-Newton (Lucas and Kanade 1981, with Tukey weights so that whatever moves
 //! does not count). Large first shifts are found on reduced pictures.
 //!
+//! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
+//!
 //! Assumed: the picture shifts as a whole (no turn, no zoom). Where the scene has no gradient in a direction, the shift along
 //! it stays what it was.
 
+use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
 use super::resample::{bilinear, reduced};
@@ -206,15 +209,97 @@ impl Registrar {
 
     /// The same on the fields of one colour.
     fn half(&self, colour: usize) -> Self {
+        let mut half = self.clone();
+        half.samples.retain(|s| {
+            let (column, row) = self.field(s);
+            (column + row) % 2 == colour
+        });
+        half
+    }
+
+    /// Column and row of the field that a sample is in.
+    fn field(&self, s: &ReferencePixel) -> (usize, usize) {
         let (w, h) = (
             self.reference.width / self.factor,
             self.reference.height / self.factor,
         );
         let field = |at: f64, of: usize| (at * CELLS as f64 / of.max(1) as f64) as usize;
-        let mut half = self.clone();
-        half.samples
-            .retain(|s| (field(s.u, w) + field(s.v, h)) % 2 == colour);
-        half
+        (field(s.u, w), field(s.v, h))
+    }
+
+    /// Where each of `frames` looks by the scene's edges alone, whatever the light does from field to field; `found` is what one
+    /// light for the whole scene found. A far shift is believed only where the edges are better explained by it than by none.
+    #[must_use]
+    pub fn by_edges(&self, frames: &[&Luma], found: &[Registration]) -> Vec<Registration> {
+        let all = frames.par_iter().zip(found);
+        all.map(|(frame, r)| self.at_edges(frame, r).unwrap_or(*r))
+            .collect()
+    }
+
+    fn at_edges(&self, frame: &Luma, found: &Registration) -> Option<Registration> {
+        let small;
+        let (frame, scale) = if self.factor == 1 {
+            (frame, 1.0)
+        } else {
+            small = reduced(frame, self.factor)?;
+            (&small, self.factor as f64)
+        };
+        let found = found.scaled(1.0 / scale);
+        let far = found.shift_px() > NEAR_PX;
+        let still = Registration {
+            shift_u_px: 0.0,
+            shift_v_px: 0.0,
+            ..found
+        };
+        let start = if far && !self.edges_say(frame, &found) {
+            still
+        } else {
+            found
+        };
+        let field_of = |s: &ReferencePixel| {
+            let (column, row) = self.field(s);
+            (row.min(CELLS - 1)) * CELLS + column.min(CELLS - 1)
+        };
+        let step = |now: &Registration| {
+            let lit = self.samples.iter().filter_map(|s| {
+                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
+                let grey = bilinear(&frame.data, (frame.width, frame.height), u, v)?;
+                Some(LitPixel {
+                    field: field_of(s),
+                    residual: f64::from(grey) - now.gain * s.value,
+                    gradient: now.gain * s.gradient,
+                })
+            });
+            let (step, information) = local_light::step(&lit.collect::<Vec<_>>(), CELLS * CELLS)?;
+            (information.symmetric_eigenvalues().min() >= LEAST_INFORMATION).then_some(step)
+        };
+        let moved = |now: &Registration, step: &Vector2<f64>| Registration {
+            shift_u_px: now.shift_u_px + step[0],
+            shift_v_px: now.shift_v_px + step[1],
+            ..*now
+        };
+        let (at, _) = gauss_newton(start, STEPS, step, moved, |step| step.norm() < 1e-3);
+        let near = (at.shift_u_px - start.shift_u_px).hypot(at.shift_v_px - start.shift_v_px) < 2.0 * NEAR_PX;
+        Some(if near { at } else { start }.scaled(scale))
+    }
+
+    /// Whether the edges of `frame` are more likely those of the scene shifted as `found` than those of the scene where it is.
+    fn edges_say(&self, frame: &Luma, found: &Registration) -> bool {
+        let mut fields: Vec<FieldReadings> = vec![Vec::new(); CELLS * CELLS];
+        // Whole pixels: between them noise is averaged, which would speak for any shift.
+        let (du, dv) = (found.shift_u_px.round(), found.shift_v_px.round());
+        for s in &self.samples {
+            let at = |u: f64, v: f64| {
+                let inside = u >= 0.0 && v >= 0.0 && u < frame.width as f64 && v < frame.height as f64;
+                inside.then(|| f64::from(frame.row(v as usize)[u as usize]))
+            };
+            if let (Some(here), Some(there)) = (at(s.u, s.v), at(s.u + du, s.v + dv)) {
+                let (column, row) = self.field(s);
+                let field = row.min(CELLS - 1) * CELLS + column.min(CELLS - 1);
+                fields[field].push([s.value, here, there]);
+            }
+        }
+        local_light::ln_likelihood_ratio(&fields, self.noise_grey) > 0.0
     }
 
     /// Where `frame` looks, with no idea of it beforehand.
