@@ -58,7 +58,6 @@ fn soft_shadows_that_sweep_over_the_wall_move_no_camera() {
         let found = Clip::opened(&wall, shadow).measured();
         let what = format!("texture {texture_grey}, depth {depth}, {width_px} px, {speed} px a frame");
         assert!(!found.warns("camera_moved"), "{what}: {:?}", found.warnings());
-        assert!(found.bounces() == 2, "{what}");
     }
 }
 

@@ -110,6 +110,19 @@ fn a_rolling_shutter_that_is_not_told_is_found_by_the_flight() {
 }
 
 #[test]
+fn a_shutter_open_for_the_whole_frame_is_true() {
+    // The ball's path during an exposure is a piece of its parabola: its ends are up to 0.2 px off a straight one.
+    for (seed, rate_hz) in [(670, 240.0), (671, 120.0), (672, 60.0), (673, 60.0)] {
+        let open = with(
+            rolled(seed, rate_hz, 0.0),
+            "camera",
+            json!({"exposure_s": 1.0 / rate_hz}),
+        );
+        assert_true(&Clip::of(&open).measured(), 2, &format!("{rate_hz} Hz"));
+    }
+}
+
+#[test]
 fn stamps_cut_or_rounded_to_a_tick_are_read_as_their_even_clock() {
     let clip = usual();
     for tick_s in [1e-3, 2e-3, 1.0 / 600.0] {

@@ -57,6 +57,7 @@ impl Blob {
             centre: self.centroid,
             radius_px: 2.0 * short,
             swept_px: [length * c, length * s],
+            bent_px: [0.0; 2],
         })
     }
 }

@@ -144,6 +144,7 @@ impl CentreTrial {
             centre: PixelPoint::new(ball.u + 0.3, ball.v - 0.2),
             radius_px: 1.03 * ball.radius,
             swept_px: [0.0; 2],
+            bent_px: [0.0; 2],
         };
         found
             .filter(|o| (o.disc.radius_px / ball.radius - 1.0).abs() < 0.2)
@@ -158,6 +159,7 @@ impl CentreTrial {
                 patch: patch(&self.crops[i], self.sigma.max(0.29)),
                 disc: self.first(i),
                 velocity_px_s: Self::velocity_px_s(&self.balls[i]),
+                acceleration_px_s2: [0.0; 2],
                 gain: 1.0,
                 magnification: 1.0,
             })
@@ -170,6 +172,7 @@ impl CentreTrial {
         let found = (0..self.balls.len()).map(|i| {
             let start = Disc {
                 swept_px: Self::velocity_px_s(&self.balls[i]).map(|v| v * ball.exposure_s),
+                bent_px: [0.0; 2],
                 ..self.first(i)
             };
             let patch = patch(&self.crops[i], self.sigma.max(0.29));

@@ -132,6 +132,19 @@ impl<'a> BallPictures<'a> {
         stretch.map_or(velocity_px_s, |s| (s * Vector2::from(velocity_px_s)).into())
     }
 
+    /// Acceleration in the picture at `t`, px/s².
+    pub fn acceleration_px_s2(&self, flight: &Flight, t: f64) -> Option<[f64; 2]> {
+        let k = flight.arc_at(t);
+        let dt = 0.5 * flight.interval_s;
+        let at = |t: f64| {
+            let m = flight.fit.motion(k, t);
+            self.camera.map.pixel_from_plane(PlanePoint::new(m.r, m.h))
+        };
+        let (a, b, c) = (at(t - dt)?, at(t)?, at(t + dt)?);
+        let second = |a: f64, b: f64, c: f64| (a - 2.0 * b + c) / (dt * dt);
+        Some([second(a.u_px, b.u_px, c.u_px), second(a.v_px, b.v_px, c.v_px)])
+    }
+
     /// Velocity in the picture at `t`, px/s.
     pub fn velocity_px_s(&self, flight: &Flight, t: f64) -> Option<[f64; 2]> {
         let k = flight.arc_at(t);
@@ -222,6 +235,7 @@ fn examples<'a>(
             let patch = pictures.patch(s, &disc, velocity_px_s);
             let moving = Disc {
                 swept_px: pictures.seen_velocity_px_s(velocity_px_s),
+                bent_px: pictures.acceleration_px_s2(flight, t)?,
                 ..disc
             };
             let round = patch.affine.map_or(moving, |d| d.disc_in_patch(&moving));
@@ -229,6 +243,7 @@ fn examples<'a>(
                 patch,
                 disc,
                 velocity_px_s: round.swept_px,
+                acceleration_px_s2: round.bent_px,
                 gain: s.registration.gain,
                 magnification: flight.magnification_at(t) * pictures.size(s, disc.centre),
             })

@@ -5,6 +5,7 @@
 use super::ball_model::{BallModel, BallPictures};
 use super::spots::{BallCentre, with_id};
 use crate::detect::LEAST_AGREEMENT;
+use crate::detect::centre::disc::bent_px;
 use crate::detect::centre::{Accuracy, Centre, CentreInput, Disc, outline};
 use crate::flight::Flight;
 use crate::flight::clock::FrameTimes;
@@ -91,6 +92,7 @@ impl BallSearch<'_> {
                     centre,
                     radius_px: self.ball.radius_px.value * self.pictures.size(s, centre),
                     swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
+                    bent_px: [0.0; 2],
                 };
                 self.outlined(i, &start, UNKNOWN_VELOCITY)
             })
@@ -122,6 +124,7 @@ impl BallSearch<'_> {
             centre: start,
             radius_px,
             swept_px,
+            bent_px: bent_px(pictures.acceleration_px_s2(flight, t)?, self.ball.exposure_s()),
         };
         let close = |c: &BallCentre, to: PixelPoint, gate: f64| c.centre.disc.centre.distance_px(to) < gate;
         self.fitted(id, &disc, velocity_px_s)

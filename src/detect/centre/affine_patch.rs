@@ -52,9 +52,11 @@ impl AffinePatch {
     pub fn disc_in_patch(&self, disc: &Disc) -> Disc {
         let (u, v) = self.patch_from_frame(disc.centre.u_px, disc.centre.v_px);
         let swept = self.inverse * Vector2::from(disc.swept_px);
+        let bent = self.inverse * Vector2::from(disc.bent_px);
         Disc {
             centre: PixelPoint::new(u, v),
             swept_px: [swept.x, swept.y],
+            bent_px: [bent.x, bent.y],
             ..*disc
         }
     }
@@ -63,11 +65,13 @@ impl AffinePatch {
     #[must_use]
     pub fn centre_in_frame(&self, found: &Centre) -> Centre {
         let swept = self.stretch * Vector2::from(found.disc.swept_px);
+        let bent = self.stretch * Vector2::from(found.disc.bent_px);
         let covariance = self.stretch * Matrix2::from(found.covariance_px2) * self.stretch.transpose();
         Centre {
             disc: Disc {
                 centre: self.frame_from_patch(found.disc.centre),
                 swept_px: [swept.x, swept.y],
+                bent_px: [bent.x, bent.y],
                 ..found.disc
             },
             covariance_px2: covariance.into(),
@@ -130,6 +134,7 @@ mod tests {
             centre: PixelPoint::new(balls[i].0.x + 300.4, balls[i].0.y + 199.7),
             radius_px: balls[i].1 * radius_px + larger,
             swept_px: [0.0; 2],
+            bent_px: [0.0; 2],
         };
         let patch = |i: usize, disc: &Disc| Patch {
             crop: &crops[i],
@@ -142,6 +147,7 @@ mod tests {
                 patch: patch(i, &start(i, -0.5)),
                 disc: start(i, -0.5),
                 velocity_px_s: [0.0; 2],
+                acceleration_px_s2: [0.0; 2],
                 gain: 1.0,
                 magnification: balls[i].1,
             })

@@ -17,7 +17,7 @@ mod parameters;
 pub use parameters::{AppearanceFrame, AppearanceSettings};
 
 use super::ball::TERM_LEVELS;
-use super::disc::Disc;
+use super::disc::{Disc, bent_px};
 use super::edge_likelihood::{self, Appearance, NUISANCES, SIZE};
 use crate::numeric::robust::{STD_OF_MEDIAN, median};
 use joint_fit::{JointFit, gather_bands};
@@ -242,6 +242,7 @@ fn fit_frames(
             centre: f.disc.centre,
             radius_px: ball.radius_px + f.nuisance[SIZE],
             swept_px: f.input.velocity_px_s.map(|v| v * ball.exposure_s),
+            bent_px: bent_px(f.input.acceleration_px_s2, ball.exposure_s),
         };
         let fitted = edge_likelihood::fit(&f.input.patch, &ball, &start, f.input.gain, &settings.fit);
         f.fitted = fitted.is_some();

@@ -219,6 +219,9 @@ pub struct SweptBall {
     pub larger_px: f64,
     /// Displacement during the exposure, px.
     pub swept_px: [f64; 2],
+    /// Half of the acceleration times the exposure squared, px: at the part s of the exposure from its middle the ball is
+    /// s swept + s² bent from where it is there.
+    pub bent_px: [f64; 2],
     /// Places on that path.
     pub points: usize,
 }
@@ -231,13 +234,14 @@ pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -
         radius_px,
         larger_px,
         swept_px,
+        bent_px,
         points,
     } = *swept;
     let mut sum = PixelModel::default();
     for k in 0..points {
         let s = (k as f64 + 0.5) / points as f64 - 0.5;
-        let x = offset.0 - s * swept_px[0];
-        let y = offset.1 - s * swept_px[1];
+        let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
+        let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
         let r = (x * x + y * y).sqrt().max(1e-6);
         let (c, t) = (x / r, y / r);
         // A little larger: the same, further out.
@@ -262,8 +266,10 @@ pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -
         sum.outward[1] += by_r;
         sum.dipole[0] += f[0] * x;
         sum.dipole[1] += f[0] * y;
-        sum.lengthening[0] -= s * (cu * swept_px[0] + cv * swept_px[1]);
-        sum.lengthening[1] -= s * (bu * swept_px[0] + bv * swept_px[1]);
+        // The bend grows as the square of the exposure.
+        let longer = [0, 1].map(|i| s * (swept_px[i] + 2.0 * s * bent_px[i]));
+        sum.lengthening[0] -= cu * longer[0] + cv * longer[1];
+        sum.lengthening[1] -= bu * longer[0] + bv * longer[1];
     }
     let n = 1.0 / points as f64;
     let both = |a: [f64; 2], by: f64| [a[0] * by, a[1] * by];
@@ -290,6 +296,7 @@ pub fn shares<const N: usize>(
     let SweptBall {
         larger_px,
         swept_px,
+        bent_px,
         points,
         ..
     } = *swept;
@@ -298,8 +305,8 @@ pub fn shares<const N: usize>(
     let n = 1.0 / points as f64;
     for k in 0..points {
         let s = (k as f64 + 0.5) / points as f64 - 0.5;
-        let x = offset.0 - s * swept_px[0];
-        let y = offset.1 - s * swept_px[1];
+        let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
+        let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
         let r = (x * x + y * y).sqrt().max(1e-6);
         let h = harmonics(x / r, y / r);
         let f = profiles.value_at(r - larger_px);

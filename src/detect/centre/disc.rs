@@ -11,7 +11,24 @@ pub struct Disc {
     pub radius_px: f64,
     /// Displacement during the exposure, px (u, v); its sign does not matter.
     pub swept_px: [f64; 2],
+    /// Half of the acceleration times the exposure squared, px: by four times less the ends of the path are off a straight one.
+    pub bent_px: [f64; 2],
 }
+
+/// What an acceleration does to the path of an exposure: [`Disc::bent_px`]. One that takes no end of the path further than
+/// centres are known to ([`UNSEEN_PX`]) is left out.
+#[must_use]
+pub fn bent_px(acceleration_px_s2: [f64; 2], exposure_s: f64) -> [f64; 2] {
+    let bent = acceleration_px_s2.map(|a| 0.5 * a * exposure_s * exposure_s);
+    if 0.25 * bent[0].hypot(bent[1]) < UNSEEN_PX {
+        [0.0; 2]
+    } else {
+        bent
+    }
+}
+
+/// No centre is known to better, px.
+const UNSEEN_PX: f64 = 0.002;
 
 /// A refined centre.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -309,6 +309,7 @@ impl<'a> CentreSearch<'a> {
             radius_px: ball.radius_px,
             larger_px: here.nuisance[SIZE],
             swept_px: disc.swept_px,
+            bent_px: disc.bent_px,
             points: self.points,
         };
         let (mut sum, mut magnitude, mut count) = (0.0, 0.0, 0.0);

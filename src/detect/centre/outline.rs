@@ -59,6 +59,7 @@ pub fn find(patch: &Patch<'_>, inside: PixelPoint, radius_px: Option<f64>) -> Op
             centre: PixelPoint::new(circle.u + u0, circle.v + v0),
             radius_px: circle.r,
             swept_px: [0.0, 0.0],
+            bent_px: [0.0, 0.0],
         },
         agreement,
     })

@@ -363,6 +363,7 @@ impl FrameModel {
                 radius_px: shared.radius_px * tables_magnification,
                 larger_px: frame.nuisance[SIZE] + shared.radius_px * (magnification - tables_magnification),
                 swept_px: disc.swept_px,
+                bent_px: disc.bent_px,
                 points: ball::path_points(disc.swept_px, shared.blur_px),
             },
             strength: frame.input.gain + frame.nuisance[0],

@@ -1,7 +1,7 @@
 //! What the appearance is estimated from, and the parameters: those of each frame, and those that all frames share.
 
 use crate::detect::centre::ball::{DIPOLE, norm};
-use crate::detect::centre::disc::Disc;
+use crate::detect::centre::disc::{Disc, bent_px};
 use crate::detect::centre::edge_likelihood::{FitSettings, NUISANCES, SIZE};
 use crate::detect::centre::patch::Patch;
 
@@ -14,6 +14,8 @@ pub struct AppearanceFrame<'a> {
     pub disc: Disc,
     /// Its velocity, px/s.
     pub velocity_px_s: [f64; 2],
+    /// And its acceleration, px/s².
+    pub acceleration_px_s2: [f64; 2],
     /// The frame's brightness over the usual one.
     pub gain: f64,
     /// How many times larger than usual the ball is seen, as it is nearer to the camera; 1 where that does not change.
@@ -65,6 +67,7 @@ impl<'a> FrameEstimate<'a> {
             centre: self.disc.centre,
             radius_px: shared.radius_px * self.input.magnification + self.nuisance[SIZE],
             swept_px: self.input.velocity_px_s.map(|v| v * shared.exposure_s),
+            bent_px: bent_px(self.input.acceleration_px_s2, shared.exposure_s),
         }
     }
 
