@@ -266,7 +266,7 @@ impl Registrar {
                 let grey = bilinear(&frame.data, (frame.width, frame.height), u, v)?;
                 Some(LitPixel {
                     field: field_of(s),
-                    residual: f64::from(grey) - now.gain * s.value,
+                    residual: grey - now.gain * s.value,
                     gradient: now.gain * s.gradient,
                 })
             });
