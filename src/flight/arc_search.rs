@@ -68,7 +68,8 @@ pub(super) fn flight_along(
             ranges = sure;
             untrimmed = Some(flight);
         } else {
-            return search.convincing(flight, &ranges);
+            let sure = search.convincing(flight, &ranges);
+            return sure.or_else(|| search.convincing(untrimmed?, &ranges));
         }
     }
     None
@@ -144,7 +145,8 @@ impl<'a> ArcSearch<'a> {
         let carried = |k: usize| flight.is_carried(k, ranges[k].len());
         if let Some(chance) = (1..last).find(|&k| flight.is_detour(k)) {
             Some(chance)
-        } else if last > 0 && !shows(0) && (carried(0) || self.rolls_first(ranges)) {
+        } else if last > 0 && !shows(0) && (carried(0) || flight.hardly_turns(0) || self.rolls_first(ranges))
+        {
             Some(0)
         } else {
             (last > 0 && !shows(last) && carried(last)).then_some(last)

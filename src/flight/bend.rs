@@ -19,8 +19,10 @@ use super::impacts::flight_from_fit;
 use super::linking::Spot;
 use super::motion_model::MotionModel;
 use super::outliers::fit_without_outliers;
+use super::planar::{ACROSS, ARCS, GRAVITY};
 use super::scale_change::ScaleChange;
 use super::segment::DROP_COST;
+use crate::geometry::PlanePoint;
 use crate::numeric::linear::solve;
 use crate::numeric::propagation::InputQuantities;
 use crate::numeric::robust::median;
@@ -65,23 +67,24 @@ impl SizeTrend {
                 });
             (0.5 * (low + high), high - low)
         });
-        // A direction without a way keeps its column of 0 out of the system by a row of its own.
         let held: Vec<usize> = (0..3).filter(|&k| !(ranges[k].1 > 0.0)).collect();
-        let rows = spots.len() + held.len();
+        // Beforehand a size changes by no more than about this; directions that the path does not tell apart share what they see.
+        let rows = spots.len() + 3;
         let (mut matrix, mut right) = (DMatrix::zeros(rows, 4), DVector::zeros(rows));
         for (i, s) in spots.iter().enumerate() {
-            matrix[(i, 0)] = 1.0;
-            right[i] = s.radius.ln();
+            let weight = 1.0 / (s.std / s.radius).max(LEAST_SIZE_SCATTER);
+            matrix[(i, 0)] = weight;
+            right[i] = weight * s.radius.ln();
             for k in (0..3).filter(|k| !held.contains(k)) {
-                matrix[(i, k + 1)] = (of[k](s) - ranges[k].0) / ranges[k].1;
+                matrix[(i, k + 1)] = weight * (of[k](s) - ranges[k].0) / ranges[k].1;
             }
         }
-        for (i, &k) in held.iter().enumerate() {
-            matrix[(spots.len() + i, k + 1)] = 1.0;
+        for k in 0..3 {
+            matrix[(spots.len() + k, k + 1)] = 1.0 / USUAL_CHANGE;
         }
         let (found, inverse) = solve(&matrix, &right)?;
         let left = (right - &matrix * &found).norm_squared();
-        let variance = left / (spots.len() - 4) as f64;
+        let variance = (left / (spots.len() - 1) as f64).max(1.0);
         let trend = |k: usize| (found[k], (variance * inverse[(k, k)]).sqrt());
         Some(Self {
             up: trend(1),
@@ -90,6 +93,9 @@ impl SizeTrend {
         })
     }
 }
+
+/// An outline's size scatters by this part of it at least.
+const LEAST_SIZE_SCATTER: f64 = 0.01;
 
 /// What a flight's arcs are beyond those of its motion model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,18 +109,29 @@ pub enum Departure {
 /// The ball's outline tells its size to this part, beside its scatter: it is blurred where it is fast.
 const SIZE_STD: f64 = 0.02;
 
+/// A camera stands about so many lengths of the path away: more than most do, so that what its slant shortens is not made too small.
+const DISTANCE_PATHS: f64 = 8.0;
+
+/// Nothing is shortened by more than this part without being seen to be.
+const MOST_FORESHORTENED: f64 = 0.1;
+
 /// The scale changes by about this part over a path, where the ball's size does not tell.
 const USUAL_CHANGE: f64 = 0.1;
 
 impl Flight {
     /// This flight with what its arcs are beyond its motion model, where its points show that; `None` where they are as they should be.
-    /// `first_look` are the ball's sightings, each with its own size. A camera that stands still bends no path: then only the scale may change.
+    /// `first_look` are the ball's sightings, each with its own size; `axis` is where the camera's axis meets the plane. A camera that stands still bends no path: then only the scale may change.
     #[must_use]
-    pub fn departing(&self, first_look: &[Spot], camera_stands_still: bool) -> Option<(Self, Departure)> {
+    pub fn departing(
+        &self,
+        first_look: &[Spot],
+        axis: PlanePoint,
+        camera_stands_still: bool,
+    ) -> Option<(Self, Departure)> {
         let straight = self.under(&*self.fit.model)?;
         let none = straight.fit.deviance?;
         let model = &self.fit.model;
-        let change = self.scale_change(first_look);
+        let change = self.scale_change(first_look, axis);
         let parts = if camera_stands_still { &[][..] } else { &PARTS };
         let bent = parts
             .iter()
@@ -135,10 +152,47 @@ impl Flight {
         if gain < LEAST_GAIN {
             return None;
         }
-        let flight = self
-            .with_outliers_judged_anew(&*model)
-            .or_else(|| self.under(&*model))?;
+        let anew = self.with_outliers_judged_anew(&*model);
+        let mut flight = anew.or_else(|| self.under(&*model))?;
+        if departure == Departure::ScaleChanges {
+            flight.foreshorten(axis);
+        }
         Some((flight, departure))
+    }
+
+    /// Lengths along a slant are seen shorter by the cosine of its angle, which the path does not tell: into the covariance.
+    fn foreshorten(&mut self, axis: PlanePoint) {
+        let used = || self.used_points().map(|p| &p.spot);
+        let extent = |of: fn(&Spot) -> f64| {
+            let (low, high) = used()
+                .map(of)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                    (low.min(x), high.max(x))
+                });
+            high - low
+        };
+        let [up, right, _] = ScaleChange::of(self.fit.parameters.as_slice());
+        // The change over the path is the slant's tangent times the path over the distance.
+        let shorter = |slope: f64, extent: f64| {
+            (0.5 * (DISTANCE_PATHS * slope * extent).powi(2)).min(MOST_FORESHORTENED)
+        };
+        let parts = [
+            shorter(right, extent(|s| s.place.right)),
+            shorter(up, extent(|s| s.place.up)),
+        ];
+        let p = self.fit.parameters.clone();
+        for (along, part) in parts.into_iter().enumerate() {
+            let mut change = DVector::zeros(p.len());
+            let fall = [ACROSS, GRAVITY][along];
+            change[fall] = p[fall];
+            let middle = [axis.right, axis.up][along];
+            for k in 0..self.fit.arcs() {
+                let at = ARCS + 4 * k + 2 * along;
+                change[at] = p[at] - middle;
+                change[at + 1] = p[at + 1];
+            }
+            self.fit.covariance += (part * part) * &change * change.transpose();
+        }
     }
 
     /// This flight without the first points of its first arc, where they are those of a hand that lets go: as long as each costs no more than a
@@ -170,8 +224,8 @@ impl Flight {
         flight.under(&*self.fit.model)
     }
 
-    /// A change of scale about the middle of this flight, known by the ball's size.
-    fn scale_change(&self, first_look: &[Spot]) -> ScaleChange {
+    /// A change of scale about the camera's axis and the middle of this flight's time, known by the ball's size.
+    fn scale_change(&self, first_look: &[Spot], axis: PlanePoint) -> ScaleChange {
         let used = || self.used_points().map(|p| &p.spot);
         let range = |of: fn(&Spot) -> f64| {
             let (low, high) = used()
@@ -198,7 +252,7 @@ impl Flight {
             _ => (0.0, USUAL_CHANGE / range),
         };
         ScaleChange {
-            place: (right.0, up.0),
+            place: (axis.right, axis.up),
             time_s: time.0,
             known: [
                 known(trend.map(|t| t.up), up.1),

@@ -11,16 +11,16 @@ pub trait FlightSearch: MotionModel {
     /// its fall may lean.
     fn candidate(&self, spots: &[Spot], leaning: bool) -> Option<TrackCandidate>;
 
-    /// The `best` candidate's `track` with others that are the same ball before or after it: it left the picture, or was hidden.
-    /// Without one by default.
+    /// The `best` candidate's `track`, then the same with others that are the same ball before or after it (it left the picture, or was
+    /// hidden), one more each time. Without any by default.
     fn with_continuations(
         &self,
         _linked: &LinkedSpots,
         track: &Track,
         _best: &TrackCandidate,
         _leaning: bool,
-    ) -> Track {
-        track.clone()
+    ) -> Vec<Track> {
+        vec![track.clone()]
     }
 
     /// The flight along a track (its `spots`) by a first idea of its fall: the track is cut into arcs, these are fitted and judged until they

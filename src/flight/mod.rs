@@ -121,7 +121,7 @@ fn candidates<'a>(
     all
 }
 
-/// The flight along a track, with what continues it or without: the fuller.
+/// The flight along a track, with what continues it or without: the one with the most impacts, of those the longest path's.
 fn flight_of(
     linked: &LinkedSpots,
     track: &Track,
@@ -130,16 +130,11 @@ fn flight_of(
     leaning: bool,
 ) -> Option<Flight> {
     let interval_s = linking::interval_s(&linked.of(track));
-    let along = |t: &Track| flight_with_its_fall(model, &linked.of(t), candidate.gravity, interval_s);
-    let whole = model.with_continuations(linked, track, candidate, leaning);
-    let joined = along(&whole);
-    if whole == *track {
-        return joined;
-    }
-    match (joined, along(track)) {
-        (Some(joined), Some(alone)) if alone.used() > joined.used() => Some(alone),
-        (joined, alone) => joined.or(alone),
-    }
+    let along = |t: Track| flight_with_its_fall(model, &linked.of(&t), candidate.gravity, interval_s);
+    let stages = model.with_continuations(linked, track, candidate, leaning);
+    let met = |f: &Flight| f.impacts.iter().flatten().count();
+    let flights = stages.into_iter().filter_map(along);
+    flights.max_by_key(met)
 }
 
 /// What else flies at some time of `flight`: the first place of each such thing, and whether it moves with the ball, as a

@@ -20,7 +20,7 @@ const LEAST_FREE_PART: f64 = 0.6;
 pub(super) const MOST_SCATTER: f64 = 2.0;
 
 /// ... or than this part of the arc's sagitta: a ball of few pixels far away, a little nearer to the camera at one end.
-const SAGITTA_PART: f64 = 0.01;
+const SAGITTA_PART: f64 = 0.015;
 
 /// Nobody holds a camera further from level than this without saying so; what leans more is no fall, rad.
 const MOST_LEAN_RAD: f64 = 0.26;
@@ -29,6 +29,12 @@ const MOST_LEAN_RAD: f64 = 0.26;
 /// none. Fewer than for arcs found by their curve: three of a hundred are wrongly let go, which costs a bounce.
 const CARRIED_SIGMAS: f64 = 3.0;
 const CARRIED_PART: f64 = 0.1;
+
+/// Of so few points an arc shows no fall of its own.
+const FEW_POINTS: usize = 8;
+
+/// An impact after so few points turns the velocity by more than this part of it: scatter turns it by some.
+const LEAST_TURN: f64 = 0.35;
 
 /// Beyond this, scatter that lasts from frame to frame is a path bent by perspective, a moving camera or air.
 const MOST_SCATTER_RATIO: f64 = 4.0;
@@ -98,6 +104,17 @@ impl Flight {
         let direct = || impact_between(&self.fit, &self.spans, k - 1, k + 1, self.interval_s);
         let falls = self.fit.falls_in_plane() && points <= WEAK_POINTS;
         falls && !(on_floor(k - 1) && on_floor(k)) && direct().is_some()
+    }
+
+    /// Whether arc `k`, of few points, leads into the next with hardly a turn: a bench that ends there, not an impact.
+    pub(super) fn hardly_turns(&self, k: usize) -> bool {
+        let points = self.points.iter().filter(|p| p.use_ == SpotUse::Used(k)).count();
+        let turn = self.impacts[k].map(|t| {
+            let (m, n) = (self.fit.motion(k, t), self.fit.motion(k + 1, t));
+            let fastest = m.vr.hypot(m.vh).max(n.vr.hypot(n.vh));
+            (n.vr - m.vr).hypot(n.vh - m.vh) / fastest
+        });
+        points <= FEW_POINTS && turn.is_some_and(|turn| turn < LEAST_TURN)
     }
 
     /// Whether the points of the first or last arc `k`, cut from `cut` of the track, contradict its fall as precisely as their centres are

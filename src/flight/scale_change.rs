@@ -6,7 +6,7 @@
 //! s = 1 + a (h − h₀) + b (r − r₀) + c (t − t₀)
 //! ```
 //!
-//! about a place and time in the middle of the flight: a and b are those of a slant, exact for a pinhole; c is that of a ball which leaves the
+//! about the place on the camera's axis and the middle of the flight's time: a and b are those of a slant, exact for a pinhole; c is that of a ball which leaves the
 //! plane at a constant speed. The ball's own width goes as 1/s, which tells the three beside the path: under one constant fall only one s
 //! makes parabolas of it.
 //!

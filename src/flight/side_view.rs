@@ -217,7 +217,7 @@ impl FlightSearch for SideView {
         track: &Track,
         best: &TrackCandidate,
         leaning: bool,
-    ) -> Track {
+    ) -> Vec<Track> {
         let radius = median_radius(&linked.of(track));
         let time_s = |i: &usize| linked.spots[*i].time_s;
         let alike = |t: &&Track| {
@@ -234,6 +234,7 @@ impl FlightSearch for SideView {
         };
         others.sort_by(|a, b| away(a).total_cmp(&away(b)));
         let mut whole = track.clone();
+        let mut stages = vec![whole.clone()];
         let likelihood = |t: &Track| path::divided(&linked.of(t), Some(best.gravity)).gain;
         let mut gain = likelihood(&whole);
         let mut joined_so_far = 0;
@@ -263,9 +264,10 @@ impl FlightSearch for SideView {
             let best = joined.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((more, joined)) = best.filter(|(more, _)| *more > gain + JOINED_GAIN) {
                 (whole, gain) = (joined, more);
+                stages.push(whole.clone());
             }
         }
-        whole
+        stages
     }
 
     fn flight_along(&self, spots: &[Spot], gravity: Gravity, interval_s: f64) -> Option<Flight> {

@@ -17,7 +17,7 @@ use crate::flight::near_top_view::NearTopView;
 use crate::flight::planar::GRAVITY;
 use crate::flight::side_view::SideView;
 use crate::frames::RowOrder;
-use crate::geometry::PixelPoint;
+use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::{AXIS_PART, DISTANCE_RELATIVE_STD, SPHERE_DRAG_RELATIVE_STD};
 use crate::quantity::Quantity;
 
@@ -71,6 +71,15 @@ impl<'a> CalibratedCamera<'a> {
     /// Whether the ball falls in the picture.
     pub fn falls(&self) -> bool {
         self.calibration.view == View::Side
+    }
+
+    /// Where the camera's axis meets the plane, as far as that is the middle of the picture.
+    pub fn axis(&self) -> PlanePoint {
+        let (width, height) = self.size_px;
+        let middle = PixelPoint::new(0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0));
+        self.map
+            .plane_from_pixel(middle)
+            .unwrap_or(PlanePoint::new(0.0, 0.0))
     }
 
     /// Length of a pixel in the middle of the picture, plane units.

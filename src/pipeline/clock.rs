@@ -94,7 +94,7 @@ const WORTH_TRYING: f64 = 30.0;
 
 /// What a clock must gain beyond the price of its numbers: first centres scatter more than they say here and there, and a false
 /// clock costs more than a missed one in a recording that is plain.
-const MARGIN: f64 = 24.0;
+const MARGIN: f64 = 12.0;
 
 /// Ratios of two whole numbers up to this are tried: 24 Hz in a file of 25 Hz is one.
 const MOST_PATTERN: u32 = 25;

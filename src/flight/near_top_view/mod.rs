@@ -133,8 +133,8 @@ impl FlightSearch for NearTopView {
         track: &Track,
         _best: &TrackCandidate,
         _leaning: bool,
-    ) -> Track {
-        search::with_continuations(linked, track)
+    ) -> Vec<Track> {
+        vec![search::with_continuations(linked, track)]
     }
 
     fn flight_along(&self, spots: &[Spot], _gravity: Gravity, interval_s: f64) -> Option<Flight> {
