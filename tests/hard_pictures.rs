@@ -148,8 +148,9 @@ fn a_ball_hidden_for_frames() {
         });
         assert_true(&spoilt.measured(), 2, what);
     }
+    // The first impact is behind the post for longer than an eighth of a flight: what was there is not known.
     let behind_a_post = clip.changed(|_, frame, _| paint_box(frame, 101..131, 0..240, 20));
-    assert_true(&behind_a_post.measured(), 2, "behind a post");
+    assert_true(&behind_a_post.measured(), 1, "behind a post");
 }
 
 #[test]

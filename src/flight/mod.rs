@@ -121,7 +121,7 @@ fn candidates<'a>(
     all
 }
 
-/// The flight along a track, with what continues it or without: the one with the most impacts, of those the longest path's.
+/// The flight along a track, with what continues it or without: the fullest of those that bounce.
 fn flight_of(
     linked: &LinkedSpots,
     track: &Track,
@@ -132,9 +132,9 @@ fn flight_of(
     let interval_s = linking::interval_s(&linked.of(track));
     let along = |t: Track| flight_with_its_fall(model, &linked.of(&t), candidate.gravity, interval_s);
     let stages = model.with_continuations(linked, track, candidate, leaning);
-    let met = |f: &Flight| f.impacts.iter().flatten().count();
+    let bounces = |f: &Flight| f.impacts.iter().any(Option::is_some);
     let flights = stages.into_iter().filter_map(along);
-    flights.max_by_key(met)
+    flights.max_by_key(|f| (bounces(f), f.used()))
 }
 
 /// What else flies at some time of `flight`: the first place of each such thing, and whether it moves with the ball, as a

@@ -7,7 +7,7 @@
 //! | frames chosen from pictures of another rate ([`TimeBase::resampled`]): repeats or gaps that come regularly | ratio, phase |
 //! | the likeliest of these with frames missing in single places | where, how many |
 //!
-//! Where the first leaves no room for a better one the others are not tried. Assumed: one clock for the whole recording. A piece that is
+//! Where the first leaves no room for a better one other rates are not tried, and gaps only where a step shows one. Assumed: one clock for the whole recording. A piece that is
 //! cut out at an impact shows in its arcs alone, after they are fitted ([`Clocked::with_frames_missing_at_impacts`]).
 
 use super::camera::CalibratedCamera;
@@ -61,9 +61,9 @@ pub fn clocked(
     if repeats.contains(&true) {
         let base = TimeBase::new(stamps_s, &repeats, rate_hz);
         let price = trials.price_of_places(&repeats);
-        rivals.push(Clock { base, repeats, price });
+        rivals.push(ClockTrial { base, repeats, price });
     }
-    let as_stamped = Clock {
+    let as_stamped = ClockTrial {
         base: as_stamped,
         repeats: none,
         price: 0.0,
@@ -81,15 +81,13 @@ pub fn clocked(
     for rival in rivals {
         best = best.or(trials.tried(rival));
     }
-    if best.explained.room > WORTH_TRYING {
-        best = trials.numbered_anew(best, camera);
-        best = trials.with_single_gaps(best, &linked.spots);
-    }
+    best = trials.numbered_anew(best, camera);
+    best = trials.with_single_gaps(best, &linked.spots);
     Clocked::new(best.clock.base, best.clock.repeats, camera, decoded)
 }
 
-/// A clock with this much room, in squared standard deviations, may have a better one: that of a gap or of a pattern must gain about
-/// as much.
+/// A clock with this much room, in squared standard deviations, may have a better one: a jump between two arcs leaves more. (What the arcs
+/// themselves cost, of which a better clock has fewer, is not in it.)
 const WORTH_TRYING: f64 = 30.0;
 
 /// What a clock must gain beyond the price of its numbers: first centres scatter more than they say here and there, and a false
@@ -119,14 +117,14 @@ struct ClockTrials<'a> {
 }
 
 /// A clock that may be the recording's.
-struct Clock {
+struct ClockTrial {
     base: TimeBase,
     repeats: Vec<bool>,
     /// For its free numbers, squared standard deviations.
     price: f64,
 }
 
-impl Clock {
+impl ClockTrial {
     fn frames(&self) -> FrameTimes<'_> {
         FrameTimes {
             times_s: &self.base.times_s,
@@ -137,7 +135,7 @@ impl Clock {
 
 /// A clock and what it explains.
 struct Tried {
-    clock: Clock,
+    clock: ClockTrial,
     explained: Explained,
 }
 
@@ -153,11 +151,11 @@ impl Tried {
 }
 
 impl ClockTrials<'_> {
-    fn explained(&self, clock: &Clock) -> Explained {
+    fn explained(&self, clock: &ClockTrial) -> Explained {
         self.moving.explained(clock.frames(), &self.falling)
     }
 
-    fn tried(&self, clock: Clock) -> Tried {
+    fn tried(&self, clock: ClockTrial) -> Tried {
         let explained = self.explained(&clock);
         Tried { clock, explained }
     }
@@ -171,7 +169,7 @@ impl ClockTrials<'_> {
     }
 
     /// The clocks of another rate that suit the steps of what moves best.
-    fn resampled(&self) -> Vec<Clock> {
+    fn resampled(&self) -> Vec<ClockTrial> {
         let clock = |by: Resampling| TimeBase::resampled(self.stamps_s, self.rate_hz, by);
         let misfit = |by: Resampling| {
             let (base, repeats) = clock(by)?;
@@ -192,13 +190,13 @@ impl ClockTrials<'_> {
             seen.extend(fits.inspect(|_| looked += 1).min_by(|a, b| a.0.total_cmp(&b.0)));
         }
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let price = 2.0 * (looked.max(1) as f64).ln() + MARGIN;
+        let price = 2.0 * (looked.max(1) as f64).ln() + 2.0 * MARGIN;
         let best = seen.into_iter().take(MOST_TRIED);
         let finer = best.map(|(fit, by)| refined(fit, by, self.stamps_s.len(), misfit));
         finer
             .filter_map(|by| {
                 let (base, repeats) = clock(by)?;
-                Some(Clock { base, repeats, price })
+                Some(ClockTrial { base, repeats, price })
             })
             .collect()
     }
@@ -238,7 +236,7 @@ impl ClockTrials<'_> {
             .into_iter()
             .take(MOST_GAPS)
         {
-            let more = Clock {
+            let more = ClockTrial {
                 base: best.clock.base.clone().with_skips(&pairs(&[gap])),
                 repeats: best.clock.repeats.clone(),
                 price: best.clock.price + price,

@@ -132,7 +132,11 @@ impl LaunchSearch<'_> {
             self.taken.extend(ids_in_flight(&tracked.flight));
             let flight = FoundFlight::new(tracked);
             let apart = flight.frames.start >= frames.start && flight.frames.end <= frames.end;
-            if apart && is_same_ball(&self.found[0].tracked.flight, &flight.tracked.flight) {
+            // What flew beside another launch goes on after it.
+            let (from_s, to_s) = flight.tracked.flight.time_span();
+            let mut beside = self.found.iter().flat_map(|f| &f.tracked.others);
+            let was_beside = beside.any(|o| o.from_s < to_s && o.to_s > from_s);
+            if apart && !was_beside && is_same_ball(&self.found[0].tracked.flight, &flight.tracked.flight) {
                 return Some(flight);
             }
         }
