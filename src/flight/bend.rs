@@ -31,9 +31,10 @@ use nalgebra::{DMatrix, DVector};
 /// Parts of an arc's way that are tried: a tenth of a pixel in 100 to a path that only its ends resemble a parabola.
 const PARTS: [f64; 5] = [0.001, 0.003, 0.01, 0.03, 0.1];
 
-/// By how much a departure must be likelier than none, in −2 ln L: odds of seven to one. Where they are even nothing is told by it, and its
-/// uncertainty is the larger.
+/// By how much a departure must be likelier than none, in −2 ln L: odds of seven to one for a camera that moves, which is seldom square to the
+/// plane; a hundred and fifty to one for one that stands on its tripod.
 const LEAST_GAIN: f64 = 4.0;
+const LEAST_GAIN_ON_TRIPOD: f64 = 10.0;
 
 /// How the ball's size in the picture changes: over its way up, over its way to the right, and from the first sighting to the last; each a part of its
 /// size, with its standard uncertainty.
@@ -149,7 +150,12 @@ impl Flight {
             Some((gain, departure, model))
         });
         let (gain, departure, model) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        if gain < LEAST_GAIN {
+        let least = if camera_stands_still {
+            LEAST_GAIN_ON_TRIPOD
+        } else {
+            LEAST_GAIN
+        };
+        if gain < least {
             return None;
         }
         let anew = self.with_outliers_judged_anew(&*model);
