@@ -20,6 +20,7 @@ use super::linking::Spot;
 use super::motion_model::MotionModel;
 use super::outliers::fit_without_outliers;
 use super::planar::{ACROSS, ARCS, GRAVITY};
+use super::samples::middle_and_extent;
 use super::scale_change::ScaleChange;
 use super::segment::DROP_COST;
 use crate::geometry::PlanePoint;
@@ -59,15 +60,7 @@ impl SizeTrend {
             return None;
         }
         let of: [fn(&Spot) -> f64; 3] = [|s| s.place.up, |s| s.place.right, |s| s.time_s];
-        let ranges = of.map(|of| {
-            let (low, high) = spots
-                .iter()
-                .map(of)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-                    (low.min(x), high.max(x))
-                });
-            (0.5 * (low + high), high - low)
-        });
+        let ranges = of.map(|of| middle_and_extent(spots.iter().map(of)));
         let held: Vec<usize> = (0..3).filter(|&k| !(ranges[k].1 > 0.0)).collect();
         // Beforehand a size changes by no more than about this; directions that the path does not tell apart share what they see.
         let rows = spots.len() + 3;
@@ -169,14 +162,7 @@ impl Flight {
     /// Lengths along a slant are seen shorter by the cosine of its angle, which the path does not tell: into the covariance.
     fn foreshorten(&mut self, axis: PlanePoint) {
         let used = || self.used_points().map(|p| &p.spot);
-        let extent = |of: fn(&Spot) -> f64| {
-            let (low, high) = used()
-                .map(of)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-                    (low.min(x), high.max(x))
-                });
-            high - low
-        };
+        let extent = |of: fn(&Spot) -> f64| middle_and_extent(used().map(of)).1;
         let [up, right, _] = ScaleChange::of(self.fit.parameters.as_slice());
         // The change over the path is the slant's tangent times the path over the distance.
         let shorter = |slope: f64, extent: f64| {
@@ -233,14 +219,7 @@ impl Flight {
     /// A change of scale about the camera's axis and the middle of this flight's time, known by the ball's size.
     fn scale_change(&self, first_look: &[Spot], axis: PlanePoint) -> ScaleChange {
         let used = || self.used_points().map(|p| &p.spot);
-        let range = |of: fn(&Spot) -> f64| {
-            let (low, high) = used()
-                .map(of)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-                    (low.min(x), high.max(x))
-                });
-            (0.5 * (low + high), high - low)
-        };
+        let range = |of: fn(&Spot) -> f64| middle_and_extent(used().map(of));
         let (up, right, time) = (
             range(|s| s.place.up),
             range(|s| s.place.right),

@@ -12,6 +12,7 @@
 
 use super::free_flight::Flight;
 use super::linking::{LinkedSpots, Spot};
+use super::path;
 use super::planar::PlanarArcs;
 use crate::numeric::propagation::InputQuantities;
 use nalgebra::Vector2;
@@ -27,9 +28,6 @@ pub struct DroppedFrames {
 
 /// A step is a whole number of steps to this many standard deviations, and not one step by as many.
 const CLEAR_SIGMAS: f64 = 4.0;
-
-/// A first centre is not known better than to this part of the radius.
-const PART_OF_RADIUS: f64 = 0.02;
 
 /// More than this is no dropped frame but a cut.
 const MOST_MISSING: f64 = 30.0;
@@ -67,7 +65,7 @@ fn missing(s: [&Spot; 4], interval_s: f64) -> Option<(f64, DroppedFrames)> {
     }
     let usual = 0.5 * (steps[0] + steps[2]);
     let std = s
-        .map(|p| p.std.hypot(PART_OF_RADIUS * p.radius))
+        .map(|p| path::variance(p).sqrt())
         .into_iter()
         .fold(0.0, f64::max);
     // By least squares along both axes.

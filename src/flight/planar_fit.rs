@@ -17,6 +17,7 @@ use super::motion_model::{
     ArcFit, FitPoint, MotionModel, VerticalPrior, autocorrelation_inflation, mean_times,
 };
 use super::planar::{ACROSS, ARCS, BEND_POWERS, BENDS, DRAG, GRAVITY, PlanarArcs};
+use super::samples::middle_and_extent;
 use super::scale_change::{SCALE_CHANGES, ScaleChange};
 use super::segment::TrackSample;
 use crate::numeric::linear::solve;
@@ -86,13 +87,8 @@ fn bend_rows(points: &[FitPoint], times: &[f64], part: f64) -> Vec<(usize, f64, 
     let mut rows = Vec::new();
     for (k, time) in times.iter().enumerate() {
         let arc = || points.iter().filter(move |p| p.arc == k).map(|p| &p.sample);
-        let extent = |of: &dyn Fn(&TrackSample) -> f64| {
-            let (low, high) = arc().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| {
-                (low.min(of(s)), high.max(of(s)))
-            });
-            high - low
-        };
-        let way = extent(&|s| s.r).hypot(extent(&|s| s.h));
+        let extent = |of: fn(&TrackSample) -> f64| middle_and_extent(arc().map(of)).1;
+        let way = extent(|s| s.r).hypot(extent(|s| s.h));
         let half_s = arc().map(|s| (s.t - time).abs()).fold(0.0, f64::max);
         for (i, power) in BEND_POWERS.iter().chain(&BEND_POWERS).enumerate() {
             let std = part * way / half_s.powi(*power);
@@ -226,9 +222,9 @@ fn system(
         let w = p.sample.weight.sqrt();
         let c = ARCS + 4 * p.arc;
         let m = planar.motion(p.arc, p.sample.t);
-        let seen = priors
-            .scale_change
-            .map_or(m, |change| change.seen(change_of(parameters), p.sample.t, &m));
+        let seen = priors.scale_change.map_or(m, |change| {
+            change.seen(ScaleChange::of(parameters.as_slice()), p.sample.t, &m)
+        });
         right[2 * i] = w * (p.sample.r - seen.r);
         right[2 * i + 1] = w * (p.sample.h - seen.h);
         matrix[(2 * i, c)] = w;
@@ -254,7 +250,7 @@ fn system(
             matrix[(2 * i + 1, DRAG)] = w * dh;
         }
         if let Some(change) = priors.scale_change {
-            let now = change_of(parameters);
+            let now = ScaleChange::of(parameters.as_slice());
             let jacobian = change.jacobian(now, p.sample.t, &m);
             let in_plane = matrix.rows(2 * i, 2).into_owned();
             matrix.rows_mut(2 * i, 2).copy_from(&(jacobian * in_plane));
@@ -276,12 +272,6 @@ fn system(
         row += 1;
     }
     (matrix, right)
-}
-
-/// The changes of scale, the last of the parameters.
-fn change_of(parameters: &DVector<f64>) -> [f64; SCALE_CHANGES] {
-    let from = parameters.len() - SCALE_CHANGES;
-    std::array::from_fn(|k| parameters[from + k])
 }
 
 /// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of

@@ -12,6 +12,14 @@ pub(super) const SAGITTA_SIGMAS: f64 = 6.0;
 /// Where centres scatter by less than segmentation asks for, a curve may be lower by this part, too.
 pub(super) const FINE_PART: f64 = 0.25;
 
+/// Middle and extent of some values.
+pub(super) fn middle_and_extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(x), high.max(x))
+    });
+    (0.5 * (low + high), high - low)
+}
+
 /// A track's spots, each with the standard deviation `sigma`.
 pub(super) fn samples_of(spots: &[Spot], sigma: f64) -> Vec<TrackSample> {
     let weight = 1.0 / (sigma * sigma);
