@@ -2,7 +2,7 @@
 //!
 //! A clock says when each frame was taken and which frames show the one before once more. Under it the sightings of what falls
 //! are divided into arcs of parabolas and points that belong to none ([`super::segment`]); the squared residuals with a price for each arc
-//! and each point left out are −2 ln L of that clock, up to a constant ([`explained`]). Under a wrong clock arcs break, or
+//! and each point left out are −2 ln L of that clock, up to a constant ([`Explained`]). Under a wrong clock arcs break, or
 //! their points lie off them. A frame that repeats another has its ball where that has it, else it counts as left out.
 //!
 //! Clocks of a family with two free numbers are many. Which of them are worth that division is told by the third divided

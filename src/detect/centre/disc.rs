@@ -16,7 +16,7 @@ pub struct Disc {
 }
 
 /// What an acceleration does to the path of an exposure: [`Disc::bent_px`]. One that takes no end of the path further than
-/// centres are known to ([`UNSEEN_PX`]) is left out.
+/// centres are known to (`UNSEEN_PX`) is left out.
 #[must_use]
 pub fn bent_px(acceleration_px_s2: [f64; 2], exposure_s: f64) -> [f64; 2] {
     let bent = acceleration_px_s2.map(|a| 0.5 * a * exposure_s * exposure_s);
