@@ -531,6 +531,26 @@ fn print_kinds(rows: &BTreeMap<String, Row>) {
     }
 }
 
+/// How often a warning speaks of what a recording has not.
+fn print_false_alarms(measured: &[(u64, Tried)]) {
+    println!("\n| warned of | of recordings without that | which |\n|---|---|---|");
+    let mut told: Vec<&str> = Kind::ALL.iter().flat_map(|k| k.told_by()).copied().collect();
+    told.sort_unstable();
+    told.dedup();
+    for code in told {
+        let has = |seed: u64| wild(seed).kinds.iter().any(|k| k.told_by().contains(&code));
+        let without: Vec<&(u64, Tried)> = measured.iter().filter(|(seed, _)| !has(*seed)).collect();
+        let warned = without.iter().filter(|(_, tried)| tried.warnings.contains(&code));
+        let seeds: Vec<String> = warned.map(|(seed, _)| seed.to_string()).collect();
+        println!(
+            "| {code} | {} of {} | {} |",
+            seeds.len(),
+            without.len(),
+            seeds.join(" ")
+        );
+    }
+}
+
 /// All that is compared of one recording.
 fn print_one(seed: u64, made: &Result<Made, String>) {
     println!("{seed}: {}", wild(seed).described());
@@ -639,6 +659,7 @@ fn no_number_is_wrong_in_silence() {
     }
     print_table("All", &measured);
     print_kinds(&rows);
+    print_false_alarms(&measured);
     worst.sort();
     for (said, title) in [
         (false, "Far out in silence"),

@@ -19,7 +19,7 @@ use super::impacts::flight_from_fit;
 use super::linking::Spot;
 use super::motion_model::MotionModel;
 use super::outliers::fit_without_outliers;
-use super::planar::{ACROSS, ARCS, GRAVITY};
+use super::planar::GRAVITY;
 use super::samples::middle_and_extent;
 use super::scale_change::ScaleChange;
 use super::segment::DROP_COST;
@@ -100,91 +100,131 @@ pub enum Departure {
     ScaleChanges,
 }
 
+/// What is known of the camera beside its map of the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraFacts {
+    /// Where its axis meets the plane.
+    pub axis: PlanePoint,
+    /// Whether it stands still: then nothing bends a path, and only the scale may change.
+    pub stands_still: bool,
+    /// How far it stands from the plane, plane units, and the standard uncertainty of that one's logarithm.
+    pub distance: (f64, f64),
+    /// Gravity with its standard uncertainty, plane units/s²; `None` where the scale itself rests on the fall.
+    pub fall: Option<(f64, f64)>,
+}
+
 /// The ball's outline tells its size to this part, beside its scatter: it is blurred where it is fast.
 const SIZE_STD: f64 = 0.02;
 
-/// A camera stands about so many lengths of the path away: more than most do, so that what its slant shortens is not made too small.
-const DISTANCE_PATHS: f64 = 8.0;
-
-/// Nothing is shortened by more than this part without being seen to be.
-const MOST_FORESHORTENED: f64 = 0.1;
+/// The standard uncertainty of a number that is not to change.
+const HELD: f64 = 1e-12;
 
 /// The scale changes by about this part over a path, where the ball's size does not tell.
 const USUAL_CHANGE: f64 = 0.1;
 
+/// A fall that is off gravity by more standard uncertainties than this is not one that a slant explains.
+const FALL_SIGMAS: f64 = 4.0;
+
+/// A change of scale that is less likely than this is left out: what it adds to no uncertainty shows.
+const LEAST_WEIGHT: f64 = 1e-3;
+
 impl Flight {
-    /// This flight with what its arcs are beyond its motion model, where its points show that; `None` where they are as they should be.
-    /// `first_look` are the ball's sightings, each with its own size; `axis` is where the camera's axis meets the plane. A camera that stands still bends no path: then only the scale may change.
+    /// This flight with what its arcs are beyond its motion model, and what that is, where that is likelier than nothing. `first_look` are the ball's sightings,
+    /// each with its own size.
+    ///
+    /// Where the points do not tell whether the scale changes, the flight is the mean of both readings, each with its weight, and its uncertainty spans them.
     #[must_use]
-    pub fn departing(
-        &self,
-        first_look: &[Spot],
-        axis: PlanePoint,
-        camera_stands_still: bool,
-    ) -> Option<(Self, Departure)> {
-        let straight = self.under(&*self.fit.model)?;
-        let none = straight.fit.deviance?;
-        let model = &self.fit.model;
-        let change = self.scale_change(first_look, axis);
-        let parts = if camera_stands_still { &[][..] } else { &PARTS };
-        let bent = parts
-            .iter()
-            .map(|&part| (Departure::Bent(part), model.with_bend(part)));
-        let changed = std::iter::once((Departure::ScaleChanges, model.with_scale_change(change)));
-        let tried = bent.chain(changed).filter_map(|(departure, model)| {
-            let model = model?;
-            let flight = self.under(&*model)?;
-            // What lasts from frame to frame counts once.
-            let gain = (none - flight.fit.deviance?) / flight.fit.autocorrelation_inflation.max(1.0);
-            let gain = match departure {
-                Departure::Bent(_) => gain - 2.0 * (PARTS.len() as f64).ln(),
-                Departure::ScaleChanges => gain,
-            };
-            Some((gain, departure, model))
-        });
-        let (gain, departure, model) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let least = if camera_stands_still {
-            LEAST_GAIN_ON_TRIPOD
-        } else {
-            LEAST_GAIN
-        };
-        if gain < least {
-            return None;
-        }
-        let anew = self.with_outliers_judged_anew(&*model);
-        let mut flight = anew.or_else(|| self.under(&*model))?;
-        if departure == Departure::ScaleChanges {
-            flight.foreshorten(axis);
-        }
-        Some((flight, departure))
+    pub fn departing(&self, first_look: &[Spot], camera: &CameraFacts) -> (Self, Option<Departure>) {
+        self.likeliest_departure(first_look, camera)
+            .unwrap_or_else(|| (self.clone(), None))
     }
 
-    /// Lengths along a slant are seen shorter by the cosine of its angle, which the path does not tell: into the covariance.
-    fn foreshorten(&mut self, axis: PlanePoint) {
-        let used = || self.used_points().map(|p| &p.spot);
-        let extent = |of: fn(&Spot) -> f64| middle_and_extent(used().map(of)).1;
-        let [up, right, _] = ScaleChange::of(self.fit.parameters.as_slice());
-        // The change over the path is the slant's tangent times the path over the distance.
-        let shorter = |slope: f64, extent: f64| {
-            (0.5 * (DISTANCE_PATHS * slope * extent).powi(2)).min(MOST_FORESHORTENED)
+    fn likeliest_departure(
+        &self,
+        first_look: &[Spot],
+        camera: &CameraFacts,
+    ) -> Option<(Self, Option<Departure>)> {
+        let model = &self.fit.model;
+        let none = self.under(&**model)?.fit.deviance?;
+        // What lasts from frame to frame counts once.
+        let gain = |flight: &Self| -> Option<f64> {
+            Some((none - flight.fit.deviance?) / flight.fit.autocorrelation_inflation.max(1.0))
         };
-        let parts = [
-            shorter(right, extent(|s| s.place.right)),
-            shorter(up, extent(|s| s.place.up)),
-        ];
-        let p = self.fit.parameters.clone();
-        for (along, part) in parts.into_iter().enumerate() {
-            let mut change = DVector::zeros(p.len());
-            let fall = [ACROSS, GRAVITY][along];
-            change[fall] = p[fall];
-            let middle = [axis.right, axis.up][along];
-            for k in 0..self.fit.arcs() {
-                let at = ARCS + 4 * k + 2 * along;
-                change[at] = p[at] - middle;
-                change[at + 1] = p[at + 1];
+        let (parts, least) = if camera.stands_still {
+            (&[][..], LEAST_GAIN_ON_TRIPOD)
+        } else {
+            (&PARTS[..], LEAST_GAIN)
+        };
+        let bent = parts.iter().filter_map(|&part| {
+            let model = model.with_bend(part)?;
+            let gain = gain(&self.under(&*model)?)? - 2.0 * (PARTS.len() as f64).ln();
+            Some((gain, part, model))
+        });
+        let bent = bent.max_by(|a, b| a.0.total_cmp(&b.0));
+        let change = self.scale_change(first_look, camera);
+        let changed = model.with_scale_change(change).and_then(|m| self.under(&*m));
+        let by_scale = changed.as_ref().and_then(gain).unwrap_or(f64::NEG_INFINITY);
+        match bent.filter(|(gain, ..)| *gain > by_scale.max(least)) {
+            Some((_, part, model)) => {
+                let anew = self.with_outliers_judged_anew(&*model);
+                let flight = anew.or_else(|| self.under(&*model))?;
+                Some((flight, Some(Departure::Bent(part))))
             }
-            self.fit.covariance += (part * part) * &change * change.transpose();
+            None => {
+                let weight = 1.0 / (1.0 + (0.5 * (least - by_scale)).exp());
+                let flight = (weight > LEAST_WEIGHT).then(|| self.seen_with(change, camera, weight))??;
+                Some((flight, (weight > 0.5).then_some(Departure::ScaleChanges)))
+            }
         }
+    }
+
+    /// This flight where the scale changes with a probability of `weight`.
+    fn seen_with(&self, change: ScaleChange, camera: &CameraFacts, weight: f64) -> Option<Self> {
+        let model = &self.fit.model;
+        let held = model.with_scale_change(change)?;
+        let flight = (weight > 0.5)
+            .then(|| self.with_outliers_judged_anew(&*held))
+            .flatten();
+        let flight = flight.or_else(|| self.under(&*held))?;
+        // The calibrated length was measured somewhere along the path.
+        let extent = |of: fn(&Spot) -> f64| middle_and_extent(flight.used_points().map(|p| of(&p.spot))).1;
+        let [up, right, ..] = ScaleChange::of(flight.fit.parameters.as_slice());
+        let whole_std = 0.5 * (up * extent(|s| s.place.up)).hypot(right * extent(|s| s.place.right));
+        let mut open = change;
+        open.known[3] = (0.0, whole_std.max(HELD));
+        open.known[4] = (0.0, camera.distance.1.max(HELD));
+        let free = flight.under(&*model.with_scale_change(open)?)?;
+        let changed = match camera.fall.filter(|&fall| free.falls_with(fall)) {
+            Some(fall) => {
+                open.fall = Some(fall);
+                flight.under(&*model.with_scale_change(open)?)?
+            }
+            None => free,
+        };
+        let plain = changed.under(&**model)?;
+        Some(changed.averaged(weight, &plain))
+    }
+
+    fn falls_with(&self, (gravity, std): (f64, f64)) -> bool {
+        let found_std = self.fit.covariance[(GRAVITY, GRAVITY)].max(0.0).sqrt();
+        (self.fit.gravity() - gravity).abs() < FALL_SIGMAS * found_std.hypot(std)
+    }
+
+    /// The mean of this flight, seen with a scale that changes, with a `weight`, and of the same points' `plain` one with the rest.
+    fn averaged(mut self, weight: f64, plain: &Self) -> Self {
+        let count = self.fit.parameters.len();
+        let parameters = plain.fit.parameters.clone().resize_vertically(count, 0.0);
+        let covariance = plain.fit.covariance.clone().resize(count, count, 0.0);
+        let apart = &self.fit.parameters - &parameters;
+        let rest = 1.0 - weight;
+        self.fit.covariance =
+            weight * &self.fit.covariance + rest * covariance + (weight * rest) * &apart * apart.transpose();
+        self.fit.parameters = parameters + weight * apart;
+        for (k, impact) in self.impacts.iter_mut().enumerate() {
+            let p = self.fit.parameters.as_slice();
+            *impact = impact.and_then(|_| self.fit.impact_time(p, k));
+        }
+        self
     }
 
     /// This flight without the first points of its first arc, where they are those of a hand that lets go: as long as each costs no more than a
@@ -216,8 +256,9 @@ impl Flight {
         flight.under(&*self.fit.model)
     }
 
-    /// A change of scale about the camera's axis and the middle of this flight's time, known by the ball's size.
-    fn scale_change(&self, first_look: &[Spot], axis: PlanePoint) -> ScaleChange {
+    /// A change of scale about the camera's axis and the middle of this flight's time, known by the ball's size; lengths are those across the axis
+    /// there, and the camera is as far as it is known to be.
+    fn scale_change(&self, first_look: &[Spot], camera: &CameraFacts) -> ScaleChange {
         let used = || self.used_points().map(|p| &p.spot);
         let range = |of: fn(&Spot) -> f64| middle_and_extent(used().map(of));
         let (up, right, time) = (
@@ -230,20 +271,24 @@ impl Flight {
         let mut roughness: Vec<f64> = first_look.iter().map(|s| s.std / s.radius).collect();
         let rough = median(&mut roughness).unwrap_or(0.0);
         let known = |trend: Option<(f64, f64)>, range: f64| match trend {
-            _ if !(range > 0.0) => (0.0, f64::MIN_POSITIVE.sqrt()),
+            _ if !(range > 0.0) => (0.0, HELD),
             Some((change, std)) if std < USUAL_CHANGE => {
                 (-change / range, std.hypot(SIZE_STD).hypot(rough) / range)
             }
             _ => (0.0, USUAL_CHANGE / range),
         };
         ScaleChange {
-            place: (axis.right, axis.up),
+            place: (camera.axis.right, camera.axis.up),
             time_s: time.0,
+            distance: camera.distance.0,
             known: [
                 known(trend.map(|t| t.up), up.1),
                 known(trend.map(|t| t.right), right.1),
                 known(trend.map(|t| t.time), time.1),
+                (0.0, HELD),
+                (0.0, HELD),
             ],
+            fall: None,
         }
     }
 

@@ -14,7 +14,9 @@ use super::free_flight::Flight;
 use super::linking::{LinkedSpots, Spot};
 use super::path;
 use super::planar::PlanarArcs;
+use super::samples::scatter_seen;
 use crate::numeric::propagation::InputQuantities;
+use crate::numeric::robust::median;
 use nalgebra::Vector2;
 
 /// A place where frames are missing.
@@ -32,6 +34,9 @@ const CLEAR_SIGMAS: f64 = 4.0;
 /// More than this is no dropped frame but a cut.
 const MOST_MISSING: f64 = 30.0;
 
+/// Spots that scatter by less than this part of what they say are lucky ones.
+const LEAST_PART_SEEN: f64 = 0.1;
+
 /// Shorter tracks are not asked.
 const LEAST_TRACK: usize = 6;
 
@@ -41,8 +46,9 @@ const LEAST_TRACK: usize = 6;
 pub fn proposed(linked: &LinkedSpots, interval_s: f64) -> Vec<DroppedFrames> {
     let mut found: Vec<(f64, DroppedFrames)> = Vec::new();
     for track in linked.tracks.iter().filter(|t| t.len() >= LEAST_TRACK) {
-        let windows = track.windows(4);
-        found.extend(windows.filter_map(|w| missing([0, 1, 2, 3].map(|k| &linked.spots[w[k]]), interval_s)));
+        let part = part_seen(&linked.of(track));
+        let missing = |w: &[usize]| missing([0, 1, 2, 3].map(|k| &linked.spots[w[k]]), interval_s, part);
+        found.extend(track.windows(4).filter_map(missing));
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let foreign = foreign_frames(&linked.spots, interval_s);
@@ -56,8 +62,16 @@ pub fn proposed(linked: &LinkedSpots, interval_s: f64) -> Vec<DroppedFrames> {
     places
 }
 
-/// The frames that the middle step of four spots in a row lacks, with the standard deviations by which it is no single step.
-fn missing(s: [&Spot; 4], interval_s: f64) -> Option<(f64, DroppedFrames)> {
+/// What the spots of a track scatter by over what they say, where that is less.
+fn part_seen(track: &[Spot]) -> f64 {
+    let mut stds: Vec<f64> = track.iter().map(|s| path::variance(s).sqrt()).collect();
+    let parts = median(&mut stds).zip(scatter_seen(track));
+    parts.map_or(1.0, |(stated, seen)| (seen / stated).clamp(LEAST_PART_SEEN, 1.0))
+}
+
+/// The frames that the middle step of four spots in a row lacks, with the standard deviations by which it is no single step. The spots scatter
+/// by `part` of what they say.
+fn missing(s: [&Spot; 4], interval_s: f64, part: f64) -> Option<(f64, DroppedFrames)> {
     let steps = [0, 1, 2].map(|k| step(s[k], s[k + 1]));
     let lasts = |k: usize| ((s[k + 1].time_s - s[k].time_s) / interval_s).round();
     if [0, 1, 2].iter().any(|&k| lasts(k) != 1.0) {
@@ -67,7 +81,8 @@ fn missing(s: [&Spot; 4], interval_s: f64) -> Option<(f64, DroppedFrames)> {
     let std = s
         .map(|p| path::variance(p).sqrt())
         .into_iter()
-        .fold(0.0, f64::max);
+        .fold(0.0, f64::max)
+        * part;
     // By least squares along both axes.
     let times = steps[1].dot(&usual) / usual.norm_squared();
     let lost = (times - 1.0).round();

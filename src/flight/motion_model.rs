@@ -143,6 +143,11 @@ pub trait MotionModel: Debug + Send + Sync {
         place
     }
 
+    /// Where in the plane of motion a mark lies that the picture shows against `place`, for a ball that passed it at time `t`.
+    fn mark_in_plane(&self, _parameters: &[f64], place: PlanePoint, _t: f64) -> PlanePoint {
+        place
+    }
+
     /// The fall that the arcs themselves show, over the one that the model was given: a check on the camera's distance and the
     /// clock. `None` where the model was given none, or the points do not determine it.
     fn fall_ratio(&self, _points: &[FitPoint], _arcs: usize) -> Option<Quantity> {

@@ -4,7 +4,7 @@
 //! residuals, a price for each arc and each point left out, and how far successive arcs miss each other. By it clocks compete
 //! ([`super::clock`]), and tracks for being one thing.
 //!
-//! Assumed: centres scatter by what they say, or by one of a few multiples of it.
+//! Assumed: centres scatter by one of a few multiples of what they say.
 
 use super::linking::Spot;
 use super::parabola::{self, Fall, Gravity};
@@ -14,8 +14,9 @@ use std::ops::Range;
 /// A first centre is not known better than to this part of the radius: shading, texture, what is behind.
 const PART_OF_RADIUS: f64 = 0.02;
 
-/// The centres' scatter is one of these times what they say: the likelier counts. A hand-held camera, a coarse codec.
-const SCATTERS: [f64; 3] = [1.0, 2.5, 6.0];
+/// The centres' scatter is one of these times what they say: the likelier counts. A large ball before a plain wall, or a hand-held camera, a
+/// coarse codec.
+const SCATTERS: [f64; 5] = [0.16, 0.4, 1.0, 2.5, 6.0];
 
 /// Arcs whose own fall is tried for all.
 const MOST_FALLS: usize = 4;
@@ -79,11 +80,13 @@ impl PathLikelihood {
             OWN_FALL_COST * stretches.len() as f64
         };
         // Of two coordinates each.
-        let cost = cost + own + jumps(samples, stretches, fall) + 4.0 * used as f64 * scatter.ln();
-        if most - cost > self.gain {
+        let off = cost + own + jumps(samples, stretches, fall);
+        let width = |scatter: f64| 4.0 * used as f64 * scatter.ln();
+        let gain = most - off - width(scatter);
+        if gain > self.gain {
             Self {
-                gain: most - cost,
-                room: cost - ARC_COST * stretches.len() as f64,
+                gain,
+                room: off + width(scatter.max(1.0)) - ARC_COST * stretches.len() as f64,
                 fall,
             }
         } else {
@@ -123,7 +126,7 @@ fn jumps(samples: &[TrackSample], stretches: &[Stretch], fall: Option<Gravity>) 
 const JUMP_STEPS: u32 = 8;
 
 /// Stretches miss each other by about so many standard deviations of a point.
-const JUMP_SIGMAS: f64 = 3.0;
+const JUMP_SIGMAS: f64 = 1.5;
 
 /// Of a coordinate of a first centre, plane units².
 #[must_use]

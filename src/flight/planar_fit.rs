@@ -69,6 +69,7 @@ impl PlanarPriors {
             let from = parameters.len() - SCALE_CHANGES;
             let known = change.known.iter().enumerate();
             rows.extend(known.map(|(i, (value, std))| (from + i, *value, *std)));
+            rows.extend(change.fall.map(|(g, std)| (GRAVITY, g, std)));
         }
         if let Some(drag) = self.drag.filter(|_| !held[DRAG]) {
             rows.push((DRAG, drag.beta, drag.std));

@@ -43,7 +43,7 @@ pub(super) fn fine_sigma(spots: &[Spot], sigma: f64) -> f64 {
 }
 
 /// What a track's centres scatter by as third differences show it, plane units; `None` where there are too few.
-fn scatter_seen(spots: &[Spot]) -> Option<f64> {
+pub(super) fn scatter_seen(spots: &[Spot]) -> Option<f64> {
     let mut thirds = Vec::new();
     for s in spots.windows(4) {
         let even = s[3].frame - s[0].frame == 3 && s.windows(2).all(|p| p[1].time_s > p[0].time_s);

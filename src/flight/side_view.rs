@@ -11,13 +11,14 @@ use super::free_flight::Flight;
 use super::linking::{LinkedSpots, Spot, Track, median_radius};
 use super::motion_model::{ArcFit, FitPoint, MotionModel, VerticalPrior};
 use super::parabola::{self, Fall, Gravity, own_gravity};
-use super::planar::{DRAG, Motion};
+use super::planar::{DRAG, GRAVITY, Motion};
 use super::planar_fit::{self, PlanarPriors};
 use super::samples::{SAGITTA_SIGMAS, fine_sigma, samples_of, segment_sigma, shows_fall};
 use super::scale_change::ScaleChange;
 use super::segment::TrackSample;
 use super::{arc_search, impact_test, path};
 use crate::geometry::PlanePoint;
+use crate::quantity::Quantity;
 use nalgebra::DVector;
 use std::ops::Range;
 use std::sync::Arc;
@@ -143,17 +144,32 @@ impl MotionModel for SideView {
     fn magnification(&self, fit: &ArcFit, k: usize, t: f64) -> f64 {
         let m = fit.in_plane(fit.parameters.as_slice(), k, t);
         self.scale_change.map_or(1.0, |change| {
-            let jacobian = change.jacobian(ScaleChange::of(fit.parameters.as_slice()), t, &m);
-            jacobian.determinant().abs().sqrt()
+            change.magnification(ScaleChange::of(fit.parameters.as_slice()), t, &m)
         })
     }
 
     fn place_in_plane(&self, fit: &ArcFit, place: PlanePoint, _k: usize, t: f64) -> PlanePoint {
+        self.mark_in_plane(fit.parameters.as_slice(), place, t)
+    }
+
+    fn mark_in_plane(&self, parameters: &[f64], place: PlanePoint, t: f64) -> PlanePoint {
         self.scale_change.map_or(place, |change| {
-            let now = ScaleChange::of(fit.parameters.as_slice());
+            let now = ScaleChange::of(parameters);
             let (right, up) = change.place_in_plane(now, t, (place.right, place.up));
             PlanePoint::new(right, up)
         })
+    }
+
+    fn fall_ratio(&self, points: &[FitPoint], arcs: usize) -> Option<Quantity> {
+        let change = self.scale_change?;
+        let (given, _) = change.fall?;
+        let open = Self {
+            scale_change: Some(ScaleChange { fall: None, ..change }),
+            ..*self
+        };
+        let fit = open.fit(points, arcs)?;
+        let std = fit.covariance[(GRAVITY, GRAVITY)].max(0.0).sqrt();
+        Quantity::new(fit.gravity() / given, std / given)
     }
 
     fn with_scale_change(&self, change: ScaleChange) -> Option<Arc<dyn MotionModel>> {

@@ -4,7 +4,7 @@ use super::bench_edge;
 use super::contact::half_contact_s;
 use super::error_budget::{KNOWN_SPIN_LIFT_STD, SPHERE_LAW_STD, SQUARE_LAW_STD};
 use super::inputs::{MotionInputs, SystematicErrors};
-use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources};
+use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources, Zero};
 use super::spin_lift::SpinLift;
 use crate::calibration::Calibration;
 use crate::flight::Flight;
@@ -83,11 +83,10 @@ impl<'a> MeasuredMotion<'a> {
         let std = fit.covariance[(ARCS + 1, ARCS + 1)].max(0.0).sqrt();
         let x_sign = if vr < -DIRECTION_SIGMAS * std { -1.0 } else { 1.0 };
         let zero = if calibration.has_origin() {
-            PlanePoint::new(0.0, 0.0)
+            Zero::Mark(PlanePoint::new(0.0, 0.0))
         } else {
-            bench_edge::place(flight)
-                .or_else(|| flight.first_place())
-                .unwrap_or_default()
+            let seen = bench_edge::place(flight).or_else(|| flight.first_place());
+            Zero::Seen(seen.unwrap_or_default())
         };
         let motion = Self {
             flight,

@@ -3,7 +3,7 @@
 use super::contact::SoftBall;
 use super::inputs::{InputValues, MotionInputs};
 use super::spin_lift::SpinLift;
-use crate::calibration::{Calibration, View};
+use crate::calibration::{Ball, Calibration, View};
 use crate::flight::Flight;
 use crate::flight::drag::AIR_DENSITY_KG_M3;
 use crate::flight::motion_model::lean_rad;
@@ -29,12 +29,21 @@ pub struct MeasuredMotion<'a> {
     pub(super) launch_seen: bool,
     /// Metres a plane unit.
     pub metres_per_unit: Quantity,
-    /// Where x = 0 lies in the plane.
-    pub zero: PlanePoint,
+    /// Where x = 0 lies.
+    pub(super) zero: Zero,
     /// Whether the camera stands still.
     pub(super) steady: bool,
     /// How the floor's slope follows from impacts and calibration.
     pub(super) slope_sources: SlopeSources,
+}
+
+/// Where x = 0 and the height 0 lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Zero {
+    /// At the calibration's origin, which the picture shows against this point of the plane.
+    Mark(PlanePoint),
+    /// Where the ball was, in its plane of motion.
+    Seen(PlanePoint),
 }
 
 /// How the slope follows from its sources: weights that add up to 1.
@@ -63,6 +72,17 @@ pub enum ImpactKind {
 
 /// A velocity has a direction when it stands out from none by this many standard uncertainties.
 pub(super) const DIRECTION_SIGMAS: f64 = 3.0;
+
+/// With what part of gravity a ball falls in air: less by buoyancy and by the mass of air that it drags along (Lamb, Hydrodynamics, art. 92),
+/// (1 − b)/(1 + b/2) with b the air's mass over the ball's; 1 where the ball's size and mass are not known.
+#[must_use]
+pub fn falling_share(ball: &Ball) -> f64 {
+    let air_share = match (ball.radius_m, ball.mass_kg) {
+        (Some(r), Some(m)) => AIR_DENSITY_KG_M3 * 4.0 / 3.0 * std::f64::consts::PI * r.powi(3) / m,
+        _ => 0.0,
+    };
+    (1.0 - air_share) / (1.0 + 0.5 * air_share)
+}
 
 impl MeasuredMotion<'_> {
     pub(super) fn arcs(&self) -> usize {
@@ -111,6 +131,23 @@ impl MeasuredMotion<'_> {
         lean_rad(p.arcs) + p.errors.up_rad
     }
 
+    /// Where x = 0 lies in the plane of motion.
+    #[must_use]
+    pub fn zero(&self) -> PlanePoint {
+        self.zero_of(self.inputs.best().arcs)
+    }
+
+    fn zero_of(&self, arcs: &[f64]) -> PlanePoint {
+        match self.zero {
+            // The ball passed it as it was launched.
+            Zero::Mark(place) => {
+                let launch_s = self.flight.spans.first().map_or(0.0, |s| s.0);
+                self.flight.fit.model.mark_in_plane(arcs, place, launch_s)
+            }
+            Zero::Seen(place) => place,
+        }
+    }
+
     /// Angle from the calibration's "up" to the fall's, rad, positive to the right in the picture; `None` where nothing falls in
     /// the plane.
     #[must_use]
@@ -130,8 +167,9 @@ impl MeasuredMotion<'_> {
         let m = self.in_plane(p, k, t);
         let s = self.scale(p);
         let (sin, cos) = self.lean(p).sin_cos();
-        let right = m.r - self.zero.right - p.errors.zero_right;
-        let up = m.h - self.zero.up - p.errors.zero_up;
+        let zero = self.zero_of(p.arcs);
+        let right = m.r - zero.right - p.errors.zero_right;
+        let up = m.h - zero.up - p.errors.zero_up;
         let x = self.x_sign * s;
         Motion {
             r: x * (right * cos + up * sin),
@@ -233,20 +271,22 @@ impl MeasuredMotion<'_> {
         })
     }
 
-    /// Fitted gravity, m/s²; `None` where it cannot be checked (top view, or a scale taken from it). Where the ball's
-    /// size and mass are known, the air's buoyancy with the mass it drags along (Lamb, Hydrodynamics, art. 92) is
-    /// taken out: the ball falls with g (1 − b)/(1 + b/2), b the air's mass over the ball's.
+    /// Fitted gravity, m/s²; `None` where it cannot be checked (top view, or a scale taken from it). What the air takes from the fall
+    /// ([`falling_share`]) is given back.
     #[must_use]
     pub fn gravity_m_s2(&self) -> Option<Quantity> {
         let is_checkable = self.calibration.view == View::Side && !self.calibration.scale.rests_on_fall();
-        let ball = &self.calibration.ball;
-        let air_share = match (ball.radius_m, ball.mass_kg) {
-            (Some(r), Some(m)) => AIR_DENSITY_KG_M3 * 4.0 / 3.0 * std::f64::consts::PI * r.powi(3) / m,
-            _ => 0.0,
-        };
-        let lift = (1.0 - air_share) / (1.0 + 0.5 * air_share);
+        let lift = falling_share(&self.calibration.ball);
         if !(is_checkable && lift > 0.0) {
             return None;
+        }
+        // Where gravity told lengths, the fall without it.
+        if let Some(ratio) = self.flight.fall_ratio() {
+            let scale = self.metres_per_unit;
+            let relative = scale.std_uncertainty.unwrap_or(0.0) / scale.value;
+            let gravity = ratio.scaled(self.calibration.gravity_m_s2);
+            let std = gravity.std_uncertainty?.hypot(relative * gravity.value);
+            return Quantity::new(gravity.value, std);
         }
         // Drag beyond its law passes for gravity by a part of its own mean over the arcs.
         let top = self.flight.spans.iter().enumerate().map(|(k, s)| {

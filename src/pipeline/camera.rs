@@ -9,6 +9,7 @@ use crate::calibration::{
     Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
 };
 use crate::flight::Flight;
+use crate::flight::bend::CameraFacts;
 use crate::flight::distant_top_view::DistantTopView;
 use crate::flight::drag::Drag;
 use crate::flight::flight_search::FlightSearch;
@@ -19,10 +20,22 @@ use crate::flight::side_view::SideView;
 use crate::frames::RowOrder;
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::{AXIS_PART, DISTANCE_RELATIVE_STD, SPHERE_DRAG_RELATIVE_STD};
+use crate::impact::motion::falling_share;
 use crate::quantity::Quantity;
 
 /// A ball's speed where nothing is seen of it yet, m/s: drag hardly depends on it.
 const USUAL_SPEED_M_S: f64 = 2.0;
+
+/// A camera whose distance nobody says stands so many widths (or heights) of the picture away, to a factor whose logarithm has this standard uncertainty: from a
+/// wide phone to a long lens.
+const USUAL_DISTANCE_PICTURES: f64 = 2.2;
+const USUAL_DISTANCE_LN_STD: f64 = 0.5;
+
+/// Gravity and the scale are known to this part at best, as far as lengths are told by them.
+const LEAST_FALL_RELATIVE_STD: f64 = 5e-4;
+
+/// The same for a ball of which nobody says what it weighs.
+const UNKNOWN_BALL_FALL_RELATIVE_STD: f64 = 3e-3;
 
 /// A calibrated camera and its pictures.
 #[derive(Debug, Clone)]
@@ -80,6 +93,34 @@ impl<'a> CalibratedCamera<'a> {
         self.map
             .plane_from_pixel(middle)
             .unwrap_or(PlanePoint::new(0.0, 0.0))
+    }
+
+    /// What a change of scale depends on, where a plane unit is `metres_per_unit` long.
+    pub fn facts(&self, metres_per_unit: Quantity) -> CameraFacts {
+        let (c, unit_m) = (self.calibration, metres_per_unit.value);
+        let (width, height) = self.size_px;
+        let picture = width.max(height) as f64 * self.units_per_px();
+        let scale = metres_per_unit.std_uncertainty.unwrap_or(0.0) / unit_m;
+        let gravity = c.gravity_std_m_s2.unwrap_or(0.0) / c.gravity_m_s2;
+        CameraFacts {
+            axis: self.axis(),
+            stands_still: self.stands_still,
+            distance: c.distance_m.map_or(
+                (USUAL_DISTANCE_PICTURES * picture, USUAL_DISTANCE_LN_STD),
+                |distance_m| {
+                    let relative = c.distance_std_m.map_or(DISTANCE_RELATIVE_STD, |s| s / distance_m);
+                    (distance_m / unit_m, relative)
+                },
+            ),
+            fall: (!c.scale.rests_on_fall()).then(|| {
+                let air = match c.ball.mass_kg {
+                    Some(_) => LEAST_FALL_RELATIVE_STD,
+                    None => UNKNOWN_BALL_FALL_RELATIVE_STD,
+                };
+                let fall = falling_share(&c.ball) * c.gravity_m_s2 / unit_m;
+                (fall, gravity.hypot(scale).hypot(air) * fall)
+            }),
+        }
     }
 
     /// Length of a pixel in the middle of the picture, plane units.

@@ -94,6 +94,9 @@ const WORTH_TRYING: f64 = 30.0;
 /// clock costs more than a missed one in a recording that is plain.
 const MARGIN: f64 = 12.0;
 
+/// The same for a gap in a single place, where the path must break just so.
+const GAP_MARGIN: f64 = 4.0;
+
 /// Ratios of two whole numbers up to this are tried: 24 Hz in a file of 25 Hz is one.
 const MOST_PATTERN: u32 = 25;
 
@@ -230,7 +233,7 @@ impl ClockTrials<'_> {
         let Some(interval_s) = best.clock.base.interval_s else {
             return best;
         };
-        let price = 2.0 * (self.stamps_s.len().max(1) as f64).ln() + MARGIN;
+        let price = 2.0 * (self.stamps_s.len().max(1) as f64).ln() + GAP_MARGIN;
         let linked = LinkedSpots::new(best.clock.frames().distinct(spots));
         for gap in dropped_frames::proposed(&linked, interval_s)
             .into_iter()

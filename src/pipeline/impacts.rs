@@ -39,9 +39,8 @@ pub fn impacts(
     let flight = shaken.unwrap_or(flight);
     let flight = flight.without_touching_points().unwrap_or(flight);
     let flight = flight.without_held_points().unwrap_or(flight);
-    let departing = flight.departing(&refined.tracked.first_look, camera.axis(), camera.stands_still);
-    let departure = departing.as_ref().map(|(_, departure)| *departure);
-    let mut flight = departing.map_or(flight, |(departing, _)| departing);
+    let facts = camera.facts(camera.metres_per_unit(&flight, radius_px)?);
+    let (mut flight, departure) = flight.departing(&refined.tracked.first_look, &facts);
     let metres_per_unit = camera.metres_per_unit(&flight, radius_px)?;
     let scaled = Scaled {
         camera,

@@ -77,7 +77,7 @@ impl WorldFrame {
         Self {
             x_sign: motion.x_sign,
             metres_per_unit: motion.metres_per_unit.value,
-            zero: motion.zero,
+            zero: motion.zero(),
             lean: motion.lean_rad().sin_cos(),
             floor_m,
         }

@@ -375,7 +375,8 @@ fn impossible_tangential(bounces: &[(usize, Bounce)]) -> Option<Warning> {
 
 /// The self-check of a top view: the bend of the path tells g over the camera's distance.
 fn distance_against_fall(j: &WarningContext<'_>) -> Option<Warning> {
-    let distance_m = j.calibration.distance_m?;
+    let above = j.calibration.view == View::Top;
+    let distance_m = j.calibration.distance_m.filter(|_| above)?;
     let seen = j.impacts.flight.fall_ratio()?;
     let given = j.calibration.distance_std_m.unwrap_or(0.0) / distance_m;
     let std = seen.std_uncertainty? / seen.value;
