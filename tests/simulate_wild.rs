@@ -72,7 +72,7 @@ fn an_azimuth_brings_the_ball_nearer_and_leaves_its_impact_what_it_is() {
         );
         assert_eq!(b.incident.vz_m_s, a.incident.vz_m_s);
     }
-    assert!((b.x0_m.unwrap() - a.x0_m.unwrap() * cos).abs() < 1e-12);
+    assert!((b.x0_m.unwrap() - a.x0_m.unwrap()).abs() < 1e-12);
     // A pinhole 0.8 m away, whose axis goes through the picture's middle.
     let (last, was): (&CentreTruth, &CentreTruth) = (&b.centres[60], &a.centres[60]);
     let nearer = was.x_m * 8_f64.to_radians().sin();

@@ -454,7 +454,26 @@ fn judged(m: &Measurement, truth: &Truth, interval_s: f64) -> Option<Made> {
     let nearest = (0..bounces.len()).min_by(|&a, &b| off_s(&bounces[a]).total_cmp(&off_s(&bounces[b])));
     let seen = nearest.filter(|&k| off_s(&bounces[k]) < near_s);
     let k = seen.unwrap_or(0);
+    let mut m = m.clone();
+    if other.is_some() {
+        // The calibration speaks of the first ball: its origin, its launch's spin. Of another, which may go the other way, the sizes are compared.
+        m.distances.x0_m = None;
+        for b in &mut m.bounces {
+            (b.x_m, b.tangential_restitution, b.spin_out_m_s) = (None, None, None);
+        }
+    }
+    // A measured place is one along the ball's own plane.
+    let along = |b: &BounceTruth| BounceTruth {
+        x_m: b.x_m.hypot(b.y_m).copysign(b.x_m),
+        ..*b
+    };
+    let bounces: Vec<BounceTruth> = bounces.iter().map(along).collect();
     let next = bounces.get(k + 1);
+    let goes_left = next.is_some_and(|next| other.is_some() && next.x_m < bounces[k].x_m);
+    if let Some(x_m) = m.distances.x_m.filter(|_| goes_left) {
+        m.distances.x_m = Some(x_m.scaled(-1.0));
+    }
+    let m = &m;
     let between = next.map(|next| next.x_m - bounces[k].x_m);
     let truth_of_first = TruthOfFirst {
         bounce: bounces.get(k)?,

@@ -117,6 +117,9 @@ pub struct Calibration {
     pub floor: Floor,
 }
 
+/// A fall contradicts gravity where it is off by more than this many standard uncertainties.
+const CONTRADICTS_SIGMAS: f64 = 4.0;
+
 impl Calibration {
     /// A side view with `scale` and every default of the file.
     #[must_use]
@@ -187,6 +190,15 @@ impl Calibration {
             HELD_STD_RAD
         };
         self.up_std_rad.unwrap_or(otherwise)
+    }
+
+    /// By what part the `fall` of a ball (m/s²) is off gravity, where it contradicts it.
+    #[must_use]
+    pub fn gravity_mismatch(&self, fall: Quantity) -> Option<f64> {
+        let off = (fall.value - self.gravity_m_s2).abs();
+        let std = fall.std_uncertainty.unwrap_or(0.0);
+        let contradicts = off > CONTRADICTS_SIGMAS * std.hypot(self.gravity_uncertainty_m_s2());
+        contradicts.then(|| (fall.value / self.gravity_m_s2).ln().abs())
     }
 
     /// Standard uncertainty of gravity, m/s²: as given; else what a number that somebody looked up has, or what 9.81 has anywhere

@@ -63,6 +63,10 @@ const FIXED_CAMERA_PX: f64 = 0.35;
 /// largest of fifteen shifts is 2.3 times their median.
 const DRIFT_SIGMAS: f64 = 4.0;
 
+/// A pan shows by shifts that follow each other steadily: they go further than they scatter from frame to frame by so many times as often as
+/// two halves of the scene that see the same shift need.
+const CLEAR_OF_SCATTER: f64 = 2.5;
+
 /// A shift that is so far from where the scene's edges are is none, px.
 const REFUTED_PX: f64 = 2.0;
 
@@ -83,7 +87,8 @@ impl Background {
         let shift_std_px = if drift < FIXED_CAMERA_PX {
             0.0
         } else {
-            first.shift_std_px(survey, &registrations)
+            let by_halves = first.shift_std_px(survey, &registrations);
+            by_halves.min(CLEAR_OF_SCATTER * scatter_px(&registrations))
         };
         let mut fixed = drift < FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
         if !fixed {
@@ -242,6 +247,19 @@ fn drift_px(registrations: &[Registration]) -> f64 {
     } else {
         all.iter().copied().filter(rests).fold(0.0, f64::max)
     }
+}
+
+/// What the shifts of successive frames scatter by, px: their second differences, which a steady pan has none of, over √6. Infinite for fewer
+/// than four.
+fn scatter_px(registrations: &[Registration]) -> f64 {
+    let second = |w: &[Registration], of: fn(&Registration) -> f64| of(&w[2]) - 2.0 * of(&w[1]) + of(&w[0]);
+    let mut off: Vec<f64> = registrations
+        .windows(3)
+        .map(|w| second(w, |r| r.shift_u_px).hypot(second(w, |r| r.shift_v_px)))
+        .collect();
+    let enough = off.len() >= 2;
+    let typical = median(&mut off).filter(|_| enough);
+    typical.map_or(f64::INFINITY, |m| m / 6.0_f64.sqrt())
 }
 
 /// Part of the survey's frames in which a camera that stands still may swing.

@@ -62,6 +62,87 @@ impl Blob {
     }
 }
 
+/// A part of a blob is at least this part of it.
+const LEAST_PART: f64 = 0.1;
+
+/// What a blob may consist of.
+#[derive(Debug, Clone)]
+pub struct BlobPart {
+    /// The part as a blob of its own.
+    pub blob: Blob,
+    /// The middles of its pixels in the frame.
+    pub pixels: Vec<PixelPoint>,
+}
+
+impl BlobPart {
+    /// The part of its pixels that lie within `disc`, or less than `margin_px` beyond its edge.
+    #[must_use]
+    pub fn within(&self, disc: &Disc, margin_px: f64) -> f64 {
+        let reach_px = disc.radius_px + 0.5 * disc.swept_px[0].hypot(disc.swept_px[1]) + margin_px;
+        let inside = |p: &&PixelPoint| disc.centre.distance_px(**p) < reach_px;
+        self.pixels.iter().filter(inside).count() as f64 / self.pixels.len().max(1) as f64
+    }
+}
+
+impl Blob {
+    /// What is brighter in this blob than the scene, and what is darker, where it has much of both.
+    #[must_use]
+    pub fn bright_and_dark(
+        &self,
+        background: &Background,
+        registration: &Registration,
+    ) -> Option<[BlobPart; 2]> {
+        let changes = pixel_changes(background, registration, &self.crop);
+        let threshold = change_threshold(&changes, background.noise_grey);
+        let differ = |sign: f32| changes.iter().filter(|c| sign * **c > threshold).count() as f64;
+        let (bright, dark) = (differ(1.0), differ(-1.0));
+        let least = (LEAST_PART * (bright + dark)).max(LEAST_OVAL_AREA_PX);
+        if bright.min(dark) < least {
+            return None;
+        }
+        let part = |sign: f32| self.part(&changes, threshold, sign);
+        Some([part(1.0)?, part(-1.0)?])
+    }
+
+    /// The pixels of this blob whose `changes` have a `sign`.
+    fn part(&self, changes: &[f32], threshold: f32, sign: f32) -> Option<BlobPart> {
+        let width = self.crop.luma.width;
+        let of_sign = changes.iter().map(|c| if sign * c > 0.0 { *c } else { 0.0 });
+        let changes: Vec<f32> = of_sign.collect();
+        let differ = (0..changes.len()).filter(|&i| changes[i].abs() > threshold);
+        let place = |i: usize| (self.crop.u + i % width, self.crop.v + i / width);
+        let middle = |(u, v): (usize, usize)| PixelPoint::new(u as f64, v as f64);
+        let corner = (self.crop.u as f64, self.crop.v as f64);
+        let moments = Moments::of(&changes, width, threshold)?;
+        Some(BlobPart {
+            // With all pixels of the whole: a fit looks beyond the part's own.
+            blob: Self::of(&moments, corner, self.crop.clone(), self.at_border),
+            pixels: differ.map(|i| middle(place(i))).collect(),
+        })
+    }
+
+    /// The blob of `moments` in the picture whose corner is at `(u, v)`.
+    fn of(moments: &Moments, (u, v): (f64, f64), crop: Crop, at_border: bool) -> Self {
+        Self {
+            centroid: PixelPoint::new(u + moments.u, v + moments.v),
+            area_px: moments.area,
+            spread_px: moments.spread,
+            direction_rad: moments.direction_rad,
+            contrast_grey: moments.contrast,
+            crop,
+            at_border,
+        }
+    }
+}
+
+/// The change that a pixel of a blob has at least: a part of that of its strongest ones.
+fn change_threshold(changes: &[f32], noise_grey: f64) -> f32 {
+    let mut magnitudes: Vec<f32> = changes.iter().map(|c| c.abs()).collect();
+    let strong_index = magnitudes.len() - 1 - magnitudes.len() / 20;
+    let strong = f64::from(*magnitudes.select_nth_unstable_by(strong_index, f32::total_cmp).1);
+    (0.3 * strong).max(3.0 * noise_grey) as f32
+}
+
 /// Blobs larger than this part of the picture's width or height are not a ball; half the picture is the largest
 /// ball there is.
 const LARGEST_PART: f64 = 0.75;
@@ -212,25 +293,14 @@ fn outline(background: &Background, frame: &Luma, registration: &Registration, b
         reach(b.top, b.bottom, frame.height),
     );
     let changes = pixel_changes(background, registration, &crop);
-    let mut magnitudes: Vec<f32> = changes.iter().map(|c| c.abs()).collect();
-    let strong_index = magnitudes.len() - 1 - magnitudes.len() / 20;
-    let strong = f64::from(*magnitudes.select_nth_unstable_by(strong_index, f32::total_cmp).1);
-    let threshold = (0.3 * strong).max(3.0 * background.noise_grey) as f32;
+    let threshold = change_threshold(&changes, background.noise_grey);
     let moments = Moments::of(&changes, crop.luma.width, threshold)?;
-    let (u, v) = (crop.u as f64, crop.v as f64);
     let at_border = b.left == 0
         || b.top == 0
         || b.right * side + side > frame.width
         || b.bottom * side + side > frame.height;
-    Some(Blob {
-        centroid: PixelPoint::new(u + moments.u, v + moments.v),
-        area_px: moments.area,
-        spread_px: moments.spread,
-        direction_rad: moments.direction_rad,
-        contrast_grey: moments.contrast,
-        crop,
-        at_border,
-    })
+    let corner = (crop.u as f64, crop.v as f64);
+    Some(Blob::of(&moments, corner, crop, at_border))
 }
 
 /// Differences of a crop's pixels from the background as `registration` sees it, grey levels, row by row.

@@ -66,6 +66,10 @@ pub struct Detector {
     swung_s: Option<f64>,
 }
 
+/// A thing lies outside of a circle where less of it than this part is within, to what its edge is blurred over, px.
+const MOST_WITHIN: f64 = 0.4;
+const BLURRED_PX: f64 = 1.5;
+
 /// A swing dies away within this, s.
 const SWING_LASTS_S: f64 = 0.12;
 
@@ -115,19 +119,39 @@ impl Detector {
     /// What moves in `frame`, which is shown as `registration` says.
     fn sightings(&self, frame: &Frame, sums: &[u16], registration: Registration) -> Vec<Sighting> {
         let changes = self.background.block_changes(sums, &registration);
-        blobs::find(&self.background, &frame.luma, &registration, &changes)
+        let sighting = |(blob, centre)| Sighting {
+            frame: frame.index,
+            coded: frame.coded,
+            registration,
+            blob,
+            centre,
+        };
+        let things = blobs::find(&self.background, &frame.luma, &registration, &changes);
+        things
             .into_iter()
-            .map(|blob| {
-                let centre = self.first_centre(&blob, &registration);
-                Sighting {
-                    frame: frame.index,
-                    coded: frame.coded,
-                    registration,
-                    blob,
-                    centre,
-                }
-            })
+            .flat_map(|blob| self.parted(blob, &registration))
+            .map(sighting)
             .collect()
+    }
+
+    /// A blob with its first centre; or where a ball and its shadow beside it are one region, both: what is brighter than the scene and what
+    /// is darker are two things where the one lies outside of the circle of the other. (The dark side of a ball lies within.)
+    fn parted(&self, blob: Blob, registration: &Registration) -> Vec<(Blob, Option<Centre>)> {
+        let parts = blob.bright_and_dark(&self.background, registration);
+        if let Some(parts) = parts {
+            let centres = parts.each_ref().map(|p| self.first_centre(&p.blob, registration));
+            let apart = |one: usize, other: usize| {
+                let centre = centres[one].as_ref();
+                centre.is_some_and(|c| parts[other].within(&c.disc, BLURRED_PX) < MOST_WITHIN)
+            };
+            if apart(0, 1) || apart(1, 0) {
+                let [bright, dark] = parts.map(|p| p.blob);
+                let [of_bright, of_dark] = centres;
+                return vec![(bright, of_bright), (dark, of_dark)];
+            }
+        }
+        let centre = self.first_centre(&blob, registration);
+        vec![(blob, centre)]
     }
 
     /// The registration of a frame in which a camera that otherwise stands still swings; `None` where it does not.

@@ -5,7 +5,6 @@ use super::arc_selection::{
     LEAST_END_POINTS, is_free_flight, longest_chain, points_in, richest_run, without_straight_ends,
     without_weak_arc,
 };
-use super::extra_variance::ExtraVariance;
 use super::free_flight::Flight;
 use super::impacts::flight_from_fit;
 use super::launch;
@@ -14,7 +13,7 @@ use super::merge_arcs::merge;
 use super::motion_model::MotionModel;
 use super::outliers::{LEAST_FIT_POINTS, arc_of_outliers, emptied_arc, fit_without_outliers, uses_of};
 use super::parabola::{self, Fall, Gravity};
-use super::samples::{fine_sigma, samples_of, segment_sigma, shows_fall};
+use super::samples::{fine_sigma, samples_of, scatter_seen, segment_sigma, shows_fall};
 use super::segment::{Stretch, StretchKind, TrackSample};
 use std::ops::Range;
 
@@ -23,10 +22,6 @@ const MOST_ARCS: usize = 40;
 
 /// A line is better than a fall by so many squared standard deviations.
 const ROLLS_BETTER: f64 = 16.0;
-
-/// Fewer points than this do not tell their own scatter about a parabola, which has so many free numbers.
-const LEAST_OWN_SCATTER: usize = 8;
-const PARABOLA_NUMBERS: usize = 6;
 
 /// Times that the first arc is made to begin at the edge of a bench that it shows.
 const EDGE_ROUNDS: usize = 6;
@@ -160,7 +155,7 @@ impl<'a> ArcSearch<'a> {
 
     /// Whether the points of the first arc lie on a straight line rather than on a fall: a ball on its bench. The fall is that of the other
     /// arcs (its own misfit would pass for scatter); the scatter is theirs, or, where a view at a slant or a moving camera makes
-    /// theirs large, that of the points about a parabola of their own.
+    /// theirs large, that from point to point.
     fn rolls_first(&self, ranges: &[Range<usize>]) -> bool {
         let mut uses = uses_of(&ranges[1..], self.spots.len());
         let Some((fit, extra)) = fit_without_outliers(self.spots, &mut uses, ranges.len() - 1, self.model)
@@ -176,11 +171,15 @@ impl<'a> ArcSearch<'a> {
         if worse(&scattered) > ROLLS_BETTER * fit.autocorrelation_inflation.max(1.0) {
             return true;
         }
-        let still = ExtraVariance::default();
-        let own: Vec<TrackSample> = spots().map(|s| still.fit_point(s, 0).sample).collect();
-        let freedom = (2 * own.len()).saturating_sub(PARABOLA_NUMBERS) as f64;
-        let scatter = (parabola::misfit(&own, Fall::Free { leaning: true }) / freedom).max(1.0);
-        own.len() >= LEAST_OWN_SCATTER && worse(&own) > 2.0 * ROLLS_BETTER * scatter
+        // Third differences are blind to what bends a path slowly.
+        let Some(scatter) = scatter_seen(self.spots) else {
+            return false;
+        };
+        let std = |s: &Spot| s.std.max(scatter);
+        let still: Vec<TrackSample> = spots()
+            .map(|s| TrackSample::of_spot(s, 1.0 / (std(s) * std(s))))
+            .collect();
+        worse(&still) > 2.0 * ROLLS_BETTER
     }
 
     fn convincing(&self, flight: Flight, ranges: &[Range<usize>]) -> Option<Flight> {

@@ -73,8 +73,9 @@ impl SizeTrend {
                 matrix[(i, k + 1)] = weight * (of[k](s) - ranges[k].0) / ranges[k].1;
             }
         }
-        for k in 0..3 {
-            matrix[(spots.len() + k, k + 1)] = 1.0 / USUAL_CHANGE;
+        let usual = [USUAL_CHANGE, USUAL_CHANGE, USUAL_CHANGE_IN_TIME];
+        for (k, usual) in usual.into_iter().enumerate() {
+            matrix[(spots.len() + k, k + 1)] = 1.0 / usual;
         }
         let (found, inverse) = solve(&matrix, &right)?;
         let left = (right - &matrix * &found).norm_squared();
@@ -121,6 +122,9 @@ const HELD: f64 = 1e-12;
 
 /// The scale changes by about this part over a path, where the ball's size does not tell.
 const USUAL_CHANGE: f64 = 0.1;
+
+/// And by this part in time alone. A ball that leaves the plane goes on in a plane of its own: its scale changes with its way, before an impact and after it.
+const USUAL_CHANGE_IN_TIME: f64 = 0.02;
 
 /// A fall that is off gravity by more standard uncertainties than this is not one that a slant explains.
 const FALL_SIGMAS: f64 = 4.0;
@@ -270,21 +274,22 @@ impl Flight {
         // What is behind a small ball changes its outline as much as its place does.
         let mut roughness: Vec<f64> = first_look.iter().map(|s| s.std / s.radius).collect();
         let rough = median(&mut roughness).unwrap_or(0.0);
-        let known = |trend: Option<(f64, f64)>, range: f64| match trend {
+        let known = |trend: Option<(f64, f64)>, range: f64, usual: f64| match trend {
             _ if !(range > 0.0) => (0.0, HELD),
-            Some((change, std)) if std < USUAL_CHANGE => {
-                (-change / range, std.hypot(SIZE_STD).hypot(rough) / range)
-            }
-            _ => (0.0, USUAL_CHANGE / range),
+            Some((change, std)) if std < usual => (
+                -change / range,
+                std.hypot(SIZE_STD).hypot(rough).min(usual) / range,
+            ),
+            _ => (0.0, usual / range),
         };
         ScaleChange {
             place: (camera.axis.right, camera.axis.up),
             time_s: time.0,
             distance: camera.distance.0,
             known: [
-                known(trend.map(|t| t.up), up.1),
-                known(trend.map(|t| t.right), right.1),
-                known(trend.map(|t| t.time), time.1),
+                known(trend.map(|t| t.up), up.1, USUAL_CHANGE),
+                known(trend.map(|t| t.right), right.1, USUAL_CHANGE),
+                known(trend.map(|t| t.time), time.1, USUAL_CHANGE_IN_TIME),
                 (0.0, HELD),
                 (0.0, HELD),
             ],

@@ -85,6 +85,14 @@ pub fn falling_share(ball: &Ball) -> f64 {
 }
 
 impl MeasuredMotion<'_> {
+    /// The same where gravity refutes scale or clock by this `part`: until it is known which of them is wrong, lengths and speeds may be off by as much.
+    #[must_use]
+    pub fn with_doubted_scale(mut self, part: f64) -> Self {
+        self.inputs
+            .set(|_, stds| stds.ln_scale = stds.ln_scale.hypot(part));
+        self
+    }
+
     pub(super) fn arcs(&self) -> usize {
         self.flight.fit.arcs()
     }

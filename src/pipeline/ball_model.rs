@@ -8,6 +8,7 @@ use crate::calibration::{Optics, Silhouette, Silhouettes};
 use crate::detect::Sighting;
 use crate::detect::centre::affine_patch::AffinePatch;
 use crate::detect::centre::appearance::{self, AppearanceFrame, AppearanceSettings, RadiusSource};
+use crate::detect::centre::attached_shadow::{AttachedShadow, ShadowView};
 use crate::detect::centre::edge_likelihood::Appearance;
 use crate::detect::centre::{Accuracy, Disc, Patch, ball};
 use crate::flight::Flight;
@@ -70,6 +71,8 @@ pub struct BallPictures<'a> {
     /// What sees it.
     pub camera: &'a CalibratedCamera<'a>,
     silhouettes: Silhouettes<'a>,
+    /// What goes along beside the ball.
+    shadow: Option<&'a AttachedShadow>,
 }
 
 impl<'a> BallPictures<'a> {
@@ -79,7 +82,27 @@ impl<'a> BallPictures<'a> {
             decoded,
             camera,
             silhouettes: camera.silhouettes(optics),
+            shadow: None,
         }
+    }
+
+    /// The same with what goes along beside the ball.
+    pub fn with_shadow(self, shadow: Option<&'a AttachedShadow>) -> Self {
+        Self { shadow, ..self }
+    }
+
+    /// What goes along beside the ball of a flight.
+    pub fn shadow_of(&self, tracked: &Tracked) -> Option<AttachedShadow> {
+        let (seen, velocities): (Vec<_>, Vec<_>) = shadow_examples(self, tracked).into_iter().unzip();
+        let view = |((s, c), velocity): (&(&'a Sighting, BallCentre), &[f64; 2])| ShadowView {
+            patch: self.decoded.detector.patch(&s.blob.crop, &s.registration),
+            centre: c.centre.disc.centre,
+            radius_px: c.centre.disc.radius_px,
+            swept_px: velocity.map(|v| v * tracked.flight.interval_s),
+        };
+        let views: Vec<ShadowView<'_>> = seen.iter().zip(&velocities).map(view).collect();
+        let mut contrasts: Vec<f64> = seen.iter().map(|(_, c)| c.centre.contrast_grey).collect();
+        AttachedShadow::learned(&views, median(&mut contrasts)?)
     }
 
     /// The outline of a ball at a place of a sighting's frame.
@@ -103,10 +126,14 @@ impl<'a> BallPictures<'a> {
             Some(Silhouette { stretch, ..drawn })
         });
         let drawn = drawn.filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
-        Patch {
+        let mut patch = Patch {
             affine: drawn.and_then(|drawn| AffinePatch::new(disc.centre, drawn.stretch)),
             ..self.decoded.detector.patch(&s.blob.crop, &s.registration)
+        };
+        if let Some(shadow) = self.shadow {
+            shadow.cast(&mut patch, disc.centre);
         }
+        patch
     }
 
     /// When and where the arcs say that a sighting's frame, taken at `frame_s`, shows the ball.
@@ -207,6 +234,26 @@ fn mostly_let_go(pictures: &BallPictures<'_>, tracked: &Tracked) -> bool {
         sighting.blob.crop.luma.data.is_empty()
     });
     2 * gone.count() > used().count()
+}
+
+/// Frames that what goes along beside the ball is learned from, at most.
+const SHADOW_FRAMES: usize = 32;
+
+/// Sightings of the ball, evenly over the flight, with their velocity in the picture, px/s.
+fn shadow_examples<'a>(
+    pictures: &BallPictures<'a>,
+    tracked: &Tracked,
+) -> Vec<((&'a Sighting, BallCentre), [f64; 2])> {
+    let flight = &tracked.flight;
+    let step = flight.used().div_ceil(SHADOW_FRAMES).max(1);
+    let some = flight.used_points().step_by(step);
+    some.filter_map(|p| {
+        let c = with_id(&tracked.centres, p.spot.id)?;
+        let s = &pictures.decoded.sightings[c.id];
+        let velocity = pictures.velocity_px_s(flight, p.spot.time_s)?;
+        (!s.blob.crop.luma.data.is_empty()).then_some(((s, *c), velocity))
+    })
+    .collect()
 }
 
 /// Frames to learn from: used points whose pixels were kept, evenly over the flight.

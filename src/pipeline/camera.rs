@@ -101,7 +101,7 @@ impl<'a> CalibratedCamera<'a> {
         let (width, height) = self.size_px;
         let picture = width.max(height) as f64 * self.units_per_px();
         let scale = metres_per_unit.std_uncertainty.unwrap_or(0.0) / unit_m;
-        let gravity = c.gravity_std_m_s2.unwrap_or(0.0) / c.gravity_m_s2;
+        let gravity = c.gravity_uncertainty_m_s2() / c.gravity_m_s2;
         CameraFacts {
             axis: self.axis(),
             stands_still: self.stands_still,

@@ -53,7 +53,11 @@ pub fn impacts(
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
     let free = rolling_shutter::widened(free, camera, &refined.tracked);
-    let motion = scaled.motion(&free, lift);
+    let mut motion = scaled.motion(&free, lift);
+    let gravity_m_s2 = motion.gravity_m_s2();
+    if let Some(part) = gravity_m_s2.and_then(|g| calibration.gravity_mismatch(g)) {
+        motion = motion.with_doubted_scale(part);
+    }
     let bounces = motion.bounces();
     let radius_seen_m = || Some(radius_px?.value * camera.ball_units_per_px() * metres_per_unit.value);
     let radius_m = calibration.ball.radius_m.or_else(radius_seen_m);
@@ -64,7 +68,7 @@ pub fn impacts(
         radius_px,
         radius_m,
         shake,
-        gravity_m_s2: motion.gravity_m_s2(),
+        gravity_m_s2,
         up: up(&motion, calibration.upright_std_rad()),
         floor: motion.floor(),
         launch: motion.bench_launch(),

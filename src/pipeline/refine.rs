@@ -16,6 +16,7 @@ use super::track::{Tracked, spots_of};
 use super::warnings::of_track;
 use crate::detect::centre::Accuracy;
 use crate::detect::centre::appearance::RadiusSource;
+use crate::detect::centre::attached_shadow::AttachedShadow;
 use crate::flight::flight_search::FlightSearch;
 use crate::flight::linking::LinkedSpots;
 use crate::flight::{self, Flight, NoFlight};
@@ -107,6 +108,7 @@ impl Refinement<'_> {
         // Seen from above, a better flight is a better size of the ball in every frame.
         let above = first.flight.fit.model.resolves_height();
         let learns_again = accuracy.method().appearance().is_some_and(|a| a.again) || above;
+        let shadow = BallPictures::new(self.decoded, camera, first.optics).shadow_of(first);
         let mut best: Option<(Tracked, BallModel)> = None;
         for _ in 0..MOST_ROUNDS {
             let (now, ball) = match &best {
@@ -115,7 +117,7 @@ impl Refinement<'_> {
             };
             // What was found with the same appearance stays; a new one is a new measurement.
             let known = ball.map_or(&[][..], |_| &now.centres);
-            let pictures = BallPictures::new(self.decoded, camera, now.optics);
+            let pictures = BallPictures::new(self.decoded, camera, now.optics).with_shadow(shadow.as_ref());
             let learned = || ball_model::learned(&pictures, now, accuracy, radius);
             let Some(ball) = ball.cloned().or_else(learned) else {
                 break;
@@ -139,7 +141,7 @@ impl Refinement<'_> {
                     let found = if above {
                         found
                     } else {
-                        self.extended(found, &ball, &*model, accuracy)
+                        self.extended(found, &ball, &*model, accuracy, shadow.as_ref())
                     };
                     best = Some((found, ball));
                 }
@@ -177,6 +179,7 @@ impl Refinement<'_> {
         ball: &BallModel,
         model: &dyn FlightSearch,
         accuracy: Accuracy,
+        shadow: Option<&AttachedShadow>,
     ) -> Tracked {
         let Tracked {
             flight,
@@ -190,7 +193,7 @@ impl Refinement<'_> {
         let times_s = &self.clocked.base.times_s;
         let exposed_s = |c: &BallCentre| times_s[c.frame] + self.camera.readout.delay_s(c.centre.disc.centre);
         let (inside, _): (Vec<_>, Vec<_>) = centres.into_iter().partition(|c| within(exposed_s(c)));
-        let pictures = BallPictures::new(self.decoded, self.camera, optics);
+        let pictures = BallPictures::new(self.decoded, self.camera, optics).with_shadow(shadow);
         let around = self.search(&pictures, ball, accuracy).around(&flight, within);
         let mut all = [&inside[..], &around[..]].concat();
         all.sort_by_key(|c| c.id);

@@ -26,6 +26,16 @@ pub struct Tracked {
 /// A thing that keeps its place beside another and stands out from what is behind it by this factor less is its shadow, or its reflection.
 const SHADOW_CONTRAST: f64 = 1.5;
 
+/// Whether of two things that move along, with these contrasts, the first is the shadow or the reflection of the other: no shadow is brighter than
+/// what it falls on.
+fn is_shadow_of(own_grey: f64, other_grey: f64) -> bool {
+    if own_grey * other_grey < 0.0 {
+        own_grey < 0.0
+    } else {
+        other_grey.abs() > SHADOW_CONTRAST * own_grey.abs()
+    }
+}
+
 /// Shadows that are set aside before the ball, at most.
 const MOST_SHADOWS: usize = 3;
 
@@ -45,9 +55,9 @@ pub fn tracked(
     let mut others = flight::others(&linked, &flight, &*model);
     // What was found may be the shadow of the ball.
     for _ in 0..MOST_SHADOWS {
-        let mut contrasts: Vec<f64> = flight.used_points().map(|p| p.spot.contrast_grey.abs()).collect();
+        let mut contrasts: Vec<f64> = flight.used_points().map(|p| p.spot.contrast_grey).collect();
         let own = median(&mut contrasts).unwrap_or(0.0);
-        let casts = |o: &OtherFlight| o.moves_along && o.contrast_grey.abs() > SHADOW_CONTRAST * own;
+        let casts = |o: &OtherFlight| o.moves_along && is_shadow_of(own, o.contrast_grey);
         if !others.iter().any(casts) {
             break;
         }

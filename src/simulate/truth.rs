@@ -8,9 +8,10 @@
 //! (perspective, camera roll, lens, bump, pan, rolling shutter); `x_m`, `y_m`, `z_m` its
 //! place in the world at the frame's time.
 //!
-//! Of a ball whose plane of motion is turned from the calibrated one (`launch.azimuth_deg`), all places, distances and velocities
+//! Of a ball whose plane of motion is turned from the calibrated one (`launch.azimuth_deg`), places and velocities
 //! along x are their components along the calibrated plane, which is what a camera sees; y is away from it. Angles, ratios, friction,
-//! e, e_x and spins are those of the motion in its own vertical plane: of the ball and its floor, wherever they are seen from.
+//! e, e_x, spins and the distances x0 and x are those of the motion in its own vertical plane: of the ball and its floor, wherever they
+//! are seen from.
 //!
 //! A frame is one that the camera took, at its true time; `stored_frame` says where the file has it (`camera.clock`).
 
@@ -47,9 +48,9 @@ pub struct Truth {
     pub floor_slope_deg: f64,
     /// The impacts within the recording.
     pub bounces: Vec<BounceTruth>,
-    /// From the edge to the first impact, along x, m.
+    /// From the edge to the first impact, along x of the ball's own plane of motion, m.
     pub x0_m: Option<f64>,
-    /// From the first impact to the second, along x, m; also where that is after the recording's end.
+    /// From the first impact to the second, along the same, m; also where that is after the recording's end.
     pub x_m: Option<f64>,
     /// One for each frame that the camera took.
     pub centres: Vec<CentreTruth>,
@@ -185,8 +186,6 @@ impl Truth {
         let impacts = recording.trajectory().impacts();
         let end_s = recording.trajectory().end_s();
         let floor = recording.trajectory().floor();
-        let camera = &recording.scene().camera;
-        let seen_x_m = |i: &Impact| along_calibrated(camera, &i.place_m).x;
         Self {
             schema: SCHEMA,
             build: Build::THIS,
@@ -198,10 +197,10 @@ impl Truth {
                 .take_while(|i| i.time_s <= end_s)
                 .map(|i| bounce(i, floor, recording.scene()))
                 .collect(),
-            x0_m: impacts.first().map(seen_x_m),
+            x0_m: impacts.first().map(|first| first.place_m.x),
             x_m: impacts
                 .get(1)
-                .map(|second| seen_x_m(second) - seen_x_m(&impacts[0])),
+                .map(|second| second.place_m.x - impacts[0].place_m.x),
             centres: centres(recording, recording.trajectory(), recording.renderer(), 0.0),
             second_ball: recording
                 .renderer()

@@ -16,6 +16,7 @@
 
 pub mod affine_patch;
 pub mod appearance;
+pub mod attached_shadow;
 pub mod ball;
 pub mod disc;
 pub mod edge_likelihood;

@@ -171,10 +171,9 @@ fn soft(ball: SoftBall) -> Warning {
 /// The self-check: gravity as the flight shows it, and what would explain another.
 fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
     let expected = j.calibration.gravity_m_s2;
-    let off = (g.value - expected).abs();
     let std = g.std_uncertainty.unwrap_or(0.0);
     let local = j.calibration.gravity_uncertainty_m_s2();
-    if !(off > CONTRADICTS_SIGMAS * std.hypot(local)) {
+    if j.calibration.gravity_mismatch(g).is_none() {
         return Vec::new();
     }
     let ratio = expected / g.value;
@@ -211,7 +210,7 @@ fn gravity(g: Quantity, j: &WarningContext<'_>) -> Vec<Warning> {
     }
     let mut out = vec![warning!(
         "gravity_mismatch",
-        "the flight falls with {:.4} ± {:.4} m/s², not {expected} ± {local:.4}: lengths and speeds are not to be trusted before this is explained (restitution and angles hardly depend on it). Possible: {}.",
+        "the flight falls with {:.4} ± {:.4} m/s², not {expected} ± {local:.4}: lengths and speeds are not to be trusted before this is explained, and their uncertainties hold as much (restitution and angles hardly depend on it). Possible: {}.",
         g.value,
         std,
         causes.join("; ")
