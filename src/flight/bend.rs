@@ -143,6 +143,16 @@ impl Flight {
             .unwrap_or_else(|| (self.clone(), None))
     }
 
+    /// By how much this flight is likelier with a scale that changes, as the logarithm of the odds; negative where it is less likely.
+    #[must_use]
+    pub fn ln_odds_of_scale_change(&self, first_look: &[Spot], camera: &CameraFacts) -> Option<f64> {
+        let none = self.under(&*self.fit.model)?.fit.deviance?;
+        let change = self.scale_change(first_look, camera);
+        let changed = self.under(&*self.fit.model.with_scale_change(change)?)?;
+        let lasting = changed.fit.autocorrelation_inflation.max(1.0);
+        Some(0.5 * (none - changed.fit.deviance?) / lasting)
+    }
+
     fn likeliest_departure(
         &self,
         first_look: &[Spot],

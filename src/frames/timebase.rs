@@ -105,7 +105,14 @@ impl TimeBase {
             }
             numbers.push(number.round());
         }
-        let picture = |k: f64| (by.ratio * k + by.phase + ROUNDING).floor() - (by.phase + ROUNDING).floor();
+        let picture = |k: f64| by.picture(k) - by.picture(0.0);
+        // Over all of them it is better known than from one step.
+        let whole = stamps_s
+            .iter()
+            .zip(&numbers)
+            .next_back()
+            .filter(|(_, n)| **n > 0.0);
+        let stored_s = whole.map_or(stored_s, |(last, number)| (last - first) / number);
         let interval_s = match frame_rate_hz {
             Some(rate) => 1.0 / rate,
             None => stored_s / by.ratio,
@@ -158,6 +165,52 @@ pub struct Resampling {
     pub ratio: f64,
     /// Of the first frame, pictures, 0 to 1.
     pub phase: f64,
+}
+
+/// Rates at which cameras take pictures, Hz.
+const USUAL_RATES_HZ: [f64; 22] = [
+    12.0, 15.0, 20.0, 24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 150.0, 180.0, 200.0, 240.0,
+    250.0, 300.0, 480.0, 500.0, 960.0, 1000.0,
+];
+
+/// The same in the countries of NTSC.
+const NTSC: f64 = 1000.0 / 1001.0;
+
+impl Resampling {
+    /// The picture that stored frame `k` shows.
+    fn picture(self, k: f64) -> f64 {
+        (self.ratio * k + self.phase + ROUNDING).floor()
+    }
+
+    /// A choice of the same pictures for `frames` stored at `stored_hz` from those of a usual camera, where there is one: over a recording many
+    /// ratios choose the same. The nearest rate in whole Hz comes first.
+    #[must_use]
+    pub fn of_usual_rate(self, stored_hz: f64, frames: usize) -> Option<Self> {
+        let nearest = |factor: f64| {
+            let ratios = USUAL_RATES_HZ.iter().map(|hz| hz * factor / stored_hz);
+            let alike = ratios.filter_map(|ratio| self.alike(ratio, frames));
+            alike.min_by(|a, b| {
+                (a.ratio - self.ratio)
+                    .abs()
+                    .total_cmp(&(b.ratio - self.ratio).abs())
+            })
+        };
+        nearest(1.0).or_else(|| nearest(NTSC))
+    }
+
+    /// The same choice by another `ratio`; `None` where that chooses other pictures.
+    fn alike(self, ratio: f64, frames: usize) -> Option<Self> {
+        let (mut low, mut high) = (0.0_f64, 1.0_f64);
+        for k in (0..frames).map(|k| k as f64) {
+            let least = self.picture(k) - self.picture(0.0) - ratio * k;
+            low = low.max(least);
+            high = high.min(least + 1.0);
+        }
+        (low < high).then_some(Self {
+            ratio,
+            phase: 0.5 * (low + high),
+        })
+    }
 }
 
 /// Stamps are even where they stand within this part of a stored frame's time of an even clock.
@@ -231,6 +284,31 @@ const LEAST_WHOLE: f64 = 0.95;
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn a_pattern_of_repeats_is_that_of_a_usual_camera_where_it_may_be() {
+        // 240 Hz stored at 274 Hz: over 90 frames as every eighth twice.
+        let by = Resampling {
+            ratio: 7.0 / 8.0,
+            phase: 0.4,
+        };
+        let usual = by.of_usual_rate(274.0, 60).unwrap();
+        assert!((usual.ratio * 274.0 - 240.0).abs() < 1e-9, "{usual:?}");
+        let chosen = |r: Resampling| {
+            (0..60)
+                .map(|k| r.picture(f64::from(k)) - r.picture(0.0))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(chosen(by), chosen(usual));
+        assert!(
+            Resampling {
+                ratio: 0.7,
+                phase: 0.0
+            }
+            .of_usual_rate(274.0, 500)
+            .is_none()
+        );
+    }
+
     use super::*;
 
     #[test]

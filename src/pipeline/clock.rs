@@ -195,7 +195,12 @@ impl ClockTrials<'_> {
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
         let price = 2.0 * (looked.max(1) as f64).ln() + 2.0 * MARGIN;
         let best = seen.into_iter().take(MOST_TRIED);
-        let finer = best.map(|(fit, by)| refined(fit, by, self.stamps_s.len(), misfit));
+        let stored_s = TimeBase::new(self.stamps_s, &[], None).interval_s;
+        let finer = best.map(|(fit, by)| {
+            let by = refined(fit, by, self.stamps_s.len(), misfit);
+            let usual = stored_s.and_then(|s| by.of_usual_rate(1.0 / s, self.stamps_s.len()));
+            usual.unwrap_or(by)
+        });
         finer
             .filter_map(|by| {
                 let (base, repeats) = clock(by)?;

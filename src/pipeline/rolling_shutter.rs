@@ -3,7 +3,7 @@
 //! The readout time is one more number of the fit ([`row_delays`]), known beforehand to be 0 give or take the time from frame to
 //! frame, which no camera's readout exceeds. It is taken for real where the points say so by more than that number's price, as
 //! the odds of the two readings tell: exp(z²/2)·σ/τ for a value z standard uncertainties σ off 0, τ the width of what is known
-//! beforehand. Then the times of all points are those of their rows, the ball is looked for once more with them, and the number's
+//! beforehand; a scale that changes across the picture bends arcs in much the same way, and must be less likely. Then the times of all points are those of their rows, the ball is looked for once more with them, and the number's
 //! uncertainty is carried through to all results. Where a flight was refused for its times, a few readouts are tried first.
 
 use super::camera::CalibratedCamera;
@@ -48,7 +48,9 @@ pub fn found<'a>(
     match first {
         Some(refined) => {
             let readout = shown(camera, &refined.tracked)?;
-            let stands = ln_odds(readout, interval_s) > LEAST_LN_ODDS;
+            let odds = ln_odds(readout, interval_s);
+            let rival = odds_of_scale_change(camera, &refined.tracked).unwrap_or(0.0);
+            let stands = odds > LEAST_LN_ODDS.max(rival);
             stands
                 .then(|| settled(camera, readout, interval_s, &follow))?
                 .filter(|(_, again)| {
@@ -102,6 +104,17 @@ fn shown(camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Option<Quantity> {
         .with_all_unknowns(camera.calibration.upright_std_rad());
     let readout = row_delays::estimate(&open, |spot| share(camera, tracked, spot))?;
     readout.std_uncertainty.filter(|s| *s > 0.0).map(|_| readout)
+}
+
+/// Odds of a scale that changes against one that does not, as a logarithm: it bends arcs much as a readout does.
+fn odds_of_scale_change(camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Option<f64> {
+    let open = tracked
+        .flight
+        .with_all_unknowns(camera.calibration.upright_std_rad());
+    let metres_per_unit = camera
+        .metres_per_unit(&open, Quantity::undetermined(open.radius()))
+        .ok()?;
+    open.ln_odds_of_scale_change(&tracked.first_look, &camera.facts(metres_per_unit))
 }
 
 /// How far down the rows a spot is.
