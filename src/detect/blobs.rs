@@ -62,8 +62,9 @@ impl Blob {
     }
 }
 
-/// A part of a blob is at least this part of it.
+/// A part of a blob is at least this part of it, and so large: of fewer pixels nobody can say that they are round.
 const LEAST_PART: f64 = 0.1;
+const LEAST_PART_AREA_PX: f64 = 40.0;
 
 /// What a blob may consist of.
 #[derive(Debug, Clone)]
@@ -82,7 +83,18 @@ impl BlobPart {
         let inside = |p: &&PixelPoint| disc.centre.distance_px(**p) < reach_px;
         self.pixels.iter().filter(inside).count() as f64 / self.pixels.len().max(1) as f64
     }
+
+    /// Whether it fills `disc`.
+    #[must_use]
+    pub fn fills(&self, disc: &Disc) -> bool {
+        let sweep_px = disc.swept_px[0].hypot(disc.swept_px[1]);
+        let area_px2 = disc.radius_px * (std::f64::consts::PI * disc.radius_px + 2.0 * sweep_px);
+        self.within(disc, 0.0) * self.pixels.len() as f64 > LEAST_FILL * area_px2
+    }
 }
+
+/// What fills less than this part of a disc is none.
+const LEAST_FILL: f64 = 0.75;
 
 impl Blob {
     /// What is brighter in this blob than the scene, and what is darker, where it has much of both.
@@ -96,7 +108,7 @@ impl Blob {
         let threshold = change_threshold(&changes, background.noise_grey);
         let differ = |sign: f32| changes.iter().filter(|c| sign * **c > threshold).count() as f64;
         let (bright, dark) = (differ(1.0), differ(-1.0));
-        let least = (LEAST_PART * (bright + dark)).max(LEAST_OVAL_AREA_PX);
+        let least = (LEAST_PART * (bright + dark)).max(LEAST_PART_AREA_PX);
         if bright.min(dark) < least {
             return None;
         }

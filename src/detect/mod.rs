@@ -135,23 +135,26 @@ impl Detector {
     }
 
     /// A blob with its first centre; or where a ball and its shadow beside it are one region, both: what is brighter than the scene and what
-    /// is darker are two things where the one lies outside of the circle of the other. (The dark side of a ball lies within.)
+    /// is darker are two things where one at least is a full disc, and the other lies beside it. (The dark side of a ball lies within, and so
+    /// do its marks; half a ball fills no disc.)
     fn parted(&self, blob: Blob, registration: &Registration) -> Vec<(Blob, Option<Centre>)> {
-        let parts = blob.bright_and_dark(&self.background, registration);
-        if let Some(parts) = parts {
-            let centres = parts.each_ref().map(|p| self.first_centre(&p.blob, registration));
-            let apart = |one: usize, other: usize| {
-                let centre = centres[one].as_ref();
-                centre.is_some_and(|c| parts[other].within(&c.disc, BLURRED_PX) < MOST_WITHIN)
-            };
-            if apart(0, 1) || apart(1, 0) {
-                let [bright, dark] = parts.map(|p| p.blob);
-                let [of_bright, of_dark] = centres;
-                return vec![(bright, of_bright), (dark, of_dark)];
-            }
+        let whole = self.first_centre(&blob, registration);
+        let Some(parts) = blob.bright_and_dark(&self.background, registration) else {
+            return vec![(blob, whole)];
+        };
+        let centres = parts.each_ref().map(|p| self.first_centre(&p.blob, registration));
+        // (An oval may be half a ball.)
+        let circles = centres.map(|c| c.filter(|c| c.disc.swept_px == [0.0; 2]));
+        let disc = |k: usize| circles[k].as_ref().map(|c| c.disc);
+        let full = |k: &usize| disc(*k).is_some_and(|d| parts[*k].fills(&d));
+        let beside = |k: usize| disc(k).is_some_and(|d| parts[1 - k].within(&d, BLURRED_PX) < MOST_WITHIN);
+        let mut whole_discs = (0..2).filter(full).peekable();
+        if whole_discs.peek().is_none() || !whole_discs.all(beside) {
+            return vec![(blob, whole)];
         }
-        let centre = self.first_centre(&blob, registration);
-        vec![(blob, centre)]
+        let [bright, dark] = parts.map(|p| p.blob);
+        let [of_bright, of_dark] = centres;
+        vec![(bright, of_bright), (dark, of_dark)]
     }
 
     /// The registration of a frame in which a camera that otherwise stands still swings; `None` where it does not.

@@ -55,7 +55,7 @@ const LEAST_SIGHTINGS: usize = 8;
 impl SizeTrend {
     /// That of a ball's sightings, each with its own radius; `None` where they do not tell it.
     #[must_use]
-    pub fn of(spots: &[Spot]) -> Option<Self> {
+    pub fn of(spots: &[Spot], camera_stands_still: bool) -> Option<Self> {
         if spots.len() < LEAST_SIGHTINGS {
             return None;
         }
@@ -73,8 +73,7 @@ impl SizeTrend {
                 matrix[(i, k + 1)] = weight * (of[k](s) - ranges[k].0) / ranges[k].1;
             }
         }
-        let usual = [USUAL_CHANGE, USUAL_CHANGE, USUAL_CHANGE_IN_TIME];
-        for (k, usual) in usual.into_iter().enumerate() {
+        for (k, usual) in usual_changes(camera_stands_still).into_iter().enumerate() {
             matrix[(spots.len() + k, k + 1)] = 1.0 / usual;
         }
         let (found, inverse) = solve(&matrix, &right)?;
@@ -123,8 +122,18 @@ const HELD: f64 = 1e-12;
 /// The scale changes by about this part over a path, where the ball's size does not tell.
 const USUAL_CHANGE: f64 = 0.1;
 
-/// And by this part in time alone. A ball that leaves the plane goes on in a plane of its own: its scale changes with its way, before an impact and after it.
+/// And by this part in time alone, where the camera stands still. A ball that leaves the plane goes on in a plane of its own: its scale changes with its way,
+/// before an impact and after it. A camera in a hand comes nearer as it likes.
 const USUAL_CHANGE_IN_TIME: f64 = 0.02;
+
+fn usual_changes(camera_stands_still: bool) -> [f64; 3] {
+    let in_time = if camera_stands_still {
+        USUAL_CHANGE_IN_TIME
+    } else {
+        USUAL_CHANGE
+    };
+    [USUAL_CHANGE, USUAL_CHANGE, in_time]
+}
 
 /// A fall that is off gravity by more standard uncertainties than this is not one that a slant explains.
 const FALL_SIGMAS: f64 = 4.0;
@@ -280,7 +289,8 @@ impl Flight {
             range(|s| s.place.right),
             range(|s| s.time_s),
         );
-        let trend = SizeTrend::of(first_look);
+        let trend = SizeTrend::of(first_look, camera.stands_still);
+        let usual = usual_changes(camera.stands_still);
         // What is behind a small ball changes its outline as much as its place does.
         let mut roughness: Vec<f64> = first_look.iter().map(|s| s.std / s.radius).collect();
         let rough = median(&mut roughness).unwrap_or(0.0);
@@ -297,9 +307,9 @@ impl Flight {
             time_s: time.0,
             distance: camera.distance.0,
             known: [
-                known(trend.map(|t| t.up), up.1, USUAL_CHANGE),
-                known(trend.map(|t| t.right), right.1, USUAL_CHANGE),
-                known(trend.map(|t| t.time), time.1, USUAL_CHANGE_IN_TIME),
+                known(trend.map(|t| t.up), up.1, usual[0]),
+                known(trend.map(|t| t.right), right.1, usual[1]),
+                known(trend.map(|t| t.time), time.1, usual[2]),
                 (0.0, HELD),
                 (0.0, HELD),
             ],

@@ -13,7 +13,7 @@
 
 use super::flight_search::FlightSearch;
 use super::linking::{LinkedSpots, Spot, median_radius};
-use super::path::{divided, variance};
+use super::path::{FINE_SCATTERS, divided, variance};
 use super::segment::DROP_COST;
 
 /// When the frames were taken, and which show nothing new.
@@ -96,7 +96,7 @@ impl<'a> MovingTracks<'a> {
         let mut most = 0.0;
         for (track, _) in asked {
             let distinct = frames.distinct(track);
-            let seen = divided(&distinct, None);
+            let seen = divided(&distinct, None, &FINE_SCATTERS);
             let (again, could) = repeats.of(&distinct);
             all.gain += seen.gain + again;
             all.room += seen.room + could - again;

@@ -14,9 +14,11 @@ use std::ops::Range;
 /// A first centre is not known better than to this part of the radius: shading, texture, what is behind.
 const PART_OF_RADIUS: f64 = 0.02;
 
-/// The centres' scatter is one of these times what they say: the likelier counts. A large ball before a plain wall, or a hand-held camera, a
-/// coarse codec.
-const SCATTERS: [f64; 5] = [0.16, 0.4, 1.0, 2.5, 6.0];
+/// The centres' scatter is one of these times what they say: the likelier counts. A hand-held camera, a coarse codec.
+pub const SCATTERS: [f64; 3] = [1.0, 2.5, 6.0];
+
+/// The same where it may be less: of a large ball before a plain wall.
+pub const FINE_SCATTERS: [f64; 5] = [0.16, 0.4, 1.0, 2.5, 6.0];
 
 /// Arcs whose own fall is tried for all.
 const MOST_FALLS: usize = 4;
@@ -32,16 +34,16 @@ pub struct PathLikelihood {
     pub fall: Option<Gravity>,
 }
 
-/// The likelihood of a `track`'s spots as a path of arcs, with this fall where it is known.
+/// The likelihood of a `track`'s spots as a path of arcs, with this fall where it is known, whose centres scatter by one of `scatters`.
 #[must_use]
-pub fn divided(track: &[Spot], known: Option<Gravity>) -> PathLikelihood {
+pub fn divided(track: &[Spot], known: Option<Gravity>, scatters: &[f64]) -> PathLikelihood {
     let most = DROP_COST * track.len() as f64;
     let mut least = PathLikelihood {
         gain: 0.0,
         room: most,
         fall: None,
     };
-    for scatter in SCATTERS {
+    for &scatter in scatters {
         let sample = |s: &Spot| TrackSample::of_spot(s, 1.0 / (scatter * scatter * variance(s)));
         let samples: Vec<TrackSample> = track.iter().map(sample).collect();
         if let Some(g) = known {

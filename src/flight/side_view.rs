@@ -251,7 +251,7 @@ impl FlightSearch for SideView {
         others.sort_by(|a, b| away(a).total_cmp(&away(b)));
         let mut whole = track.clone();
         let mut stages = vec![whole.clone()];
-        let likelihood = |t: &Track| path::divided(&linked.of(t), Some(best.gravity)).gain;
+        let likelihood = |t: &Track| path::divided(&linked.of(t), Some(best.gravity), &path::SCATTERS).gain;
         let mut gain = likelihood(&whole);
         let mut joined_so_far = 0;
         for other in others {

@@ -12,7 +12,7 @@
 use super::patch::Patch;
 use crate::detect::resample::bilinear;
 use crate::geometry::PixelPoint;
-use crate::numeric::robust::median;
+use crate::numeric::robust::{median, std_from_magnitudes};
 
 /// The shadow is learned to so far beyond the outline, px: further than any fit looks.
 const BEYOND_PX: f64 = 10.0;
@@ -26,6 +26,9 @@ const LEAST_VIEWS: usize = 8;
 /// A shadow differs from the scene by this at least, grey levels, and by this part of what the ball does: less is a codec's halo.
 const LEAST_GREY: f64 = 2.0;
 const LEAST_PART_OF_CONTRAST: f64 = 0.03;
+
+/// And by so many standard deviations of what a pixel beside the ball changes by from frame to frame: what comes and goes is no shadow that goes along.
+const LEAST_SIGMAS: f64 = 2.0;
 
 /// And along this part of the outline.
 const LEAST_PART_OF_OUTLINE: f64 = 0.08;
@@ -96,11 +99,13 @@ impl AttachedShadow {
                 values.extend(inside.then(at).flatten());
             }
         }
-        let medians: Vec<Option<f32>> = seen
-            .iter_mut()
-            .map(|values| (values.len() >= LEAST_VIEWS).then(|| median(values)).flatten())
-            .map(|m| m.map(|m| m as f32))
-            .collect();
+        let lasting = |values: &mut Vec<f64>| {
+            let middle = median(values).filter(|_| values.len() >= LEAST_VIEWS)?;
+            let mut off: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();
+            Some((middle as f32, std_from_magnitudes(&mut off)?))
+        };
+        let found: Vec<Option<(f32, f64)>> = seen.iter_mut().map(lasting).collect();
+        let medians: Vec<Option<f32>> = found.iter().map(|f| f.map(|(middle, _)| middle)).collect();
         let mut shadow = Self {
             half,
             grey: vec![0.0; side * side],
@@ -111,7 +116,10 @@ impl AttachedShadow {
         let least = LEAST_GREY.max(LEAST_PART_OF_CONTRAST * contrast_grey.abs());
         let dark = (0..DIRECTIONS).filter(|&k| {
             let angle = std::f64::consts::TAU * k as f64 / DIRECTIONS as f64;
-            f64::from(shadow.at(rim_px * angle.cos(), rim_px * angle.sin())).abs() > least
+            let (du, dv) = (rim_px * angle.cos(), rim_px * angle.sin());
+            let cell = |d: f64| (d + half as f64).round() as usize;
+            let scatter = found[cell(dv) * side + cell(du)].map_or(f64::INFINITY, |(_, std)| std);
+            f64::from(shadow.at(du, dv)).abs() > least.max(LEAST_SIGMAS * scatter)
         });
         (dark.count() as f64 > LEAST_PART_OF_OUTLINE * DIRECTIONS as f64).then_some(shadow)
     }

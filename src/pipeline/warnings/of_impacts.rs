@@ -56,7 +56,7 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     out.extend(j.motion.bend().map(bent));
     out.extend(
         j.departure
-            .map(|departure| departing(departure, SizeTrend::of(j.first_look))),
+            .map(|departure| departing(departure, SizeTrend::of(j.first_look, j.camera.stands_still))),
     );
     out.extend(scale_against_ball(j));
     out.extend(floor_height(j));
