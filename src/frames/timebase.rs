@@ -132,6 +132,51 @@ impl TimeBase {
         Some((base, repeats.collect()))
     }
 
+    /// The even clock that stamps jitter about, by least squares, and the largest jitter, s; `None` where frames are missing by the stamps, or
+    /// they stand further from an even clock than half of its step.
+    #[must_use]
+    pub fn even(stamps_s: &[f64]) -> Option<(Self, f64)> {
+        let stored = Self::new(stamps_s, &[], None);
+        let count = stamps_s.len() as f64;
+        if stored.gaps > 0 || stamps_s.len() < LEAST_EVEN {
+            return None;
+        }
+        let middle = 0.5 * (count - 1.0);
+        let mean = stamps_s.iter().sum::<f64>() / count;
+        let numbered = || {
+            stamps_s
+                .iter()
+                .enumerate()
+                .map(|(k, s)| (k as f64 - middle, s - mean))
+        };
+        let step = numbered().map(|(k, s)| k * s).sum::<f64>() / numbered().map(|(k, _)| k * k).sum::<f64>();
+        let jitter = numbered().map(|(k, s)| (s - step * k).abs()).fold(0.0, f64::max);
+        // Jitter hides the last digits of a usual camera's rate.
+        let squares = numbered().map(|(k, s)| (s - step * k).powi(2)).sum::<f64>();
+        let step_std = (squares / count / numbered().map(|(k, _)| k * k).sum::<f64>()).sqrt();
+        let off = |hz: &f64| (1.0 / hz - step).abs();
+        let usual = USUAL_RATES_HZ
+            .into_iter()
+            .min_by(|a, b| off(a).total_cmp(&off(b)));
+        let step = usual
+            .filter(|hz| off(hz) < STEP_SIGMAS * step_std)
+            .map_or(step, |hz| 1.0 / hz);
+        // Times count from the first stamp.
+        let first = mean - step * middle - stamps_s[0];
+        (step > 0.0 && jitter < 0.5 * step).then(|| {
+            let times_s = (0..stamps_s.len()).map(|k| first + step * k as f64).collect();
+            let interval_s = Some(step);
+            (
+                Self {
+                    times_s,
+                    interval_s,
+                    ..stored
+                },
+                jitter,
+            )
+        })
+    }
+
     /// The same clock slower by a `factor`, its frames numbered anew.
     #[must_use]
     pub fn stretched(mut self, factor: f64) -> Self {
@@ -212,6 +257,12 @@ impl Resampling {
         })
     }
 }
+
+/// A usual rate is that of the stamps where their mean step is no further from it than so many standard uncertainties.
+const STEP_SIGMAS: f64 = 4.0;
+
+/// Fewer stamps than this tell no even clock.
+const LEAST_EVEN: usize = 12;
 
 /// Stamps are even where they stand within this part of a stored frame's time of an even clock.
 const EVEN_PART: f64 = 0.2;

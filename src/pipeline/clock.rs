@@ -3,6 +3,7 @@
 //! | clock | its free numbers |
 //! |---|---|
 //! | the stamps, or the calibration's rate, as they are | none |
+//! | an even clock that the stamps jitter about | none, but a margin |
 //! | frames that show the one before left out, the others as stamped | which |
 //! | frames chosen from pictures of another rate ([`TimeBase::resampled`]): repeats or gaps that come regularly | ratio, phase |
 //! | the likeliest of these with frames missing in single places | where, how many |
@@ -63,6 +64,18 @@ pub fn clocked(
         let price = trials.price_of_places(&repeats);
         rivals.push(ClockTrial { base, repeats, price });
     }
+    // What jitters by less than this nobody sees.
+    let even = TimeBase::even(stamps_s).filter(|(base, jitter_s)| {
+        rate_hz.is_none() && *jitter_s > LEAST_JITTER * base.interval_s.unwrap_or(0.0)
+    });
+    let jitter_s = even.as_ref().map(|(_, jitter_s)| *jitter_s);
+    if let Some((base, _)) = even {
+        rivals.push(ClockTrial {
+            base,
+            repeats: none.clone(),
+            price: MARGIN,
+        });
+    }
     let as_stamped = ClockTrial {
         base: as_stamped,
         repeats: none,
@@ -81,10 +94,18 @@ pub fn clocked(
     for rival in rivals {
         best = best.or(trials.tried(rival));
     }
+    let jittered = jitter_s.filter(|_| best.clock.is_even(stamps_s));
     best = trials.numbered_anew(best, camera);
     best = trials.with_single_gaps(best, &linked.spots);
-    Clocked::new(best.clock.base, best.clock.repeats, camera, decoded)
+    let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
+    clocked
+        .warnings
+        .extend(jittered.map(|jitter_s| of_clock::jitter(&clocked.base, jitter_s)));
+    clocked
 }
+
+/// Stamps that stand within this part of a step of an even clock are taken as they are.
+const LEAST_JITTER: f64 = 0.05;
 
 /// A clock with this much room, in squared standard deviations, may have a better one: a jump between two arcs leaves more. (What the arcs
 /// themselves cost, of which a better clock has fewer, is not in it.)
@@ -128,6 +149,11 @@ struct ClockTrial {
 }
 
 impl ClockTrial {
+    /// Whether it is the even clock that the stamps jitter about.
+    fn is_even(&self, stamps_s: &[f64]) -> bool {
+        TimeBase::even(stamps_s).is_some_and(|(even, _)| even.times_s == self.base.times_s)
+    }
+
     fn frames(&self) -> FrameTimes<'_> {
         FrameTimes {
             times_s: &self.base.times_s,

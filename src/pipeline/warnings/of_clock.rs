@@ -48,6 +48,16 @@ fn rounded_stamps(seen: &Decoded, calibration: &Calibration) -> Option<Warning> 
     ))
 }
 
+/// Stamps that jitter about the even clock `base`.
+pub fn jitter(base: &TimeBase, jitter_s: f64) -> Warning {
+    warning!(
+        "stamps_jitter",
+        "the file's time stamps jitter by up to {:.2} ms about an even clock of {:.3} Hz, and the ball's path shows that the frames were taken evenly: that clock was used. A recording app that stamps frames as they arrive does this; the camera's own file has better times.",
+        1e3 * jitter_s,
+        1.0 / base.interval_s.unwrap_or(f64::NAN)
+    )
+}
+
 /// A stamp that is moved by less than this part of an interval is not worth a word.
 const WORTH_SAYING_PART: f64 = 0.01;
 
