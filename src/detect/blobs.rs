@@ -17,6 +17,8 @@ pub struct Blob {
     pub centroid: PixelPoint,
     /// Number of pixels that differ.
     pub area_px: f64,
+    /// Of these, the number that are brighter than the background.
+    pub brighter_px: f64,
     /// Standard deviations of the pixels that differ along their long and short axis, px.
     pub spread_px: (f64, f64),
     /// Direction of the long axis, rad from u towards v.
@@ -76,20 +78,18 @@ pub struct BlobPart {
 }
 
 impl BlobPart {
-    /// The part of its pixels that lie within `disc`, or less than `margin_px` beyond its edge.
+    /// The part of its pixels that lie within a `circle` (which is not swept), or less than `margin_px` beyond its edge.
     #[must_use]
-    pub fn within(&self, disc: &Disc, margin_px: f64) -> f64 {
-        let reach_px = disc.radius_px + 0.5 * disc.swept_px[0].hypot(disc.swept_px[1]) + margin_px;
-        let inside = |p: &&PixelPoint| disc.centre.distance_px(**p) < reach_px;
+    pub fn within(&self, circle: &Disc, margin_px: f64) -> f64 {
+        let inside = |p: &&PixelPoint| circle.centre.distance_px(**p) < circle.radius_px + margin_px;
         self.pixels.iter().filter(inside).count() as f64 / self.pixels.len().max(1) as f64
     }
 
-    /// Whether it fills `disc`.
+    /// Whether it fills a `circle`, which is not swept.
     #[must_use]
-    pub fn fills(&self, disc: &Disc) -> bool {
-        let sweep_px = disc.swept_px[0].hypot(disc.swept_px[1]);
-        let area_px2 = disc.radius_px * (std::f64::consts::PI * disc.radius_px + 2.0 * sweep_px);
-        self.within(disc, 0.0) * self.pixels.len() as f64 > LEAST_FILL * area_px2
+    pub fn fills(&self, circle: &Disc) -> bool {
+        let area_px2 = std::f64::consts::PI * circle.radius_px * circle.radius_px;
+        self.within(circle, 0.0) * self.pixels.len() as f64 > LEAST_FILL * area_px2
     }
 }
 
@@ -104,14 +104,12 @@ impl Blob {
         background: &Background,
         registration: &Registration,
     ) -> Option<[BlobPart; 2]> {
-        let changes = pixel_changes(background, registration, &self.crop);
-        let threshold = change_threshold(&changes, background.noise_grey);
-        let differ = |sign: f32| changes.iter().filter(|c| sign * **c > threshold).count() as f64;
-        let (bright, dark) = (differ(1.0), differ(-1.0));
-        let least = (LEAST_PART * (bright + dark)).max(LEAST_PART_AREA_PX);
-        if bright.min(dark) < least {
+        let least = (LEAST_PART * self.area_px).max(LEAST_PART_AREA_PX);
+        if self.brighter_px.min(self.area_px - self.brighter_px) < least {
             return None;
         }
+        let changes = pixel_changes(background, registration, &self.crop);
+        let threshold = change_threshold(&changes, background.noise_grey);
         let part = |sign: f32| self.part(&changes, threshold, sign);
         Some([part(1.0)?, part(-1.0)?])
     }
@@ -138,6 +136,7 @@ impl Blob {
         Self {
             centroid: PixelPoint::new(u + moments.u, v + moments.v),
             area_px: moments.area,
+            brighter_px: moments.brighter,
             spread_px: moments.spread,
             direction_rad: moments.direction_rad,
             contrast_grey: moments.contrast,
@@ -361,6 +360,7 @@ struct Moments {
     u: f64,
     v: f64,
     area: f64,
+    brighter: f64,
     spread: (f64, f64),
     direction_rad: f64,
     contrast: f64,
@@ -370,6 +370,7 @@ impl Moments {
     /// Moments of the pixels whose change exceeds `threshold`; `None` when there are fewer than four.
     fn of(changes: &[f32], width: usize, threshold: f32) -> Option<Self> {
         let (mut n, mut su, mut sv, mut suu, mut suv, mut svv, mut sc) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let mut brighter = 0.0;
         for (i, &c) in changes.iter().enumerate() {
             if c.abs() > threshold {
                 let (u, v) = ((i % width) as f64, (i / width) as f64);
@@ -380,6 +381,7 @@ impl Moments {
                 suv += u * v;
                 svv += v * v;
                 sc += f64::from(c);
+                brighter += f64::from(u8::from(c > 0.0));
             }
         }
         if n < 4.0 {
@@ -395,6 +397,7 @@ impl Moments {
             u,
             v,
             area: n,
+            brighter,
             spread: ((mean + half).sqrt(), (mean - half).max(1.0 / 12.0).sqrt()),
             direction_rad: 0.5 * (2.0 * cuv).atan2(cuu - cvv),
             contrast: sc / n,

@@ -157,9 +157,14 @@ impl Flight {
     pub fn ln_odds_of_scale_change(&self, first_look: &[Spot], camera: &CameraFacts) -> Option<f64> {
         let none = self.under(&*self.fit.model)?.fit.deviance?;
         let change = self.scale_change(first_look, camera);
-        let changed = self.under(&*self.fit.model.with_scale_change(change)?)?;
-        let lasting = changed.fit.autocorrelation_inflation.max(1.0);
-        Some(0.5 * (none - changed.fit.deviance?) / lasting)
+        Some(0.5 * self.gain_under(&*self.fit.model.with_scale_change(change)?, none)?)
+    }
+
+    /// By how much the points are likelier under `model` than where their deviance is `none`, in −2 ln L: what lasts from frame to frame
+    /// counts once.
+    fn gain_under(&self, model: &dyn MotionModel, none: f64) -> Option<f64> {
+        let fit = self.under(model)?.fit;
+        Some((none - fit.deviance?) / fit.autocorrelation_inflation.max(1.0))
     }
 
     fn likeliest_departure(
@@ -169,10 +174,6 @@ impl Flight {
     ) -> Option<(Self, Option<Departure>)> {
         let model = &self.fit.model;
         let none = self.under(&**model)?.fit.deviance?;
-        // What lasts from frame to frame counts once.
-        let gain = |flight: &Self| -> Option<f64> {
-            Some((none - flight.fit.deviance?) / flight.fit.autocorrelation_inflation.max(1.0))
-        };
         let (parts, least) = if camera.stands_still {
             (&[][..], LEAST_GAIN_ON_TRIPOD)
         } else {
@@ -180,13 +181,15 @@ impl Flight {
         };
         let bent = parts.iter().filter_map(|&part| {
             let model = model.with_bend(part)?;
-            let gain = gain(&self.under(&*model)?)? - 2.0 * (PARTS.len() as f64).ln();
+            let gain = self.gain_under(&*model, none)? - 2.0 * (PARTS.len() as f64).ln();
             Some((gain, part, model))
         });
         let bent = bent.max_by(|a, b| a.0.total_cmp(&b.0));
         let change = self.scale_change(first_look, camera);
-        let changed = model.with_scale_change(change).and_then(|m| self.under(&*m));
-        let by_scale = changed.as_ref().and_then(gain).unwrap_or(f64::NEG_INFINITY);
+        let by_scale = model
+            .with_scale_change(change)
+            .and_then(|m| self.gain_under(&*m, none));
+        let by_scale = by_scale.unwrap_or(f64::NEG_INFINITY);
         match bent.filter(|(gain, ..)| *gain > by_scale.max(least)) {
             Some((_, part, model)) => {
                 let anew = self.with_outliers_judged_anew(&*model);

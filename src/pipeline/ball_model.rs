@@ -96,9 +96,10 @@ impl<'a> BallPictures<'a> {
         let (seen, velocities): (Vec<_>, Vec<_>) = shadow_examples(self, tracked).into_iter().unzip();
         let view = |((s, c), velocity): (&(&'a Sighting, BallCentre), &[f64; 2])| ShadowView {
             patch: self.decoded.detector.patch(&s.blob.crop, &s.registration),
-            centre: c.centre.disc.centre,
-            radius_px: c.centre.disc.radius_px,
-            swept_px: velocity.map(|v| v * tracked.flight.interval_s),
+            disc: Disc {
+                swept_px: velocity.map(|v| v * tracked.flight.interval_s),
+                ..c.centre.disc
+            },
         };
         let views: Vec<ShadowView<'_>> = seen.iter().zip(&velocities).map(view).collect();
         let mut contrasts: Vec<f64> = seen.iter().map(|(_, c)| c.centre.contrast_grey).collect();

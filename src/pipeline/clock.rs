@@ -68,7 +68,9 @@ pub fn clocked(
     let even = TimeBase::even(stamps_s).filter(|(base, jitter_s)| {
         rate_hz.is_none() && *jitter_s > LEAST_JITTER * base.interval_s.unwrap_or(0.0)
     });
-    let jitter_s = even.as_ref().map(|(_, jitter_s)| *jitter_s);
+    let even_times = even
+        .as_ref()
+        .map(|(base, jitter_s)| (base.times_s.clone(), *jitter_s));
     if let Some((base, _)) = even {
         rivals.push(ClockTrial {
             base,
@@ -94,13 +96,13 @@ pub fn clocked(
     for rival in rivals {
         best = best.or(trials.tried(rival));
     }
-    let jittered = jitter_s.filter(|_| best.clock.is_even(stamps_s));
+    let jittered = even_times.filter(|(times_s, _)| *times_s == best.clock.base.times_s);
     best = trials.numbered_anew(best, camera);
     best = trials.with_single_gaps(best, &linked.spots);
     let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
     clocked
         .warnings
-        .extend(jittered.map(|jitter_s| of_clock::jitter(&clocked.base, jitter_s)));
+        .extend(jittered.map(|(_, jitter_s)| of_clock::jitter(&clocked.base, jitter_s)));
     clocked
 }
 
@@ -149,11 +151,6 @@ struct ClockTrial {
 }
 
 impl ClockTrial {
-    /// Whether it is the even clock that the stamps jitter about.
-    fn is_even(&self, stamps_s: &[f64]) -> bool {
-        TimeBase::even(stamps_s).is_some_and(|(even, _)| even.times_s == self.base.times_s)
-    }
-
     fn frames(&self) -> FrameTimes<'_> {
         FrameTimes {
             times_s: &self.base.times_s,

@@ -77,13 +77,14 @@ pub fn refined(recording: &Refinement<'_>, first: Tracked) -> Result<Refined, No
     ];
     let needs_appearance = asked.method().appearance().is_some();
     let attempts = &attempts[if needs_appearance { 0 } else { 2 }..];
+    let shadow = BallPictures::new(recording.decoded, recording.camera, first.optics).shadow_of(&first);
     let mut stands = false;
     let mut refused = None;
     for &(accuracy, radius) in attempts {
         if stands && accuracy != asked {
             break;
         }
-        match recording.refinement(&first, accuracy, radius) {
+        match recording.refinement(&first, shadow.as_ref(), accuracy, radius) {
             Ok(Some((tracked, ball))) => return Ok(recording.with_warnings(tracked, Some(ball))),
             Ok(None) => stands = true,
             Err(reason) => refused = Some(reason),
@@ -101,6 +102,7 @@ impl Refinement<'_> {
     fn refinement(
         &self,
         first: &Tracked,
+        shadow: Option<&AttachedShadow>,
         accuracy: Accuracy,
         radius: RadiusSource,
     ) -> Result<Option<(Tracked, BallModel)>, NoFlight> {
@@ -108,7 +110,6 @@ impl Refinement<'_> {
         // Seen from above, a better flight is a better size of the ball in every frame.
         let above = first.flight.fit.model.resolves_height();
         let learns_again = accuracy.method().appearance().is_some_and(|a| a.again) || above;
-        let shadow = BallPictures::new(self.decoded, camera, first.optics).shadow_of(first);
         let mut best: Option<(Tracked, BallModel)> = None;
         for _ in 0..MOST_ROUNDS {
             let (now, ball) = match &best {
@@ -117,7 +118,7 @@ impl Refinement<'_> {
             };
             // What was found with the same appearance stays; a new one is a new measurement.
             let known = ball.map_or(&[][..], |_| &now.centres);
-            let pictures = BallPictures::new(self.decoded, camera, now.optics).with_shadow(shadow.as_ref());
+            let pictures = BallPictures::new(self.decoded, camera, now.optics).with_shadow(shadow);
             let learned = || ball_model::learned(&pictures, now, accuracy, radius);
             let Some(ball) = ball.cloned().or_else(learned) else {
                 break;
@@ -141,7 +142,7 @@ impl Refinement<'_> {
                     let found = if above {
                         found
                     } else {
-                        self.extended(found, &ball, &*model, accuracy, shadow.as_ref())
+                        self.extended(found, &ball, &*model, accuracy, shadow)
                     };
                     best = Some((found, ball));
                 }

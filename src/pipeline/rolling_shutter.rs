@@ -3,8 +3,8 @@
 //! The readout time is one more number of the fit ([`row_delays`]), known beforehand to be 0 give or take the time from frame to
 //! frame, which no camera's readout exceeds. It is taken for real where the points say so by more than that number's price, as
 //! the odds of the two readings tell: exp(z²/2)·σ/τ for a value z standard uncertainties σ off 0, τ the width of what is known
-//! beforehand; a scale that changes across the picture bends arcs in much the same way, and must be less likely. Then the times of all points are those of their rows, the ball is looked for once more with them, and the number's
-//! uncertainty is carried through to all results. Where a flight was refused for its times, a few readouts are tried first.
+//! beforehand; a scale that changes across the picture bends arcs in much the same way, and must be less likely. Then the times
+//! of all points are those of their rows, the ball is looked for once more with them, and the number's uncertainty is carried through to all results. Where a flight was refused for its times, a few readouts are tried first.
 
 use super::camera::CalibratedCamera;
 use super::refine::Refined;
@@ -49,8 +49,8 @@ pub fn found<'a>(
         Some(refined) => {
             let readout = shown(camera, &refined.tracked)?;
             let odds = ln_odds(readout, interval_s);
-            let rival = odds_of_scale_change(camera, &refined.tracked).unwrap_or(0.0);
-            let stands = odds > LEAST_LN_ODDS.max(rival);
+            let rival = || odds_of_scale_change(camera, &refined.tracked).unwrap_or(0.0);
+            let stands = odds > LEAST_LN_ODDS && odds > rival();
             stands
                 .then(|| settled(camera, readout, interval_s, &follow))?
                 .filter(|(_, again)| {

@@ -9,6 +9,8 @@
 //! does not (of a ball over its table) leaves no median, and nothing is added. Behind the ball's rim, where nothing is seen, it
 //! goes on as it is beside it.
 
+use super::ball::nearest_offset;
+use super::disc::Disc;
 use super::patch::Patch;
 use crate::detect::resample::bilinear;
 use crate::geometry::PixelPoint;
@@ -41,26 +43,8 @@ const DIRECTIONS: usize = 64;
 pub struct ShadowView<'a> {
     /// The pixels around it, before the scene alone.
     pub patch: Patch<'a>,
-    /// Its centre.
-    pub centre: PixelPoint,
-    /// Its radius, px.
-    pub radius_px: f64,
-    /// Its way while the shutter may have been open, px: pixels nearer to that than its radius may be its own.
-    pub swept_px: [f64; 2],
-}
-
-impl ShadowView<'_> {
-    /// How far a place is from the way of the centre.
-    fn off_path_px(&self, du: f64, dv: f64) -> f64 {
-        let [su, sv] = self.swept_px;
-        let length2 = su * su + sv * sv;
-        let along = if length2 > 0.0 {
-            ((du * su + dv * sv) / length2).clamp(-0.5, 0.5)
-        } else {
-            0.0
-        };
-        (du - along * su).hypot(dv - along * sv)
-    }
+    /// Its outline, swept for as long as the shutter may have been open: what is nearer to that may be its own.
+    pub disc: Disc,
 }
 
 /// The change of the scene beside a ball, on a grid of pixels about its centre.
@@ -76,7 +60,7 @@ impl AttachedShadow {
     /// seen.
     #[must_use]
     pub fn learned(views: &[ShadowView<'_>], contrast_grey: f64) -> Option<Self> {
-        let mut radii: Vec<f64> = views.iter().map(|v| v.radius_px).collect();
+        let mut radii: Vec<f64> = views.iter().map(|v| v.disc.radius_px).collect();
         let radius_px = median(&mut radii)?;
         let half = (radius_px + BEYOND_PX).ceil() as usize;
         let side = 2 * half + 1;
@@ -85,13 +69,15 @@ impl AttachedShadow {
             let crop = &view.patch.crop.luma;
             let pairs = crop.data.iter().zip(&view.patch.background);
             let change: Vec<f32> = pairs.map(|(&i, &b)| f32::from(i) - b).collect();
+            let centre = view.disc.centre;
             let (u0, v0) = (
-                view.centre.u_px - view.patch.crop.u as f64,
-                view.centre.v_px - view.patch.crop.v as f64,
+                centre.u_px - view.patch.crop.u as f64,
+                centre.v_px - view.patch.crop.v as f64,
             );
             for (i, values) in seen.iter_mut().enumerate() {
                 let (du, dv) = offset(i, half);
-                if view.off_path_px(du, dv) < view.radius_px + RIM_PX {
+                let (off_u, off_v) = nearest_offset(&view.disc, centre.u_px + du, centre.v_px + dv);
+                if off_u.hypot(off_v) < view.disc.radius_px + RIM_PX {
                     continue;
                 }
                 let inside = u0 + du < (crop.width - 1) as f64 && v0 + dv < (crop.height - 1) as f64;
@@ -214,9 +200,12 @@ mod tests {
             .iter()
             .map(|((u, v), crop)| ShadowView {
                 patch: before_wall(crop),
-                centre: PixelPoint::new(u + 10.0, v + 20.0),
-                radius_px: 6.0,
-                swept_px: [0.0; 2],
+                disc: Disc {
+                    centre: PixelPoint::new(u + 10.0, v + 20.0),
+                    radius_px: 6.0,
+                    swept_px: [0.0; 2],
+                    bent_px: [0.0; 2],
+                },
             })
             .collect();
         AttachedShadow::learned(&views, 100.0)
