@@ -23,7 +23,7 @@ use track::pipeline::{Outcome, measure};
 use track::simulate::{Scene, SimulatedRecording, write};
 
 /// Recordings where none are asked for.
-const RECORDINGS: usize = 48;
+const RECORDINGS: usize = 80;
 
 /// The first seed: no scene of this file was looked at while the uncertainties were made.
 const FIRST_SEED: u64 = 120_000;

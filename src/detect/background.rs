@@ -12,7 +12,7 @@ use super::noise::{ROUNDING_STD_GREY, frame_noise_grey, interpolated_median, spa
 use super::registrar::Registrar;
 use super::registration::Registration;
 use crate::frames::Luma;
-use crate::numeric::robust::{STD_OF_MEDIAN, lower_median, median};
+use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_median, median};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -45,6 +45,10 @@ pub struct Background {
     pub block_threshold_grey: Vec<f32>,
     /// Follows the camera's drift and the light's flicker.
     pub registrar: Registrar,
+    /// Where the survey's first frame looks.
+    pub first_registration: Registration,
+    /// Standard uncertainty of where a frame looks, px; 0 where the camera is fixed.
+    pub shift_std_px: f64,
     /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
     pub edges: Option<SceneEdges>,
 }
@@ -90,11 +94,12 @@ impl Background {
             let by_halves = first.shift_std_px(survey, &registrations);
             by_halves.min(CLEAR_OF_SCATTER * scatter_px(&registrations))
         };
-        let mut fixed = drift < FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
+        let still_px = FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
+        let mut fixed = drift < still_px;
         if !fixed {
             // A soft shadow or a lamp may pass for a shift; it moves no edges.
             let by_edges = first.by_edges(survey, &registrations);
-            fixed = drift_px(&by_edges) < FIXED_CAMERA_PX;
+            fixed = drift_px(&by_edges) < still_px;
             for (r, edges) in registrations.iter_mut().zip(by_edges) {
                 let (du, dv) = (edges.shift_u_px - r.shift_u_px, edges.shift_v_px - r.shift_v_px);
                 if fixed || du.hypot(dv) > REFUTED_PX {
@@ -102,23 +107,39 @@ impl Background {
                 }
             }
         }
-        let luma = if fixed {
-            median_of(survey)
-        } else {
-            let aligned: Vec<Luma> = survey
-                .par_iter()
-                .zip(&registrations)
-                .map(|(f, r)| r.aligned(f))
-                .collect();
-            median_of(&aligned.iter().collect::<Vec<_>>())
+        let scene = |followed: &mut [Registration]| {
+            let registrar = if fixed {
+                Registrar::of_fixed(&median_of(survey), noise_grey)
+            } else {
+                let aligned = survey.par_iter().zip(&*followed).map(|(f, r)| r.aligned(f));
+                let aligned: Vec<Luma> = aligned.collect();
+                let noise_part = MEDIAN_STD_OVER_MEAN_STD / (survey.len() as f64).sqrt();
+                Registrar::of_mean(
+                    &median_of(&aligned.iter().collect::<Vec<_>>()),
+                    noise_grey,
+                    noise_part.min(1.0),
+                )
+            };
+            let each = survey.par_iter().zip(followed);
+            each.for_each(|(frame, r)| *r = registrar.follow(frame, r));
+            registrar
         };
-        let registrar = if fixed {
-            Registrar::of_fixed(&luma, noise_grey)
+        let mut registrar = scene(&mut registrations);
+        if !fixed {
+            // By a reference that has the noise of one frame a faint scene is not well aligned, and smeared; what follows it is sharper.
+            registrar = scene(&mut registrations);
+        }
+        let luma = registrar.reference().clone();
+        let shift_std_px = if fixed {
+            0.0
         } else {
-            Registrar::new(&luma, noise_grey)
+            let by_halves = registrar.shift_std_px(survey, &registrations);
+            if by_halves.is_finite() {
+                by_halves
+            } else {
+                registrar.expected_std_px()
+            }
         };
-        let followed = survey.par_iter().zip(&mut registrations);
-        followed.for_each(|(frame, r)| *r = registrar.follow(frame, r));
         let block_px = block_side_px(luma.width, luma.height);
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
@@ -142,6 +163,8 @@ impl Background {
             block_sums,
             block_threshold_grey: Vec::new(),
             registrar,
+            first_registration: registrations.first().copied()?,
+            shift_std_px,
         };
         background.block_threshold_grey = background.thresholds(survey, &registrations);
         Some(background)

@@ -92,7 +92,7 @@ impl Detector {
         // The first frame has none before it, and where the camera drifts it may be far from the reference.
         let first = self.last_sums.is_none() && !registrar.fixed;
         let registration = if first {
-            registrar.locate_one(&frame.luma)
+            registrar.locate_one(&frame.luma, &self.background.first_registration)
         } else {
             registrar.follow(&frame.luma, &self.last_registration)
         };

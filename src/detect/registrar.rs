@@ -17,7 +17,7 @@ use super::resample::{bilinear, reduced};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
-use nalgebra::{Matrix2, Vector2, Vector4};
+use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector4};
 use rayon::prelude::*;
 
 /// A reference pixel with what is needed to compare it.
@@ -59,6 +59,10 @@ pub struct Registrar {
     /// The scene has contrast enough to determine an offset of the brightness beside its gain.
     fits_offset: bool,
     noise_grey: f64,
+    /// The part of it that the reference has.
+    noise_part: f64,
+    /// Least gradient of its samples at full size, grey levels a pixel.
+    least_gradient_grey: f64,
     /// The camera does not move: only brightness is followed.
     pub fixed: bool,
 }
@@ -68,6 +72,12 @@ const SAMPLES: usize = 3000;
 
 /// Sum of squared gradients below which a shift is not determined: noise of 2 grey levels would move it by 0.06 px.
 const LEAST_INFORMATION: f64 = 1e3;
+
+/// What is added to the information along a direction that is held.
+const HELD: f64 = 1e12;
+
+/// Single pixels are compared where they tell a shift to this, px; else whatever tells it best.
+const GOOD_STD_PX: f64 = 0.05;
 
 /// A gradient must exceed this many standard deviations of the noise to be one: by chance one pixel in 1e4 exceeds 4.
 const GRADIENT_SIGMAS: f64 = 4.0;
@@ -100,7 +110,7 @@ const CLOSE_PX: f64 = 0.3;
 const SANE_GAIN: std::ops::Range<f64> = 0.3..3.0;
 
 impl Registrar {
-    /// A registrar for `reference`, whose pixels have noise of `noise_grey`.
+    /// A registrar for `reference`, a single frame with noise of `noise_grey`.
     #[must_use]
     pub fn new(reference: &Luma, noise_grey: f64) -> Self {
         let full = Self::at_full_size(reference, noise_grey);
@@ -108,11 +118,40 @@ impl Registrar {
             return full;
         }
         // A faint scene: means of four or sixteen pixels have its gradients and a half or a quarter of the noise.
-        [2, 4]
-            .into_iter()
-            .filter_map(|factor| full.at(factor))
-            .find(|r| r.sees_shift)
-            .unwrap_or(full)
+        let mut reduced = [2, 4].into_iter().filter_map(|factor| full.at(factor));
+        reduced.find(|r| r.sees_shift).unwrap_or(full)
+    }
+
+    /// A registrar for a `reference` that is a mean of aligned frames with noise of `noise_grey`, and has itself `noise_part` of that.
+    #[must_use]
+    pub fn of_mean(reference: &Luma, noise_grey: f64, noise_part: f64) -> Self {
+        let full_size = |least_grey| Self::at_full_size_of(reference, noise_grey, noise_part, least_grey);
+        let full = full_size(LEAST_GRADIENT_GREY);
+        if full.sees_shift_well() {
+            return full;
+        }
+        let full = full_size(FAINT_GRADIENT_GREY);
+        let reduced: Vec<Self> = [2, 4].into_iter().filter_map(|factor| full.at(factor)).collect();
+        std::iter::once(full)
+            .chain(reduced)
+            .min_by(|a, b| a.expected_std_px().total_cmp(&b.expected_std_px()))
+            .expect("there is the one of full size")
+    }
+
+    /// Standard uncertainty of a shift along the direction that the scene tells least of, px; infinite where it does not tell shifts.
+    #[must_use]
+    pub fn expected_std_px(&self) -> f64 {
+        let information: Matrix2<f64> = self
+            .samples
+            .iter()
+            .map(|s| s.gradient * s.gradient.transpose())
+            .sum();
+        let least = information.symmetric_eigenvalues().min();
+        if self.sees_shift && least > 0.0 {
+            self.factor as f64 * self.noise_at_grey(self.factor) / least.sqrt()
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// A registrar for a camera that does not move: only brightness is followed.
@@ -127,16 +166,28 @@ impl Registrar {
     /// A registrar that compares single pixels, whether they show shifts or not.
     #[must_use]
     pub fn at_full_size(reference: &Luma, noise_grey: f64) -> Self {
-        let (samples, cells) = choose_samples(reference, noise_grey, 1);
+        Self::at_full_size_of(reference, noise_grey, 1.0, LEAST_GRADIENT_GREY)
+    }
+
+    fn at_full_size_of(reference: &Luma, noise_grey: f64, noise_part: f64, least_gradient_grey: f64) -> Self {
+        let (samples, cells) = choose_samples(reference, noise_part * noise_grey, least_gradient_grey, 1);
         Self {
             fits_offset: determines_offset(&samples, noise_grey),
             samples,
             factor: 1,
             sees_shift: cells >= LEAST_CELLS,
             noise_grey,
+            noise_part,
+            least_gradient_grey,
             reference: reference.clone(),
             fixed: false,
         }
+    }
+
+    /// The reference picture.
+    #[must_use]
+    pub fn reference(&self) -> &Luma {
+        &self.reference
     }
 
     /// Whether the scene shows shifts of the camera.
@@ -145,18 +196,32 @@ impl Registrar {
         self.sees_shift
     }
 
+    /// Whether it shows them to [`GOOD_STD_PX`] in each frame.
+    fn sees_shift_well(&self) -> bool {
+        self.expected_std_px() < GOOD_STD_PX
+    }
+
     /// Whether frames are followed where they shift.
     #[must_use]
     pub fn follows_shifts(&self) -> bool {
         self.sees_shift && !self.fixed
     }
 
+    /// The noise at one part in `factor` of the size: averaging lowers it by the side of what is averaged, down to that of rounding.
+    fn noise_at_grey(&self, factor: usize) -> f64 {
+        (self.noise_grey / factor as f64).max(ROUNDING_STD_GREY)
+    }
+
     /// The same comparing at one part in `factor` of the size; `None` where a picture cannot be reduced to that.
     fn at(&self, factor: usize) -> Option<Self> {
         let small = reduced(&self.reference, factor)?;
-        // Averaging lowers the noise by the side of what is averaged, down to that of rounding.
-        let noise_grey = (self.noise_grey / factor as f64).max(ROUNDING_STD_GREY);
-        let (samples, cells) = choose_samples(&small, noise_grey, factor);
+        let noise_grey = self.noise_at_grey(factor);
+        let (samples, cells) = choose_samples(
+            &small,
+            self.noise_part * noise_grey,
+            self.least_gradient_grey,
+            factor,
+        );
         Some(Self {
             fits_offset: determines_offset(&samples, noise_grey),
             samples,
@@ -299,14 +364,17 @@ impl Registrar {
                 fields[field].push([s.value, here, there]);
             }
         }
-        local_light::ln_likelihood_ratio(&fields, self.noise_grey) > 0.0
+        local_light::ln_likelihood_ratio(&fields, self.noise_at_grey(self.factor)) > 0.0
     }
 
-    /// Where `frame` looks, with no idea of it beforehand.
+    /// Where `frame` looks: with no idea of it beforehand, or close to where another frame of its time looked, whatever fits better.
     #[must_use]
-    pub fn locate_one(&self, frame: &Luma) -> Registration {
-        let found = self.locate(&[frame]);
-        found.first().copied().unwrap_or(Registration::IDENTITY)
+    pub fn locate_one(&self, frame: &Luma, nearby: &Registration) -> Registration {
+        let anywhere = self.locate(&[frame]);
+        let starts = anywhere.iter().chain([nearby]);
+        let found = starts.map(|start| self.refine(frame, *start, true));
+        let best = found.min_by(|a, b| a.1.total_cmp(&b.1));
+        best.map_or(Registration::IDENTITY, |(found, _)| found)
     }
 
     /// The shift found from none on, with the median absolute residual, grey levels.
@@ -316,7 +384,7 @@ impl Registrar {
 
     /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
     fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
-        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_grey;
+        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_at_grey(self.factor);
         *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
     }
 
@@ -407,9 +475,9 @@ impl Registrar {
                 }
             }
             self.restrain_offset(3, &mut equations);
-            // A scene without gradient in one direction cannot tell the shift along it: stay.
-            let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
-            if !moving || Matrix2::new(uu, vu, vu, vv).symmetric_eigenvalues().min() < LEAST_INFORMATION {
+            if moving {
+                hold_unseen(&mut equations);
+            } else {
                 equations.hold(0);
                 equations.hold(1);
             }
@@ -479,6 +547,23 @@ impl Registrar {
     }
 }
 
+/// Holds the shift (the first two unknowns) along a direction in which the scene has no gradient: it stays what it was.
+fn hold_unseen(equations: &mut NormalEquations<4>) {
+    let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
+    let information = SymmetricEigen::new(Matrix2::new(uu, vu, vu, vv));
+    for (along, axis) in information
+        .eigenvalues
+        .iter()
+        .zip(information.eigenvectors.column_iter())
+    {
+        if *along < LEAST_INFORMATION {
+            for (row, column) in [(0, 0), (1, 0), (1, 1)] {
+                equations.matrix[(row, column)] += HELD * axis[row] * axis[column];
+            }
+        }
+    }
+}
+
 /// `found` with its `spread` unless it cannot be: a shift beyond a quarter of the picture is a cut, and so is another light.
 fn sane(found: Registration, spread: f64, frame: &Luma) -> Option<(Registration, f64)> {
     let sane = SANE_GAIN.contains(&found.gain)
@@ -519,8 +604,13 @@ fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
 /// cells that hold real gradients.
 ///
 /// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
-fn choose_samples(reference: &Luma, noise_grey: f64, factor: usize) -> (Vec<ReferencePixel>, usize) {
-    let least_grey = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY / factor as f64);
+fn choose_samples(
+    reference: &Luma,
+    noise_grey: f64,
+    least_gradient_grey: f64,
+    factor: usize,
+) -> (Vec<ReferencePixel>, usize) {
+    let least_grey = (GRADIENT_SIGMAS * noise_grey).max(least_gradient_grey / factor as f64);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
     let of_cell = |cell: usize| {
@@ -570,6 +660,9 @@ const CELLS: usize = 12;
 
 /// Rounding and the codec's ringing make gradients of this size, grey levels a pixel.
 const LEAST_GRADIENT_GREY: f64 = 3.0;
+
+/// Where too few are larger, smaller ones than these count as well.
+const FAINT_GRADIENT_GREY: f64 = 1.5;
 
 #[cfg(test)]
 mod tests {

@@ -21,7 +21,7 @@ use super::motion_model::MotionModel;
 use super::outliers::fit_without_outliers;
 use super::planar::GRAVITY;
 use super::samples::middle_and_extent;
-use super::scale_change::ScaleChange;
+use super::scale_change::{DISTANCE, ScaleChange, WHOLE};
 use super::segment::DROP_COST;
 use crate::geometry::PlanePoint;
 use crate::numeric::linear::solve;
@@ -96,8 +96,25 @@ const LEAST_SIZE_SCATTER: f64 = 0.01;
 pub enum Departure {
     /// Each bent by a curve of its own, about this part of its way.
     Bent(f64),
-    /// Seen with a scale that changes.
-    ScaleChanges,
+    /// Perhaps seen with a scale that changes.
+    ScaleChanges {
+        /// Of that rather than plain arcs, from 0 to 1.
+        probability: f64,
+    },
+}
+
+impl Departure {
+    /// Nothing: no scale that changes.
+    pub const NONE: Self = Self::ScaleChanges { probability: 0.0 };
+
+    /// Whether there is likelier one than none.
+    #[must_use]
+    pub fn is_likely(&self) -> bool {
+        match self {
+            Self::Bent(_) => true,
+            Self::ScaleChanges { probability } => *probability > 0.5,
+        }
+    }
 }
 
 /// What is known of the camera beside its map of the plane.
@@ -142,14 +159,26 @@ const FALL_SIGMAS: f64 = 4.0;
 const LEAST_WEIGHT: f64 = 1e-3;
 
 impl Flight {
-    /// This flight with what its arcs are beyond its motion model, and what that is, where that is likelier than nothing. `first_look` are the ball's sightings,
-    /// each with its own size.
+    /// What this flight's arcs are likeliest beyond its motion model. `first_look` are the ball's sightings, each with its own size.
+    #[must_use]
+    pub fn likeliest_departure(&self, first_look: &[Spot], camera: &CameraFacts) -> Departure {
+        self.departure(first_look, camera).unwrap_or(Departure::NONE)
+    }
+
+    /// This flight with a departure from its motion model: that of its own points, or one that is the same for points close by.
     ///
     /// Where the points do not tell whether the scale changes, the flight is the mean of both readings, each with its weight, and its uncertainty spans them.
     #[must_use]
-    pub fn departing(&self, first_look: &[Spot], camera: &CameraFacts) -> (Self, Option<Departure>) {
-        self.likeliest_departure(first_look, camera)
-            .unwrap_or_else(|| (self.clone(), None))
+    pub fn departing(&self, departure: Departure, first_look: &[Spot], camera: &CameraFacts) -> Option<Self> {
+        match departure {
+            Departure::Bent(part) => {
+                let model = self.fit.model.with_bend(part)?;
+                let anew = self.with_outliers_judged_anew(&*model);
+                anew.or_else(|| self.under(&*model))
+            }
+            Departure::ScaleChanges { probability } => (probability > LEAST_WEIGHT)
+                .then(|| self.seen_with(self.scale_change(first_look, camera), camera, probability))?,
+        }
     }
 
     /// By how much this flight is likelier with a scale that changes, as the logarithm of the odds; negative where it is less likely.
@@ -167,11 +196,7 @@ impl Flight {
         Some((none - fit.deviance?) / fit.autocorrelation_inflation.max(1.0))
     }
 
-    fn likeliest_departure(
-        &self,
-        first_look: &[Spot],
-        camera: &CameraFacts,
-    ) -> Option<(Self, Option<Departure>)> {
+    fn departure(&self, first_look: &[Spot], camera: &CameraFacts) -> Option<Departure> {
         let model = &self.fit.model;
         let none = self.under(&**model)?.fit.deviance?;
         let (parts, least) = if camera.stands_still {
@@ -180,9 +205,8 @@ impl Flight {
             (&PARTS[..], LEAST_GAIN)
         };
         let bent = parts.iter().filter_map(|&part| {
-            let model = model.with_bend(part)?;
-            let gain = self.gain_under(&*model, none)? - 2.0 * (PARTS.len() as f64).ln();
-            Some((gain, part, model))
+            let gain = self.gain_under(&*model.with_bend(part)?, none)?;
+            Some((gain - 2.0 * (PARTS.len() as f64).ln(), part))
         });
         let bent = bent.max_by(|a, b| a.0.total_cmp(&b.0));
         let change = self.scale_change(first_look, camera);
@@ -190,18 +214,12 @@ impl Flight {
             .with_scale_change(change)
             .and_then(|m| self.gain_under(&*m, none));
         let by_scale = by_scale.unwrap_or(f64::NEG_INFINITY);
-        match bent.filter(|(gain, ..)| *gain > by_scale.max(least)) {
-            Some((_, part, model)) => {
-                let anew = self.with_outliers_judged_anew(&*model);
-                let flight = anew.or_else(|| self.under(&*model))?;
-                Some((flight, Some(Departure::Bent(part))))
-            }
-            None => {
-                let weight = 1.0 / (1.0 + (0.5 * (least - by_scale)).exp());
-                let flight = (weight > LEAST_WEIGHT).then(|| self.seen_with(change, camera, weight))??;
-                Some((flight, (weight > 0.5).then_some(Departure::ScaleChanges)))
-            }
-        }
+        Some(match bent.filter(|(gain, _)| *gain > by_scale.max(least)) {
+            Some((_, part)) => Departure::Bent(part),
+            None => Departure::ScaleChanges {
+                probability: 1.0 / (1.0 + (0.5 * (least - by_scale)).exp()),
+            },
+        })
     }
 
     /// This flight where the scale changes with a probability of `weight`.
@@ -217,8 +235,8 @@ impl Flight {
         let [up, right, ..] = ScaleChange::of(flight.fit.parameters.as_slice());
         let whole_std = 0.5 * (up * extent(|s| s.place.up)).hypot(right * extent(|s| s.place.right));
         let mut open = change;
-        open.known[3] = (0.0, whole_std.max(HELD));
-        open.known[4] = (0.0, camera.distance.1.max(HELD));
+        open.known[WHOLE] = (0.0, whole_std.max(HELD));
+        open.known[DISTANCE] = (0.0, camera.distance.1.max(HELD));
         let free = flight.under(&*model.with_scale_change(open)?)?;
         let changed = match camera.fall.filter(|&fall| free.falls_with(fall)) {
             Some(fall) => {

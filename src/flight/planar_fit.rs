@@ -27,6 +27,10 @@ use std::sync::Arc;
 /// A step of Gauss-Newton that changes no residual by more than this part of its uncertainty is the last.
 const SETTLED: f64 = 1e-6;
 
+/// Times that a step is halved, at most, and the part by which rounding changes a sum of squares.
+const MOST_HALVINGS: usize = 12;
+const ROUNDING: f64 = 1e-12;
+
 /// What is known beforehand of the forces in the plane.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlanarPriors {
@@ -112,12 +116,31 @@ pub(super) fn fit(
     let bends = priors.bend.map_or(0, |_| BENDS * arcs);
     let changes = priors.scale_change.map_or(0, |_| SCALE_CHANGES);
     let zeros = || DVector::zeros(ARCS + 4 * arcs + bends + changes);
-    let mut parameters = without_drag.map_or_else(zeros, |f| f.parameters.clone());
+    let mut parameters = match (without_drag, priors.scale_change) {
+        (Some(fit), None) => fit.parameters.clone(),
+        (None, None) => zeros(),
+        // A scale that changes bends arcs much as drag does: one that was found without drag would be a false start.
+        (_, Some(change)) => {
+            let one_scale = PlanarPriors {
+                scale_change: None,
+                ..*priors
+            };
+            let fitted = |start: Option<&ArcFit>| fit(points, arcs, &one_scale, start, model.clone());
+            let plain = fitted(None)?;
+            let plain = match without_drag {
+                Some(_) => fitted(Some(&plain))?,
+                None => plain,
+            };
+            let known = change.known.map(|(value, _)| value);
+            let all = plain.parameters.iter().copied().chain(known);
+            DVector::from_iterator(plain.parameters.len() + changes, all)
+        }
+    };
     let mut covariance = None;
     // Linear without drag: one step is the solution. A prior of the lean goes with gravity, which the first step finds.
     let rounds = match (without_drag, priors.vertical) {
+        _ if changes > 0 => 20,
         (Some(_), _) => 8,
-        _ if changes > 0 => 8,
         (None, Some(vertical)) if vertical.std_rad.is_finite() => 2,
         (None, _) => 1,
     };
@@ -125,6 +148,11 @@ pub(super) fn fit(
         let (matrix, right) = system(points, &times, &parameters, priors, held);
         let (mut step, inverse) = solve(&matrix, &right)?;
         keep(&mut step, held);
+        if changes > 0 {
+            shorten(&mut step, &right, |step| {
+                system(points, &times, &(&parameters + step), priors, held).1
+            });
+        }
         parameters += &step;
         covariance = Some(inverse);
         if (&matrix * &step).amax() < SETTLED {
@@ -162,6 +190,16 @@ pub(super) fn fit(
         model,
         deviance,
     })
+}
+
+/// Halves a `step` from where the residuals are `now` until it makes them no larger.
+fn shorten(step: &mut DVector<f64>, now: &DVector<f64>, residuals: impl Fn(&DVector<f64>) -> DVector<f64>) {
+    for _ in 0..MOST_HALVINGS {
+        if residuals(step).norm_squared() <= now.norm_squared() * (1.0 + ROUNDING) {
+            break;
+        }
+        *step *= 0.5;
+    }
 }
 
 /// See [`ArcFit::deviance`]: `known` are the parameters with a prior.

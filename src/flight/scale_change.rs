@@ -23,6 +23,11 @@ use nalgebra::{Matrix2, Vector2};
 /// to have.
 pub const SCALE_CHANGES: usize = 5;
 
+/// Index of ln S among them.
+pub const WHOLE: usize = 3;
+/// Index of the camera's distance.
+pub const DISTANCE: usize = 4;
+
 /// A change of scale about the middle of a flight, and what is known of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScaleChange {

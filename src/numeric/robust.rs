@@ -8,6 +8,9 @@
 /// Tukey's cut in standard deviations: 95 % efficiency for normal residuals.
 pub const TUKEY: f64 = 4.685;
 
+/// Standard deviation of the median of many normal values over that of their mean, √(π/2).
+pub const MEDIAN_STD_OVER_MEAN_STD: f64 = 1.2533;
+
 /// Standard deviation of a normal variable over the median of its magnitude (the MAD).
 pub const STD_OF_MEDIAN: f64 = 1.4826;
 

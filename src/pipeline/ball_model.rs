@@ -17,7 +17,7 @@ use crate::impact::error_budget::{
     EDGE_STD_PX, FADED_STD_PX, LASTING_PART, LEARNED_COMMON_STD_PX, OUTLINE_COMMON_STD_PX,
     OUTLINE_RADIUS_STD_PX,
 };
-use crate::numeric::robust::median;
+use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, median};
 use crate::quantity::Quantity;
 use nalgebra::Vector2;
 
@@ -325,9 +325,9 @@ fn outline_radius(pictures: &BallPictures<'_>, flight: &Flight) -> Option<Quanti
     let radius = median(&mut radii)?;
     let mut off: Vec<f64> = radii.iter().map(|r| (r - radius).abs()).collect();
     let spread = 1.4826 * median(&mut off)?;
-    // 1.2533: the median's standard error over the mean's. An outline's own error is common to all.
+    // An outline's own error is common to all.
     let std = if n >= 3.0 {
-        (1.2533 * spread / n.sqrt()).hypot(OUTLINE_RADIUS_STD_PX)
+        (MEDIAN_STD_OVER_MEAN_STD * spread / n.sqrt()).hypot(OUTLINE_RADIUS_STD_PX)
     } else {
         f64::NAN
     };

@@ -48,6 +48,8 @@ pub struct CalibratedCamera<'a> {
     pub size_px: (usize, usize),
     /// Whether it stands still, but for swings.
     pub stands_still: bool,
+    /// How well it is known where a frame looks, the first one above all, whose pixels are those of the calibration, px; 0 where it stands still.
+    pub shift_std_px: f64,
     /// When its rows are exposed.
     pub readout: Readout,
 }
@@ -68,8 +70,18 @@ impl<'a> CalibratedCamera<'a> {
             map: calibration.rectification()?,
             size_px,
             stands_still,
+            shift_std_px: 0.0,
             readout: Readout::global(size_px, row_order).of(calibration.readout_s.unwrap_or(0.0), 0.0),
         })
+    }
+
+    /// The same of which it is known to `std_px` where a frame looks.
+    #[must_use]
+    pub fn with_shift_std(self, std_px: f64) -> Self {
+        Self {
+            shift_std_px: if std_px.is_finite() { std_px } else { 0.0 },
+            ..self
+        }
     }
 
     /// The same with a readout of `whole_s` ± `std_s`.

@@ -39,16 +39,22 @@ pub fn impacts(
     let flight = shaken.unwrap_or(flight);
     let flight = flight.without_touching_points().unwrap_or(flight);
     let flight = flight.without_held_points().unwrap_or(flight);
-    let facts = camera.facts(camera.metres_per_unit(&flight, radius_px)?);
-    let (mut flight, departure) = flight.departing(&refined.tracked.first_look, &facts);
-    let metres_per_unit = camera.metres_per_unit(&flight, radius_px)?;
-    let scaled = Scaled {
-        camera,
-        ball,
-        radius_px,
-        metres_per_unit,
+    let scaled = |flight: &Flight| -> Result<Scaled<'_>, CalibrationError> {
+        Ok(Scaled {
+            camera,
+            ball,
+            radius_px,
+            metres_per_unit: camera.metres_per_unit(flight, radius_px)?,
+        })
     };
-    // The bounces tell the spins, these the lift; the arcs without it are those that bounce.
+    // The bounces tell the spins, these the lift, which bends the arcs, too; those without it are the ones that bounce.
+    let plain = scaled(&flight)?;
+    let (free, _) = plain.motion(&flight, SpinLift::default()).without_lift();
+    let (first_look, facts) = (&refined.tracked.first_look, camera.facts(plain.metres_per_unit));
+    let departure = free.likeliest_departure(first_look, &facts);
+    let mut flight = flight.departing(departure, first_look, &facts).unwrap_or(flight);
+    let scaled = scaled(&flight)?;
+    let metres_per_unit = scaled.metres_per_unit;
     let (free, lift) = scaled.motion(&flight, SpinLift::default()).without_lift();
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
@@ -83,8 +89,8 @@ pub fn impacts(
         calibration,
         camera,
         motion: &motion,
-        departure,
-        first_look: &refined.tracked.first_look,
+        departure: departure.is_likely().then_some(departure),
+        first_look,
         interval_s: clocked.base.interval_s.unwrap_or(impacts.flight.interval_s),
         impacts: &impacts,
     };
@@ -107,8 +113,12 @@ impl Scaled<'_> {
         let displaced_px = flight.displaced_std() / units_per_px;
         let errors = ImagingErrors {
             units_per_px,
-            common_std_px: ball_model::common_std_px(self.ball, displaced_px).hypot(self.misfit_of_size_px()),
-            places_std_px: PLACES_STD_PX.hypot(LASTING_PART * displaced_px),
+            common_std_px: ball_model::common_std_px(self.ball, displaced_px)
+                .hypot(self.misfit_of_size_px())
+                .hypot(self.camera.shift_std_px),
+            places_std_px: PLACES_STD_PX
+                .hypot(LASTING_PART * displaced_px)
+                .hypot(self.camera.shift_std_px),
             steady: self.camera.stands_still,
         };
         let calibration = self.camera.calibration;

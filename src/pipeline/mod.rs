@@ -71,7 +71,8 @@ pub fn measure(
     let size_px = (decoded.info.width_px, decoded.info.height_px);
     let row_order = decoded.info.row_order;
     let camera = CalibratedCamera::new(&calibration, size_px, row_order, decoded.camera_stands_still());
-    let camera = &camera.map_err(misfit)?;
+    let shift_std_px = decoded.detector.background.shift_std_px;
+    let camera = &camera.map_err(misfit)?.with_shift_std(shift_std_px);
 
     let centres = spots::first_centres(&decoded.sightings);
     let optics = camera.optics(camera.metres_per_unit_before_flight());

@@ -128,7 +128,7 @@ fn departing(departure: Departure, trend: Option<SizeTrend>) -> Warning {
         told.map(|(t, what)| format!("{} {what}", percent(t))).collect()
     });
     let done = match departure {
-        Departure::ScaleChanges => {
+        Departure::ScaleChanges { .. } => {
             "One fall for all arcs tells how the scale changes, and the ball's size does: speeds and places were corrected by it, with its uncertainty.".to_owned()
         }
         Departure::Bent(part) => format!(
@@ -136,7 +136,7 @@ fn departing(departure: Departure, trend: Option<SizeTrend>) -> Warning {
             100.0 * part
         ),
     };
-    if departure == Departure::ScaleChanges || !seen.is_empty() {
+    if matches!(departure, Departure::ScaleChanges { .. }) || !seen.is_empty() {
         let width = if seen.is_empty() {
             String::new()
         } else {
