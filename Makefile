@@ -7,6 +7,7 @@
 #     make schemas  writes docs/schemas/ from the types
 #     make lint     format, clippy, documentation: as CI does
 #     make build    the program, target/debug/track
+#     make install  the program on the PATH (cargo's folder; a release build)
 #     make setup    what a build needs, and nothing else
 
 SHELL := /bin/bash
@@ -22,7 +23,7 @@ TRACK := cargo run --locked --quiet --bin track --
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball
 
-.PHONY: demo test figures golden schemas lint build setup
+.PHONY: demo test figures golden schemas lint build install setup
 
 demo: build
 	$(TRACK) simulate $(SCENE) --out demo
@@ -52,6 +53,9 @@ lint:
 
 build: setup
 	$(CARGO_BUILD)
+
+install: setup
+	cargo install --locked --path .
 
 setup:
 	@scripts/setup.sh

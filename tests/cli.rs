@@ -877,3 +877,56 @@ fn simulate_refuses_bad_scenes_and_places() {
     refused(simulate(&scene), &["bad.scene.json", "cannot write"]);
     assert_eq!(names(dir.path()), ["bad.scene.json"]);
 }
+
+#[test]
+fn bare_track_shows_its_help() {
+    let out = track().assert().code(2);
+    out.stderr(contains("Usage: track").and(contains("simulate")));
+}
+
+#[test]
+fn a_mistyped_command_is_told() {
+    for (word, meant) in [
+        ("simluate", "did you mean simulate?"),
+        ("calibrat", "did you mean calibrate?"),
+        (
+            "weather",
+            "commands: batch, calibrate, completions, cost, fit, man, simulate",
+        ),
+    ] {
+        let out = track().args([word, "scene.json"]).assert().code(2);
+        out.stdout(is_empty())
+            .stderr(starts_with(format!("error: there is no command \"{word}\"")).and(contains(meant)));
+    }
+    // What looks like a file is a recording.
+    let out = track().arg("ball.mp4").assert().code(2);
+    out.stderr(contains("--calib"));
+}
+
+#[test]
+fn shells_complete_what_there_is() {
+    for shell in ["bash", "zsh", "fish"] {
+        let out = track().args(["completions", shell]).assert().success();
+        out.stdout(contains("simulate").and(contains("calib")))
+            .stderr(is_empty());
+    }
+    let out = track().args(["completions", "dos"]).assert().code(2);
+    out.stderr(contains("bash"));
+}
+
+#[test]
+fn each_command_has_a_manual_page() {
+    let dir = tempdir().unwrap();
+    let pages = dir.path().join("man1");
+    track().arg("man").arg(&pages).assert().success();
+    for (name, words) in [
+        ("track.1", "bouncing ball"),
+        ("track-batch.1", "series"),
+        ("track-calibrate-ruler.1", "ruler"),
+        ("track-simulate.1", "effects"),
+    ] {
+        let text = fs::read_to_string(pages.join(name)).unwrap();
+        assert!(text.starts_with(".ie") && text.contains(words), "{name}: {text}");
+    }
+    assert!(!pages.join("track-help.1").exists());
+}

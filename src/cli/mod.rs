@@ -5,12 +5,14 @@ mod calibrate;
 mod cost;
 mod fit;
 mod measure;
+mod shell;
 mod simulate;
 
 use crate::error_chain;
 use crate::simulate::EffectsChoice;
 use crate::simulate::scene::Switch;
 use clap::{Parser, Subcommand, ValueEnum};
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,7 +26,8 @@ use std::sync::LazyLock;
     version = version(),
     about,
     args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true
+    subcommand_negates_reqs = true,
+    arg_required_else_help = true
 )]
 struct Cli {
     #[command(subcommand)]
@@ -42,10 +45,14 @@ enum Command {
     BatchRecording(batch::RecordingArgs),
     /// Makes, shows or checks a calibration (calib.json): from a chessboard, a ruler, or marks on a page.
     Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Prints what a shell needs to complete commands and options (bash, zsh, fish, elvish, powershell).
+    Completions(shell::CompletionsArgs),
     /// Shows what accuracy costs: error against time on scenes with known truth, and the cheapest setting that is exact enough.
     Cost(cost::CostArgs),
     /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
     Fit(fit::FitArgs),
+    /// Writes manual pages: track.1 and one for each command.
+    Man(shell::ManArgs),
     /// Renders a recording with known truth from a scene file.
     Simulate {
         /// The scene (JSON, schema track.scene/1).
@@ -93,7 +100,19 @@ enum Status {
 /// Exit status: 0 measured; 1 it ran, but the measurement was rejected; 2 it could not run.
 #[must_use]
 pub fn run() -> ExitCode {
-    let cli = Cli::parse();
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let cli = match Cli::try_parse_from(&arguments) {
+        Ok(cli) => cli,
+        Err(error) => {
+            if error.use_stderr()
+                && let Some(words) = shell::mistyped_command(&arguments)
+            {
+                say(&format!("error: {words}"));
+                return ExitCode::from(2);
+            }
+            error.exit()
+        }
+    };
     let outcome = match (cli.command, cli.measure) {
         (Some(Command::Batch(args)), _) => batch::run(&args),
         (Some(Command::BatchRecording(args)), _) => batch::run_recording(&args),
@@ -117,6 +136,8 @@ pub fn run() -> ExitCode {
             simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
         }
         (Some(Command::Calibrate(args)), _) => calibrate::run(&args),
+        (Some(Command::Completions(args)), _) => shell::completions(&args),
+        (Some(Command::Man(args)), _) => shell::man(&args),
         (Some(Command::Cost(args)), _) => cost::run(&args),
         (None, Some(args)) => measure::run(&args),
         (None, None) => Err(anyhow::anyhow!("no recording given; see track --help")),
