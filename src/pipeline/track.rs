@@ -52,7 +52,8 @@ pub fn tracked(
     let mut linked = LinkedSpots::new(first_spots(camera, centres, clocked.frames(), optics));
     let model = camera.motion_model(None, None);
     let mut flight = flight::find(&linked, &*model)?;
-    let mut others = flight::others(&linked, &flight, &*model);
+    // Linked anew without it: a ball and its shadow beside it may be taken for each other from frame to frame.
+    let mut others = flight::others(&without(&linked, &flight), &flight, &*model);
     // What was found may be the shadow of the ball.
     for _ in 0..MOST_SHADOWS {
         let mut contrasts: Vec<f64> = flight.used_points().map(|p| p.spot.contrast_grey).collect();
@@ -61,14 +62,7 @@ pub fn tracked(
         if !others.iter().any(casts) {
             break;
         }
-        let shadow: Vec<usize> = flight.points.iter().map(|p| p.spot.id).collect();
-        let rest: Vec<Spot> = linked
-            .spots
-            .iter()
-            .filter(|s| !shadow.contains(&s.id))
-            .copied()
-            .collect();
-        let rest = LinkedSpots::new(rest);
+        let rest = without(&linked, &flight);
         let Ok(ball) = flight::find(&rest, &*model) else {
             break;
         };
@@ -83,6 +77,13 @@ pub fn tracked(
         optics,
         others,
     })
+}
+
+/// All that was seen but the thing that flies.
+fn without(linked: &LinkedSpots, flight: &Flight) -> LinkedSpots {
+    let own: Vec<usize> = flight.points.iter().map(|p| p.spot.id).collect();
+    let others = linked.spots.iter().filter(|s| !own.contains(&s.id));
+    LinkedSpots::new(others.copied().collect())
 }
 
 /// The spots of `centres` in the plane.
