@@ -165,7 +165,7 @@ impl Flight {
         self.departure(first_look, camera).unwrap_or(Departure::NONE)
     }
 
-    /// This flight with a departure from its motion model: that of its own points, or one that is the same for points close by.
+    /// This flight with a departure from its motion model, which may have been judged of points that lift was taken from.
     ///
     /// Where the points do not tell whether the scale changes, the flight is the mean of both readings, each with its weight, and its uncertainty spans them.
     #[must_use]
