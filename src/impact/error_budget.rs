@@ -80,6 +80,9 @@ pub const USUAL_DRAG: f64 = 0.42;
 /// and 1.4 times a tennis ball's, and a range of that width has this standard deviation.
 pub const KNOWN_SPIN_LIFT_STD: f64 = 0.22;
 
+/// No ball has more times a tennis ball's lift than this.
+pub const MOST_LIFT: f64 = 1.5;
+
 /// Lift over drag that a ball may have which is said not to spin.
 pub const NO_SPIN_LIFT_STD: f64 = 0.03;
 

@@ -2,7 +2,7 @@
 
 use super::bench_edge;
 use super::contact::half_contact_s;
-use super::error_budget::{KNOWN_SPIN_LIFT_STD, SPHERE_LAW_STD, SQUARE_LAW_STD};
+use super::error_budget::{SPHERE_LAW_STD, SQUARE_LAW_STD};
 use super::inputs::{MotionInputs, SystematicErrors};
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources, Zero};
 use super::spin_lift::SpinLift;
@@ -72,7 +72,7 @@ impl<'a> MeasuredMotion<'a> {
             drag_out: drag_law,
             place_right: places_std_px * units_per_px,
             place_up: places_std_px * units_per_px,
-            lift_relative: KNOWN_SPIN_LIFT_STD,
+            lift_times_law: lift.times_law().1,
             bench_rate: flight.launch.map_or(0.0, |l| l.rate.1),
             // Set below, from the motion.
             half_contact_s: 0.0,

@@ -51,8 +51,8 @@ named_entries! {
         drag_out,
         /// What differs between the centres' errors at two impacts, along right, plane units.
         place_right,
-        /// By what part all lift of known spins is more.
-        lift_relative,
+        /// By how many times the law's all lift of known spins is more.
+        lift_times_law,
         /// The rate of the bench's line, plane units/s.
         bench_rate,
         /// Direction of the floor's line in the picture, rad.

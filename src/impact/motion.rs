@@ -109,7 +109,7 @@ impl MeasuredMotion<'_> {
     /// Motion on arc `k` at `t` with lift, plane units.
     pub(super) fn in_plane(&self, p: &InputValues<'_>, k: usize, t: f64) -> Motion {
         let fit = &self.flight.fit;
-        let more = p.errors.lift_relative;
+        let more = p.errors.lift_times_law;
         let mut moved = Vec::new();
         let arcs = match &self.by_lift {
             Some(by_lift) if more != 0.0 => {
@@ -125,7 +125,7 @@ impl MeasuredMotion<'_> {
             fit.in_plane(arcs, k, t),
             self.lift.motion(&fit.planar(arcs), k, t),
         );
-        let lifted = 1.0 + more;
+        let lifted = self.lift.times_law().0 + more;
         Motion {
             r: free.r + lifted * lift.r,
             h: free.h + lifted * lift.h,

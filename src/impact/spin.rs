@@ -12,7 +12,7 @@ impl MeasuredMotion<'_> {
     /// no arcs it stays in the flight.
     #[must_use]
     pub fn without_lift(&self) -> (Flight, SpinLift) {
-        let lift = SpinLift::new(self.spins());
+        let lift = SpinLift::new(self.spins()).told_by(self.flight);
         match lift.taken_from(self.flight) {
             Some(free) => (free, lift),
             None => (self.flight.clone(), SpinLift::default()),

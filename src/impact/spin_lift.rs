@@ -8,24 +8,99 @@
 //! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
 //! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth
 //! ball's lift can differ from a tennis ball's by a third (and turn round near the drag crisis, far above these speeds):
-//! that uncertainty is [`KNOWN_SPIN_LIFT_STD`](super::error_budget::KNOWN_SPIN_LIFT_STD).
+//! how many times that law's the lift is, is one more free number, known beforehand to
+//! [`KNOWN_SPIN_LIFT_STD`](super::error_budget::KNOWN_SPIN_LIFT_STD) and told by the points of the arcs where they bend by it
+//! ([`SpinLift::told_by`]).
+//!
+//! Assumed: it is one number for the whole flight, and between none and [`MOST_LIFT`] times the law's. Arcs that ask for more are bent by
+//! something else, and keep that bend.
 
-use super::error_budget::{NO_SPIN_LIFT_STD, UNKNOWN_SPIN_LIFT_STD, USUAL_DRAG};
+use super::error_budget::{
+    KNOWN_SPIN_LIFT_STD, MOST_LIFT, NO_SPIN_LIFT_STD, UNKNOWN_SPIN_LIFT_STD, USUAL_DRAG,
+};
 use crate::flight::Flight;
 use crate::flight::planar::{DRAG, Motion, PlanarArcs, speed};
+use crate::flight::segment::TrackSample;
 use nalgebra::DVector;
 
 /// Lift on each arc, by its spin R ω in plane units/s, positive where it turns +r towards −h (rolling along +r).
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct SpinLift {
     spins: Vec<Option<f64>>,
+    /// How many times the law's it is, with its standard uncertainty.
+    times_law: (f64, f64),
 }
+
+impl Default for SpinLift {
+    fn default() -> Self {
+        Self::new(Vec::new())
+    }
+}
+
+/// The points' weights settle in so many rounds: how far centres scatter shows once lift is gone.
+const ROUNDS: usize = 3;
 
 impl SpinLift {
     /// Arc by arc; `None` where the spin is not known.
     #[must_use]
     pub fn new(spins: Vec<Option<f64>>) -> Self {
-        Self { spins }
+        Self {
+            spins,
+            times_law: (1.0, KNOWN_SPIN_LIFT_STD),
+        }
+    }
+
+    /// How many times the law's lift is, with its standard uncertainty.
+    #[must_use]
+    pub const fn times_law(&self) -> (f64, f64) {
+        self.times_law
+    }
+
+    /// The same with as much lift as the points of `flight` show, beside what is known beforehand.
+    #[must_use]
+    pub fn told_by(mut self, flight: &Flight) -> Self {
+        if !self.acts() {
+            return self;
+        }
+        let (law, law_std) = self.times_law;
+        for _ in 0..ROUNDS {
+            let times = self.times_law.0;
+            let Some((slope, curvature)) = self.misfit(times, flight) else {
+                break;
+            };
+            let information = curvature + law_std.powi(-2);
+            let found = times + ((law - times) * law_std.powi(-2) - slope) / information;
+            let is_lift = (0.0..=MOST_LIFT).contains(&found);
+            let std = if is_lift { information.powf(-0.5) } else { law_std };
+            self.times_law = (found.clamp(0.0, MOST_LIFT), std);
+        }
+        self
+    }
+
+    /// Half of χ² of the arcs without so many `times` the law's lift: how it follows that number, and how that follows it. Errors that last
+    /// from point to point count once.
+    fn misfit(&self, times: f64, flight: &Flight) -> Option<(f64, f64)> {
+        let without = |times: f64| {
+            let law = Self {
+                times_law: (times, 0.0),
+                ..self.clone()
+            };
+            law.taken_from(flight)
+        };
+        let (less, more) = (without(times)?, without(times + 1.0)?);
+        let (mut slope, mut curvature) = (0.0, 0.0);
+        for (p, q) in less.fit_points().iter().zip(more.fit_points()) {
+            let residual = |flight: &Flight, s: &TrackSample| {
+                let m = flight.fit.motion(p.arc, s.t);
+                (s.r - m.r, s.h - m.h)
+            };
+            let (here, there) = (residual(&less, &p.sample), residual(&more, &q.sample));
+            let by = (there.0 - here.0, there.1 - here.1);
+            slope += p.sample.weight * (here.0 * by.0 + here.1 * by.1);
+            curvature += p.sample.weight * (by.0 * by.0 + by.1 * by.1);
+        }
+        let scatter = less.fit.reduced_chi.max(1.0).powi(2) * less.fit.autocorrelation_inflation;
+        Some((slope / scatter, curvature / scatter))
     }
 
     /// Whether there is lift on any arc.
@@ -38,7 +113,7 @@ impl SpinLift {
         self.spins.get(arc).copied().flatten()
     }
 
-    /// What lift adds to the motion on `arc` from the arc's mean time to `t`.
+    /// What the law's lift adds to the motion on `arc` from the arc's mean time to `t`.
     #[must_use]
     pub fn motion(&self, planar: &PlanarArcs<'_>, arc: usize, t: f64) -> Motion {
         let spin = self.spin(arc).unwrap_or(0.0);
@@ -59,13 +134,17 @@ impl SpinLift {
     /// `flight` with its points moved back by what lift did to them; `None` where those have no arcs.
     #[must_use]
     pub fn taken_from(&self, flight: &Flight) -> Option<Flight> {
+        let times = self.times_law.0;
         match self.way_back(flight) {
-            Some(back) => flight.moved(|spot, arc| back(arc, spot.time_s)),
+            Some(back) => flight.moved(|spot, arc| {
+                let (right, up) = back(arc, spot.time_s);
+                (times * right, times * up)
+            }),
             None => Some(flight.clone()),
         }
     }
 
-    /// How the arcs' parameters change when the points are moved back once more; `None` where nothing is to be moved.
+    /// How the arcs' parameters change when the points are moved back once more by the law's lift; `None` where nothing is to be moved.
     #[must_use]
     pub fn response(&self, flight: &Flight) -> Option<DVector<f64>> {
         let back = self.way_back(flight)?;
@@ -74,7 +153,7 @@ impl SpinLift {
         flight.fit.response(&points, &shifts)
     }
 
-    /// By what a point of an arc is moved back at a time, plane units; `None` where there is no lift.
+    /// By what a point of an arc is moved back at a time, plane units, were lift the law's; `None` where there is none.
     fn way_back(&self, flight: &Flight) -> Option<impl Fn(usize, f64) -> (f64, f64)> {
         let fit = &flight.fit;
         let planar = fit.planar(fit.parameters.as_slice());
