@@ -51,28 +51,13 @@ pub struct MovingTracks<'a> {
 /// Tracks that are asked: those that sweep the largest area, which noise that is linked at random does not.
 const MOST_TRACKS: usize = 4;
 
-/// What moves less than this from where it was first seen, in its radii, stays there.
-const LEAST_WAY_RADII: f64 = 2.0;
-
 impl<'a> MovingTracks<'a> {
     /// Those of `linked`, of all frames, repeats included.
     #[must_use]
     pub fn new(linked: &'a LinkedSpots) -> Self {
-        let mut swept: Vec<(f64, Vec<Spot>)> = Vec::new();
-        for t in linked.tracks.iter().filter(|t| t.len() >= LEAST_TRACK) {
-            let track = linked.of(t);
-            let way = |s: &Spot| (s.place.right - track[0].place.right).hypot(s.place.up - track[0].place.up);
-            let farthest = track.iter().map(way).fold(0.0, f64::max);
-            let radius = median_radius(&track);
-            if farthest > LEAST_WAY_RADII * radius {
-                swept.push((farthest * radius, track));
-            }
-        }
-        swept.sort_by(|a, b| b.0.total_cmp(&a.0));
-        swept.truncate(MOST_TRACKS);
         Self {
             spots: &linked.spots,
-            tracks: swept.into_iter().map(|(_, track)| track).collect(),
+            tracks: linked.sweeping(LEAST_TRACK, MOST_TRACKS),
         }
     }
 

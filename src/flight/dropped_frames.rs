@@ -51,11 +51,9 @@ pub fn proposed(linked: &LinkedSpots, interval_s: f64) -> Vec<DroppedFrames> {
         found.extend(track.windows(4).filter_map(missing));
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let foreign = foreign_frames(&linked.spots, interval_s);
-    let misplaced = |frame: usize| foreign.iter().any(|f| f.abs_diff(frame) <= MISPLACED_FRAMES);
     let mut places: Vec<DroppedFrames> = Vec::new();
     for (_, place) in found {
-        if places.iter().all(|p| p.frame != place.frame) && !misplaced(place.frame) {
+        if places.iter().all(|p| p.frame != place.frame) {
             places.push(place);
         }
     }
@@ -164,62 +162,6 @@ fn meets_after(arcs: &PlanarArcs<'_>, k: usize, t: f64) -> f64 {
 
 /// Newton's steps: the arcs are all but straight over some frames.
 const STEPS: usize = 6;
-
-/// Steps around a misplaced frame differ from each other by less than this part of their mean, and the step over it from them by this part.
-const ALIKE_PART: f64 = 0.35;
-const WHOLE_PART: f64 = 0.25;
-
-/// Frames next to each other on the time base lie within this part of the frame interval.
-const EVEN_PART: f64 = 0.1;
-
-/// Frames that do not belong where they are: across each a thing moves on by one step, not by two. What is missing near
-/// one is the same frame in another place, and no time is lost. (Tracks may end at such a frame, so all spots are tried.)
-fn foreign_frames(spots: &[Spot], interval_s: f64) -> Vec<usize> {
-    let frames = spots.iter().map(|s| s.frame + 1).max().unwrap_or(0);
-    let mut by_frame: Vec<Vec<&Spot>> = vec![Vec::new(); frames];
-    for s in spots {
-        if by_frame[s.frame].len() < MOST_SPOTS {
-            by_frame[s.frame].push(s);
-        }
-    }
-    let crosses = |w: &[Vec<&Spot>]| {
-        w[0].iter().any(|a| {
-            w[1].iter().any(|b| {
-                w[3].iter()
-                    .any(|c| w[4].iter().any(|d| moves_on_by_one([a, b, c, d], interval_s)))
-            })
-        })
-    };
-    (2..frames.saturating_sub(2))
-        .filter(|&f| crosses(&by_frame[f - 2..f + 3]))
-        .collect()
-}
-
-/// Spots of a frame that are tried; a picture with more has something else in motion.
-const MOST_SPOTS: usize = 4;
-
-/// Whether spots of the frames −2, −1, 1, 2 are of one thing that moves by one step from −1 to 1.
-fn moves_on_by_one([a, b, c, d]: [&Spot; 4], interval_s: f64) -> bool {
-    let lasts = |p: &Spot, q: &Spot, frames: f64| {
-        (q.time_s - p.time_s - frames * interval_s).abs() < EVEN_PART * interval_s
-    };
-    let (before, here, after) = (step(a, b), step(b, c), step(c, d));
-    let usual = 0.5 * (before + after);
-    let size = usual.norm();
-    let stands_out = size > LEAST_STEP_SIGMAS * a.std.max(b.std).max(c.std).max(d.std);
-    lasts(a, b, 1.0)
-        && lasts(b, c, 2.0)
-        && lasts(c, d, 1.0)
-        && stands_out
-        && (before - after).norm() < ALIKE_PART * size
-        && (here - usual).norm() < WHOLE_PART * size
-}
-
-/// Steps that stand out from what rough centres are off by, in their standard uncertainties.
-const LEAST_STEP_SIGMAS: f64 = 3.0;
-
-/// A frame stored in another place is not further from it than this.
-const MISPLACED_FRAMES: usize = 30;
 
 /// From one spot to the next, plane units.
 fn step(p: &Spot, q: &Spot) -> Vector2<f64> {

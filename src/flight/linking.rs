@@ -39,6 +39,9 @@ const PATIENCE_S: f64 = 0.2;
 /// A track survives at least this many missing frames at low frame rates.
 const PATIENCE_FRAMES: usize = 4;
 
+/// What moves less than this from where it was first seen, in its radii, stays there.
+const LEAST_WAY_RADII: f64 = 2.0;
+
 /// Spots of a recording with their tracks: linked once, for all who ask what moves.
 #[derive(Debug, Clone)]
 pub struct LinkedSpots {
@@ -60,6 +63,25 @@ impl LinkedSpots {
     #[must_use]
     pub fn of(&self, track: &Track) -> Vec<Spot> {
         track.iter().map(|&i| self.spots[i]).collect()
+    }
+
+    /// The spots of at most so many tracks, of at least so many spots, whose thing leaves its place: those first that sweep the largest area, which
+    /// noise that is linked at random does not.
+    #[must_use]
+    pub fn sweeping(&self, least_spots: usize, most_tracks: usize) -> Vec<Vec<Spot>> {
+        let mut swept: Vec<(f64, Vec<Spot>)> = Vec::new();
+        for t in self.tracks.iter().filter(|t| t.len() >= least_spots) {
+            let track = self.of(t);
+            let way = |s: &Spot| (s.place.right - track[0].place.right).hypot(s.place.up - track[0].place.up);
+            let farthest = track.iter().map(way).fold(0.0, f64::max);
+            let radius = median_radius(&track);
+            if farthest > LEAST_WAY_RADII * radius {
+                swept.push((farthest * radius, track));
+            }
+        }
+        swept.sort_by(|a, b| b.0.total_cmp(&a.0));
+        swept.truncate(most_tracks);
+        swept.into_iter().map(|(_, track)| track).collect()
     }
 }
 

@@ -34,7 +34,15 @@ pub struct SideView {
     pub bend: Option<f64>,
     /// How the scale changes over the picture or in time, where it does.
     pub scale_change: Option<ScaleChange>,
+    /// The ball's radius as the calibration has it, plane units; `None` where it does not tell.
+    pub ball_radius: Option<f64>,
 }
+
+/// A ball is seen as large as its calibration has it to so much in the logarithm: an outline is blurred, a plane seen at a slant.
+const LN_SIZE_STD: f64 = 0.2;
+
+/// In this part of calibrations the radius is wrong (it is the diameter, or another ball's).
+const WRONG_SIZE_PART: f64 = 0.1;
 
 /// Drag without a prior is believed when it stands out by this many standard uncertainties.
 const DRAG_SIGMAS: f64 = 4.0;
@@ -54,7 +62,16 @@ impl SideView {
             drag: None,
             bend: None,
             scale_change: None,
+            ball_radius: None,
         }
+    }
+
+    /// How likely the ball is to be seen with this radius, from 0 to 1.
+    fn likelihood_of_size(&self, radius: f64) -> f64 {
+        self.ball_radius.map_or(1.0, |known| {
+            let off = (radius / known).ln() / LN_SIZE_STD;
+            WRONG_SIZE_PART + (1.0 - WRONG_SIZE_PART) * (-0.5 * off * off).exp()
+        })
     }
 
     fn priors(&self) -> PlanarPriors {
@@ -220,7 +237,7 @@ impl FlightSearch for SideView {
         let enough = falls_for >= 6 && covered >= 6;
         enough.then(|| TrackCandidate {
             gravity,
-            evidence: covered as f64 * sagittas.sqrt(),
+            evidence: covered as f64 * sagittas.sqrt() * self.likelihood_of_size(median_radius(spots)),
             span: (samples[first.start].t, samples[last.end - 1].t),
         })
     }

@@ -30,6 +30,11 @@ pub const LEARNED_COMMON_STD_PX: f64 = 0.005;
 /// faded the centre is off by about this times a half, px.
 pub const FADED_STD_PX: f64 = 0.12;
 
+/// Standard deviation of the error that all centres share, px, of a ball beside which a shadow goes along that differs from the wall as much as the
+/// ball does; of a fainter one, that part of it. What of the shadow lies behind the ball's rim is not seen (`tests/wild.rs`: 0.03 px where it is a
+/// quarter, 0.12 px where it is twice as much).
+pub const SHADOW_STD_PX: f64 = 0.08;
+
 /// Part of what a codec displaces each centre by that lasts: it leaves the ball where it was predicted, in one direction while
 /// the ball flies in one.
 pub const LASTING_PART: f64 = 0.15;

@@ -15,7 +15,7 @@ use crate::flight::Flight;
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::{
     EDGE_STD_PX, FADED_STD_PX, LASTING_PART, LEARNED_COMMON_STD_PX, OUTLINE_COMMON_STD_PX,
-    OUTLINE_RADIUS_STD_PX,
+    OUTLINE_RADIUS_STD_PX, SHADOW_STD_PX,
 };
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, median};
 use crate::quantity::Quantity;
@@ -42,6 +42,8 @@ pub struct BallModel {
     /// Part of the rim that hardly differs from what is behind it, or differs the other way: where a ball's dark side fades into
     /// the wall.
     faded: f64,
+    /// What a shadow changes that goes along beside the ball, over what the ball changes; 0 where there is none.
+    shadowed: f64,
 }
 
 impl BallModel {
@@ -60,6 +62,7 @@ pub fn common_std_px(ball: Option<&BallModel>, displaced_px: f64) -> f64 {
             .hypot(LEARNED_COMMON_STD_PX)
             .hypot(LASTING_PART * displaced_px)
             .hypot(FADED_STD_PX * ball.faded)
+            .hypot(SHADOW_STD_PX * ball.shadowed)
     })
 }
 
@@ -222,6 +225,7 @@ pub fn learned(
             .as_ref()
             .zip(behind_grey)
             .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind)),
+        shadowed: pictures.shadow.map_or(0.0, AttachedShadow::part_of_contrast),
         appearance,
     })
 }

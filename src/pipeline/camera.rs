@@ -211,12 +211,20 @@ impl<'a> CalibratedCamera<'a> {
                 drag: flight.and_then(|f| self.drag(scale, f.mean_speed())),
                 bend: None,
                 scale_change: None,
+                ball_radius: self.ball_radius(),
             });
         }
         match self.near_top_view(scale, flight) {
             Some(near) => Box::new(near),
             None => Box::new(DistantTopView),
         }
+    }
+
+    /// The ball's radius as the calibration has it, plane units; `None` where the flight or the ball itself tells lengths.
+    fn ball_radius(&self) -> Option<f64> {
+        let known_m = self.calibration.ball.radius_m;
+        let known_m = known_m.filter(|_| !self.calibration.scale.rests_on_ball())?;
+        Some(known_m / self.metres_per_unit_before_flight()?.value)
     }
 
     /// Where the camera stands over the plane, as far as `metres_per_unit` is known.

@@ -18,6 +18,7 @@ use super::spots::{BallCentre, first_spots};
 use super::warnings::of_clock;
 use crate::calibration::Optics;
 use crate::flight::clock::{Explained, FrameTimes, MovingTracks};
+use crate::flight::dropped_frames::DroppedFrames;
 use crate::flight::linking::{LinkedSpots, Spot};
 use crate::flight::{self, Flight, dropped_frames};
 use crate::frames::timebase::{Resampling, TimeBase};
@@ -132,6 +133,9 @@ const MOST_TRIED: usize = 3;
 
 /// Gaps in single places, at most.
 const MOST_GAPS: usize = 24;
+
+/// A frame stored in another place is not further from it than this.
+const MOST_MISPLACED: usize = 30;
 
 /// What clocks are tried on.
 struct ClockTrials<'a> {
@@ -261,7 +265,7 @@ impl ClockTrials<'_> {
         let Some(interval_s) = best.clock.base.interval_s else {
             return best;
         };
-        let price = 2.0 * (self.stamps_s.len().max(1) as f64).ln() + GAP_MARGIN;
+        let price = self.price_of_a_gap();
         let linked = LinkedSpots::new(best.clock.frames().distinct(spots));
         for gap in dropped_frames::proposed(&linked, interval_s)
             .into_iter()
@@ -272,9 +276,54 @@ impl ClockTrials<'_> {
                 repeats: best.clock.repeats.clone(),
                 price: best.clock.price + price,
             };
-            best = best.or(self.tried(more));
+            let more = self.tried(more);
+            if more.score() > best.score() && more.score() > self.score_of_misplaced(&best, gap) {
+                best = more;
+            }
         }
         best
+    }
+
+    /// The score of `best` where what is missing at a `gap` is one frame that is stored near it in another place: no time is lost, and between the
+    /// two places frames are numbered one too high or too low.
+    fn score_of_misplaced(&self, best: &Tried, gap: DroppedFrames) -> f64 {
+        let (Some(interval_s), 1) = (best.clock.base.interval_s, gap.missing) else {
+            return f64::NEG_INFINITY;
+        };
+        let stored_at = |place: usize| {
+            let mut times_s = best.clock.base.times_s.clone();
+            let mut left_out = best.clock.repeats.clone();
+            if place < gap.frame {
+                times_s[place + 1..gap.frame]
+                    .iter_mut()
+                    .for_each(|t| *t -= interval_s);
+            } else {
+                times_s[gap.frame..place]
+                    .iter_mut()
+                    .for_each(|t| *t += interval_s);
+            }
+            left_out[place] = true;
+            times_s[place] = times_s[place - 1];
+            (times_s, left_out)
+        };
+        let misfit = |place: usize| {
+            let (times_s, duplicates) = &stored_at(place);
+            self.moving.step_misfit(FrameTimes { times_s, duplicates })
+        };
+        let from = gap.frame.saturating_sub(MOST_MISPLACED).max(1);
+        let places = from..(gap.frame + MOST_MISPLACED).min(self.stamps_s.len());
+        let likeliest = places.min_by(|&a, &b| misfit(a).total_cmp(&misfit(b)));
+        likeliest.map_or(f64::NEG_INFINITY, |place| {
+            let (times_s, duplicates) = &stored_at(place);
+            let frames = FrameTimes { times_s, duplicates };
+            let price = self.price_of_a_gap() + 2.0 * (2.0 * MOST_MISPLACED as f64).ln();
+            self.moving.explained(frames, &self.falling).gain - best.clock.price - price
+        })
+    }
+
+    /// The price of naming one frame among all.
+    fn price_of_a_gap(&self) -> f64 {
+        2.0 * (self.stamps_s.len().max(1) as f64).ln() + GAP_MARGIN
     }
 }
 
@@ -356,6 +405,6 @@ impl Clocked {
 }
 
 /// The first frame after each gap, and the frames missing in it.
-fn pairs(skips: &[dropped_frames::DroppedFrames]) -> Vec<(usize, usize)> {
+fn pairs(skips: &[DroppedFrames]) -> Vec<(usize, usize)> {
     skips.iter().map(|s| (s.frame, s.missing)).collect()
 }

@@ -77,14 +77,13 @@ pub fn refined(recording: &Refinement<'_>, first: Tracked) -> Result<Refined, No
     ];
     let needs_appearance = asked.method().appearance().is_some();
     let attempts = &attempts[if needs_appearance { 0 } else { 2 }..];
-    let shadow = BallPictures::new(recording.decoded, recording.camera, first.optics).shadow_of(&first);
     let mut stands = false;
     let mut refused = None;
     for &(accuracy, radius) in attempts {
         if stands && accuracy != asked {
             break;
         }
-        match recording.refinement(&first, shadow.as_ref(), accuracy, radius) {
+        match recording.refinement(&first, accuracy, radius) {
             Ok(Some((tracked, ball))) => return Ok(recording.with_warnings(tracked, Some(ball))),
             Ok(None) => stands = true,
             Err(reason) => refused = Some(reason),
@@ -102,7 +101,6 @@ impl Refinement<'_> {
     fn refinement(
         &self,
         first: &Tracked,
-        shadow: Option<&AttachedShadow>,
         accuracy: Accuracy,
         radius: RadiusSource,
     ) -> Result<Option<(Tracked, BallModel)>, NoFlight> {
@@ -111,11 +109,18 @@ impl Refinement<'_> {
         let above = first.flight.fit.model.resolves_height();
         let learns_again = accuracy.method().appearance().is_some_and(|a| a.again) || above;
         let mut best: Option<(Tracked, BallModel)> = None;
+        let mut shadow = None;
         for _ in 0..MOST_ROUNDS {
+            // First outlines are drawn towards a shadow beside the ball: it is learned once more of the centres that know of it.
+            let learns_again = learns_again || shadow.is_some();
             let (now, ball) = match &best {
                 Some((now, ball)) => (now, Some(ball).filter(|_| !learns_again)),
                 None => (first, None),
             };
+            if best.is_none() || shadow.is_some() {
+                shadow = BallPictures::new(self.decoded, camera, now.optics).shadow_of(now);
+            }
+            let shadow = shadow.as_ref();
             // What was found with the same appearance stays; a new one is a new measurement.
             let known = ball.map_or(&[][..], |_| &now.centres);
             let pictures = BallPictures::new(self.decoded, camera, now.optics).with_shadow(shadow);

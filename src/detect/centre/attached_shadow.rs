@@ -5,16 +5,19 @@
 //! coordinates the shadow stands still, while the wall moves: the median over frames of what differs from the scene around the
 //! outline is the shadow (or a reflection, a halo), and is added to what is behind the ball.
 //!
+//! Behind the ball's rim nothing is seen of it: there it is the disc ([`ShadowDisc`]) that what lies beside the ball tells, and what is no
+//! disc of it goes on as it is beside the ball.
+//!
 //! Assumed: the shadow keeps its place beside the ball and changes what it falls on by as many grey levels everywhere. One that
-//! does not (of a ball over its table) leaves no median, and nothing is added. Behind the ball's rim, where nothing is seen, it
-//! goes on as it is beside it.
+//! does not (of a ball over its table) leaves no median, and nothing is added.
 
 use super::ball::nearest_offset;
 use super::disc::Disc;
 use super::patch::Patch;
+use super::shadow_disc::{Change, ShadowDisc};
 use crate::detect::resample::bilinear;
 use crate::geometry::PixelPoint;
-use crate::numeric::robust::{median, std_from_magnitudes};
+use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, median, std_from_magnitudes};
 
 /// The shadow is learned to so far beyond the outline, px: further than any fit looks.
 const BEYOND_PX: f64 = 10.0;
@@ -35,6 +38,9 @@ const LEAST_SIGMAS: f64 = 2.0;
 /// And along this part of the outline.
 const LEAST_PART_OF_OUTLINE: f64 = 0.08;
 
+/// A median of grey levels is known to this at best.
+const LEAST_STD_GREY: f64 = 0.2;
+
 /// Directions in which the outline is asked.
 const DIRECTIONS: usize = 64;
 
@@ -53,6 +59,8 @@ pub struct AttachedShadow {
     /// Columns and rows on each side of the centre.
     half: usize,
     grey: Vec<f32>,
+    /// The most that it changes beside the outline, over what the ball changes.
+    part_of_contrast: f64,
 }
 
 impl AttachedShadow {
@@ -88,26 +96,60 @@ impl AttachedShadow {
         let lasting = |values: &mut Vec<f64>| {
             let middle = median(values).filter(|_| values.len() >= LEAST_VIEWS)?;
             let mut off: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();
-            Some((middle as f32, std_from_magnitudes(&mut off)?))
+            let std = std_from_magnitudes(&mut off)?;
+            let of_middle = MEDIAN_STD_OVER_MEAN_STD * std / (values.len() as f64).sqrt();
+            Some((middle, std, of_middle.max(LEAST_STD_GREY)))
         };
-        let found: Vec<Option<(f32, f64)>> = seen.iter_mut().map(lasting).collect();
-        let medians: Vec<Option<f32>> = found.iter().map(|f| f.map(|(middle, _)| middle)).collect();
+        let found: Vec<Option<(f64, f64, f64)>> = seen.iter_mut().map(lasting).collect();
+        let changes: Vec<Change> = found
+            .iter()
+            .enumerate()
+            .filter_map(|(i, f)| {
+                f.map(|(grey, _, std)| Change {
+                    place: offset(i, half),
+                    grey,
+                    std,
+                })
+            })
+            .collect();
+        let disc = ShadowDisc::fitted(&changes, radius_px);
+        let of_disc = |i: usize| disc.map_or(0.0, |disc| disc.at(offset(i, half)));
+        let left: Vec<Option<f32>> = found
+            .iter()
+            .enumerate()
+            .map(|(i, f)| f.map(|(grey, ..)| (grey - of_disc(i)) as f32))
+            .collect();
         let mut shadow = Self {
             half,
             grey: vec![0.0; side * side],
+            part_of_contrast: 0.0,
         };
-        shadow.smooth(&medians);
+        shadow.smooth(&left);
         let rim_px = radius_px + RIM_PX + 1.5;
         shadow.grow_inwards(rim_px);
+        for (i, grey) in shadow.grey.iter_mut().enumerate() {
+            *grey += of_disc(i) as f32;
+        }
         let least = LEAST_GREY.max(LEAST_PART_OF_CONTRAST * contrast_grey.abs());
-        let dark = (0..DIRECTIONS).filter(|&k| {
+        let mut dark = 0;
+        for k in 0..DIRECTIONS {
             let angle = std::f64::consts::TAU * k as f64 / DIRECTIONS as f64;
             let (du, dv) = (rim_px * angle.cos(), rim_px * angle.sin());
             let cell = |d: f64| (d + half as f64).round() as usize;
-            let scatter = found[cell(dv) * side + cell(du)].map_or(f64::INFINITY, |(_, std)| std);
-            f64::from(shadow.at(du, dv)).abs() > least.max(LEAST_SIGMAS * scatter)
-        });
-        (dark.count() as f64 > LEAST_PART_OF_OUTLINE * DIRECTIONS as f64).then_some(shadow)
+            let scatter = found[cell(dv) * side + cell(du)].map_or(f64::INFINITY, |(_, std, _)| std);
+            let change = f64::from(shadow.at(du, dv)).abs();
+            if change > least.max(LEAST_SIGMAS * scatter) {
+                dark += 1;
+                shadow.part_of_contrast = shadow.part_of_contrast.max(change / contrast_grey.abs());
+            }
+        }
+        (f64::from(dark) > LEAST_PART_OF_OUTLINE * DIRECTIONS as f64).then_some(shadow)
+    }
+
+    /// The most that it changes beside the outline, over what the ball changes there.
+    #[must_use]
+    pub const fn part_of_contrast(&self) -> f64 {
+        self.part_of_contrast
     }
 
     /// Adds the shadow of a ball at `centre` to what is behind a patch.

@@ -25,6 +25,7 @@ pub mod fine;
 pub mod method;
 pub mod outline;
 pub mod patch;
+mod shadow_disc;
 pub mod standard;
 
 pub use disc::{Centre, Disc};
