@@ -186,6 +186,49 @@ fn std_uncertainty(quantity: &Value) -> f64 {
     quantity["std_uncertainty"].as_f64().unwrap()
 }
 
+/// A result says what it was made from, and what it takes to draw its curves again.
+#[test]
+fn a_result_stands_alone() {
+    let (video, calib) = clip();
+    let result = measured_json(video, calib);
+    let digest = |path: &Path| track::frames::digest::of_file(path).unwrap();
+    assert_eq!(result["video"]["sha256"], digest(video));
+    let used = &result["calibration"];
+    assert_eq!(used["path"], calib.display().to_string());
+    assert_eq!(used["sha256"], digest(calib));
+    let given = read_json(calib);
+    let scale = given["scale"]["metres_per_pixel"].as_f64().unwrap();
+    assert!((value(&used["metres_per_pixel"]) / scale - 1.0).abs() < 1e-12);
+    assert_eq!(used["origin_px"], given["origin_px"]);
+
+    // With gravity, "up" and drag each arc's numbers give the places of its points.
+    let gravity = value(&result["gravity_m_s2"]);
+    let lean = value(&result["up"]["tilt_deg"]).to_radians();
+    let drag = value(&result["drag_per_m"]);
+    let arcs = result["arcs"].as_array().unwrap();
+    assert!(arcs.len() > 1);
+    let mut checked = 0;
+    for point in result["track"]["points"].as_array().unwrap() {
+        let Some(arc) = point["arc"].as_u64().map(|k| &arcs[k as usize]) else {
+            continue;
+        };
+        let at = |key: &str| arc[key].as_f64().unwrap();
+        let t = point["time_s"].as_f64().unwrap() - at("time_s");
+        assert!(point["time_s"].as_f64().unwrap() <= at("to_s") + 1e-3);
+        let speed = at("vx_m_s").hypot(at("vz_m_s"));
+        let curve = |place: f64, velocity: f64, pull: f64| {
+            place + velocity * t + 0.5 * (pull - drag * speed * velocity) * t * t
+        };
+        // x and z are turned so that the fall is along z.
+        assert!(lean.abs() < 0.1);
+        let off_x = curve(at("x_m"), at("vx_m_s"), 0.0) - point["x_m"].as_f64().unwrap();
+        let off_z = curve(at("z_m"), at("vz_m_s"), -gravity) - point["z_m"].as_f64().unwrap();
+        assert!(off_x.hypot(off_z) < 5e-4, "{off_x} {off_z} at {point}");
+        checked += 1;
+    }
+    assert!(checked > 10);
+}
+
 // The command line itself.
 
 #[test]

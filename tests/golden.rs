@@ -99,6 +99,9 @@ impl Case {
         // The points are in points.csv.
         let points = result["track"]["points"].as_array().unwrap().clone();
         result["track"]["points"] = points.len().into();
+        // Another FFmpeg packs the same pictures into other bytes; tests/cli.rs has the digests.
+        result["video"]["sha256"] = Value::Null;
+        result["calibration"]["sha256"] = Value::Null;
         self.metres_per_pixel = scale(&points);
         self.compare_json("result.json", &result);
         let points = fs::read_to_string(self.path(&format!("out/{stem}.points.csv"))).unwrap();

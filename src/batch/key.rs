@@ -7,12 +7,9 @@
 use super::{BatchRecording, LaunchSpin};
 use crate::Build;
 use crate::detect::centre::Accuracy;
-use crate::frames::pictures_in;
+use crate::frames::digest::{of_bytes, of_file, of_recording};
 use serde_json::{Value, json};
-use sha2::{Digest as _, Sha256};
-use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, Read as _};
+use std::io;
 use std::path::Path;
 
 /// The schema of the file that holds a key.
@@ -60,47 +57,6 @@ impl ResultKey {
         whole["files_sha256"] = Value::Object(digests);
         Ok(whole)
     }
-}
-
-fn of_recording(path: &Path) -> io::Result<String> {
-    if !path.is_dir() {
-        return of_file(path);
-    }
-    let mut hash = Sha256::new();
-    for picture in pictures_in(path).map_err(io::Error::other)? {
-        // Names give the order; digests in place of contents let nothing run together.
-        let name = picture.file_name().unwrap_or_default();
-        hash.update(of_bytes(name.as_encoded_bytes()));
-        hash.update(of_file(&picture)?);
-    }
-    Ok(hex(&hash.finalize()))
-}
-
-/// The digest of a plain file; a pipe or a device might never end.
-fn of_file(path: &Path) -> io::Result<String> {
-    if !path.metadata()?.is_file() {
-        return Err(io::Error::other("not a plain file"));
-    }
-    let mut file = File::open(path)?;
-    let mut hash = Sha256::new();
-    let mut part = vec![0; 1 << 18];
-    loop {
-        match file.read(&mut part)? {
-            0 => return Ok(hex(&hash.finalize())),
-            n => hash.update(&part[..n]),
-        }
-    }
-}
-
-fn of_bytes(bytes: &[u8]) -> String {
-    hex(&Sha256::digest(bytes))
-}
-
-fn hex(digest: &[u8]) -> String {
-    digest.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 #[cfg(test)]

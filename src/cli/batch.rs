@@ -120,7 +120,8 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     };
     let calibration = changes.applied(Calibration::read(&args.calib)?);
     let name = args.calib.display().to_string();
-    let measurement = measure(&args.video, &calibration, &name, args.accuracy, &mut |_| {})?;
+    let mut measurement = measure(&args.video, &calibration, &name, args.accuracy, &mut |_| {})?;
+    measurement.note_digests(&args.video, &args.calib);
     write_recording(&measurement, &args.out, &args.name, batch_formats())?;
     Ok(match measurement.outcome {
         crate::pipeline::Outcome::Measured => Status::Done,

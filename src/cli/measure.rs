@@ -54,7 +54,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
     // Kept to the end: a folder that nothing came into goes again.
     let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
     let bar = progress_bar();
-    let measurement = measure(
+    let mut measurement = measure(
         &args.video,
         &calibration,
         &args.calib.display().to_string(),
@@ -64,6 +64,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
         },
     )?;
     bar.finish_and_clear();
+    measurement.note_digests(&args.video, &args.calib);
     for w in &measurement.warnings {
         say(&format!("warning: {}: {}", w.code, w.message));
     }

@@ -3,6 +3,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `av/` | FFmpeg's C structs behind a safe face; the only `unsafe` |
+//! | [`digest`] | SHA-256 of files |
 //! | [`encode`] | frames to a video file |
 //! | [`even_clock`] | stamps that an even clock was rounded to |
 //! | [`error`] | why a recording could not be read |
@@ -18,6 +19,7 @@
 use std::path::PathBuf;
 
 mod av;
+pub mod digest;
 pub mod encode;
 pub mod error;
 pub mod even_clock;

@@ -3,7 +3,7 @@
 
 use super::decode::Decoded;
 use super::in_metres::WorldFrame;
-use super::measurement::{ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
+use super::measurement::{ArcMotion, ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
 use super::spots::{BallCentre, with_id};
 use crate::calibration::Rectification;
 use crate::detect::crop::Crop;
@@ -39,7 +39,16 @@ pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<Arc
                     })
                 })
                 .collect();
-            ArcTrace { samples }
+            let time_s = flight.fit.times[k];
+            let m = flight.fit.in_plane(flight.fit.parameters.as_slice(), k, time_s);
+            let (vx_m_s, up_m_s) = frame.velocity_m_s(m.vr, m.vh);
+            let motion = ArcMotion {
+                time_s,
+                place: frame.world(m.r, m.h),
+                vx_m_s,
+                up_m_s,
+            };
+            ArcTrace { samples, motion }
         })
         .collect()
 }

@@ -10,6 +10,7 @@ use super::refine::Refined;
 use super::rolling_shutter;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::CalibrationError;
+use crate::flight::planar::DRAG;
 use crate::flight::{Flight, shake};
 use crate::impact::error_budget::{LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
@@ -69,7 +70,10 @@ pub fn impacts(
     let radius_m = calibration.ball.radius_m.or_else(radius_seen_m);
     let alone: Vec<Bounce> = bounces.iter().map(|(_, b)| b.clone()).collect();
     let walls = (0..flight.impacts.len()).filter(|&k| motion.kind(k) == Some(ImpactKind::Wall));
+    let drag = Quantity::new(free.fit.drag(), free.fit.covariance[(DRAG, DRAG)].max(0.0).sqrt());
     let impacts = Impacts {
+        metres_per_px: Some(metres_per_unit.scaled(camera.units_per_px())),
+        drag_per_m: drag.map(|beta| beta.scaled(1.0 / metres_per_unit.value)),
         frame: WorldFrame::new(&motion, &bounces, radius_m, calibration),
         radius_px,
         radius_m,

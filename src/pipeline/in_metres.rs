@@ -16,6 +16,10 @@ pub struct Impacts {
     pub flight: Flight,
     /// From the plane to the world.
     pub frame: WorldFrame,
+    /// Length of a pixel near the ball.
+    pub metres_per_px: Option<Quantity>,
+    /// Drag β, 1/m.
+    pub drag_per_m: Option<Quantity>,
     /// The ball's radius, px.
     pub radius_px: Option<Quantity>,
     /// The same as given or as seen, m.
@@ -81,6 +85,15 @@ impl WorldFrame {
             lean: motion.lean_rad().sin_cos(),
             floor_m,
         }
+    }
+
+    /// Velocity along x and the second coordinate, m/s, of one in the plane, plane units/s.
+    pub fn velocity_m_s(&self, right: f64, up: f64) -> (f64, f64) {
+        let (sin, cos) = self.lean;
+        (
+            self.x_sign * self.metres_per_unit * (right * cos + up * sin),
+            self.metres_per_unit * (up * cos - right * sin),
+        )
     }
 
     pub fn world(&self, right: f64, up: f64) -> WorldPoint {

@@ -1,11 +1,11 @@
 //! What a measurement of one recording consists of, launch by launch: the shapes that `measure` fills and `report` writes.
 
 pub use crate::calibration::View;
-use crate::frames::Luma;
+use crate::frames::{Luma, digest};
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Everything measured on one recording.
@@ -13,6 +13,8 @@ use std::sync::Arc;
 pub struct Measurement {
     /// The file.
     pub video: VideoFacts,
+    /// The calibration as it was used.
+    pub calibration: CalibrationFacts,
     /// What the second coordinate of a [`WorldPoint`] is.
     pub view: View,
     /// Whether it was measured, and why not.
@@ -35,8 +37,10 @@ pub struct Measurement {
     pub readings: Option<Readings>,
     /// What the user has to know, in order of appearance.
     pub warnings: Vec<Warning>,
-    /// The fitted arcs, for drawing.
+    /// The fitted arcs.
     pub arcs: Vec<ArcTrace>,
+    /// Drag β of the arcs, 1/m: the deceleration over the square of the speed.
+    pub drag_per_m: Option<Quantity>,
     /// What a stroboscopic picture is made of.
     pub strobe: Option<Strobe>,
     /// Where the recording holds several launches, each of them as a measurement of its own, in time order: what stands above is
@@ -53,6 +57,12 @@ impl Measurement {
         } else {
             &self.launches
         }
+    }
+
+    /// Notes the SHA-256 of the recording and of the calibration's file, where they can be read through.
+    pub fn note_digests(&mut self, video: &Path, calibration: &Path) {
+        self.video.sha256 = digest::of_recording(video).ok();
+        self.calibration.sha256 = digest::of_file(calibration).ok();
     }
 
     /// First and last time at which the ball was seen in free flight, s; `None` where it was not.
@@ -73,6 +83,8 @@ impl Measurement {
 pub struct VideoFacts {
     /// As the user named it.
     pub path: PathBuf,
+    /// SHA-256 of its bytes, in hexadecimal digits (of a folder, of its pictures' names and digests); `None` where nobody asked for it.
+    pub sha256: Option<String>,
     /// Columns.
     pub width_px: usize,
     /// Rows.
@@ -85,6 +97,23 @@ pub struct VideoFacts {
     pub duration_s: f64,
     /// Where times come from.
     pub time_source: TimeSource,
+}
+
+/// The calibration as it was used.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CalibrationFacts {
+    /// As the user named its file.
+    pub name: String,
+    /// SHA-256 of that, in hexadecimal digits; `None` where nobody asked for it.
+    pub sha256: Option<String>,
+    /// Length of a pixel near the ball; `None` where nothing told it.
+    pub metres_per_pixel: Option<Quantity>,
+    /// The world's origin in the picture.
+    pub origin_px: Option<PixelPoint>,
+    /// Direction of "up" in the picture, (du, dv), as the calibration has it.
+    pub up_px: [f64; 2],
+    /// The true capture rate, where the calibration gives it, Hz.
+    pub frame_rate_hz: Option<f64>,
 }
 
 /// The direction of "up" in use.
@@ -170,11 +199,26 @@ pub enum PointUse {
     Unused(String),
 }
 
-/// A fitted arc as a fine polyline (24 points or more), ready to draw.
+/// A fitted arc: its motion at one time, from which gravity and drag draw the rest, and a fine polyline (24 points or more), ready to draw.
 #[derive(Debug, Clone)]
 pub struct ArcTrace {
     /// First to last time, s.
     pub samples: Vec<ArcSample>,
+    /// In its middle.
+    pub motion: ArcMotion,
+}
+
+/// Where a ball is and how fast, on an arc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArcMotion {
+    /// When, s.
+    pub time_s: f64,
+    /// Where, m.
+    pub place: WorldPoint,
+    /// How fast along x, m/s.
+    pub vx_m_s: f64,
+    /// How fast along the second coordinate (z, or in a top view y), m/s.
+    pub up_m_s: f64,
 }
 
 /// A point of a fitted arc.

@@ -42,6 +42,7 @@ use crate::detect::centre::Accuracy;
 use crate::frames::FrameSource;
 use camera::CalibratedCamera;
 use launch::{LaunchMeasurement, MeasuredLaunch, MeasuredLaunches, NotMeasured};
+use result::RecordingFacts;
 use std::path::Path;
 use warnings::{of_launches, rejection};
 
@@ -100,7 +101,8 @@ pub fn measure(
         (clocked, measured) = launches_by(camera);
     }
 
-    let facts = result::video_facts(video, decoded.health.frames_read, camera, &clocked);
+    let frames = decoded.health.frames_read;
+    let facts = RecordingFacts::new((video, frames), calibration_name, camera, &clocked);
     let before = [&decoded.warnings[..], &clocked.warnings, &camera.warnings()].concat();
     let empty = drawing::empty_strobe(&decoded);
     let put_together = |launch: MeasuredLaunch| {

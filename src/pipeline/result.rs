@@ -5,7 +5,8 @@ use super::clock::Clocked;
 use super::drawing;
 use super::in_metres::Impacts;
 use super::measurement::{
-    Measurement, Outcome, PointUse, Strobe, TimeSource, Track, TrackPoint, VideoFacts, Warning,
+    CalibrationFacts, Measurement, Outcome, PointUse, Strobe, TimeSource, Track, TrackPoint, VideoFacts,
+    Warning,
 };
 use super::refine::Refined;
 use super::spots::with_id;
@@ -14,35 +15,67 @@ use crate::detect::centre::Accuracy;
 use crate::flight::FlightPoint;
 use crate::impact::Distances;
 use crate::numeric::robust::median;
+use crate::quantity::Quantity;
 use std::path::Path;
 
-/// The recording as a file: `frames` of it were read.
-pub fn video_facts(
-    video: &Path,
-    frames: u64,
-    camera: &CalibratedCamera<'_>,
-    clocked: &Clocked,
-) -> VideoFacts {
-    let (width_px, height_px) = camera.size_px;
-    VideoFacts {
-        path: video.to_owned(),
-        width_px,
-        height_px,
-        frames,
-        frame_rate_hz: clocked.base.interval_s.map(|i| 1.0 / i),
-        duration_s: clocked.base.times_s.last().copied().unwrap_or(0.0),
-        time_source: if camera.calibration.frame_rate_hz.is_some() {
-            TimeSource::Calibration
-        } else {
-            TimeSource::Stamps
-        },
+/// What a measurement says of its recording, whatever was found in it.
+#[derive(Debug, Clone)]
+pub struct RecordingFacts<'a> {
+    video: VideoFacts,
+    /// What messages call the calibration.
+    calibration_name: &'a str,
+}
+
+impl<'a> RecordingFacts<'a> {
+    /// Of `video`, of which so many `frames` were read, and of the calibration that messages call `calibration_name`.
+    pub fn new(
+        (video, frames): (&Path, u64),
+        calibration_name: &'a str,
+        camera: &CalibratedCamera<'_>,
+        clocked: &Clocked,
+    ) -> Self {
+        let (width_px, height_px) = camera.size_px;
+        Self {
+            video: VideoFacts {
+                path: video.to_owned(),
+                sha256: None,
+                width_px,
+                height_px,
+                frames,
+                frame_rate_hz: clocked.base.interval_s.map(|i| 1.0 / i),
+                duration_s: clocked.base.times_s.last().copied().unwrap_or(0.0),
+                time_source: if camera.calibration.frame_rate_hz.is_some() {
+                    TimeSource::Calibration
+                } else {
+                    TimeSource::Stamps
+                },
+            },
+            calibration_name,
+        }
+    }
+
+    /// The calibration of the `camera`, with the length of a pixel as far as anything told it.
+    fn calibration(
+        &self,
+        camera: &CalibratedCamera<'_>,
+        metres_per_pixel: Option<Quantity>,
+    ) -> CalibrationFacts {
+        let calibration = camera.calibration;
+        CalibrationFacts {
+            name: self.calibration_name.to_owned(),
+            sha256: None,
+            metres_per_pixel,
+            origin_px: calibration.origin_px,
+            up_px: calibration.up_px,
+            frame_rate_hz: calibration.frame_rate_hz,
+        }
     }
 }
 
 /// A launch that was measured, or a flight without a bounce. `before` are the warnings of the recording; one of the flight with
 /// the same code says nothing new.
 pub fn measured(
-    video: &VideoFacts,
+    recording: &RecordingFacts<'_>,
     camera: &CalibratedCamera<'_>,
     refined: &Refined,
     impacts: Impacts,
@@ -60,7 +93,8 @@ pub fn measured(
     let mut new = impacts.warnings;
     new.retain(|new| before.iter().all(|w| w.code != new.code));
     Measurement {
-        video: video.clone(),
+        video: recording.video.clone(),
+        calibration: recording.calibration(camera, impacts.metres_per_px),
         view: camera.calibration.view,
         outcome,
         track,
@@ -72,6 +106,7 @@ pub fn measured(
         readings: impacts.readings,
         bounces: impacts.bounces.into_iter().map(|(_, b)| b).collect(),
         arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame),
+        drag_per_m: impacts.drag_per_m,
         strobe,
         warnings: [new, refined.warnings.clone()].concat(),
         launches: Vec::new(),
@@ -80,15 +115,18 @@ pub fn measured(
 
 /// A recording without a flight, and why.
 pub fn rejected(
-    video: VideoFacts,
+    recording: RecordingFacts<'_>,
     camera: &CalibratedCamera<'_>,
     asked: Accuracy,
     reason: String,
     strobe: Option<Strobe>,
     warnings: Vec<Warning>,
 ) -> Measurement {
+    let told = camera.metres_per_unit_before_flight();
+    let calibration = recording.calibration(camera, told.map(|s| s.scaled(camera.units_per_px())));
     Measurement {
-        video,
+        video: recording.video,
+        calibration,
         view: camera.calibration.view,
         outcome: Outcome::Rejected { reason },
         track: Track {
@@ -107,6 +145,7 @@ pub fn rejected(
         readings: None,
         warnings,
         arcs: Vec::new(),
+        drag_per_m: None,
         strobe,
         launches: Vec::new(),
     }

@@ -6,7 +6,7 @@ use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
 use super::track_plots::{self, Coordinate, Plot};
 use super::words::{self, NO_VALUE, WrittenQuantity};
 use crate::impact::{Bounce, Readings, XSource};
-use crate::pipeline::{Measurement, Outcome, View, Warning};
+use crate::pipeline::{CalibrationFacts, Measurement, Outcome, View, Warning};
 use crate::quantity::Quantity;
 use crate::rebound::Preferred;
 use maud::{Markup, PreEscaped, html};
@@ -92,6 +92,13 @@ fn header(measurement: &Measurement, name: &str) -> Markup {
     html! {
         header {
             h1 { (name) }
+            p.soft {
+                "Calibration: " (calibration_words(&measurement.calibration)) ". "
+                @if !measurement.warnings.is_empty() {
+                    a href="#warnings" { (words::counted(measurement.warnings.len() as u64, "warning")) " to be checked" }
+                    ": " (warning_codes(&measurement.warnings)) "."
+                }
+            }
             @match &measurement.outcome {
                 Outcome::Measured => p {
                     span.status { "✓ measured" } " — "
@@ -105,6 +112,17 @@ fn header(measurement: &Measurement, name: &str) -> Markup {
             }
         }
     }
+}
+
+/// The codes of the warnings, each once.
+fn warning_codes(warnings: &[Warning]) -> String {
+    let mut codes: Vec<&str> = Vec::new();
+    for w in warnings {
+        if !codes.contains(&w.code) {
+            codes.push(w.code);
+        }
+    }
+    codes.join(", ")
 }
 
 /// A row a launch, with what its first bounce says.
@@ -286,7 +304,7 @@ fn warnings(warnings: &[Warning]) -> Markup {
     html! {
         @if !warnings.is_empty() {
             section {
-                h2 { "To be checked" }
+                h2 id="warnings" { "To be checked" }
                 @for w in warnings { (warning(w.code, &w.message)) }
             }
         }
@@ -478,6 +496,25 @@ fn track_section(measurement: &Measurement) -> Markup {
     }
 }
 
+/// The calibration's file, and what it makes of the picture.
+fn calibration_words(facts: &CalibrationFacts) -> String {
+    let scale = facts
+        .metres_per_pixel
+        .map(|s| format!("a pixel near the ball is {}", format_quantity(Some(s), "m")));
+    let origin = facts
+        .origin_px
+        .map(|p| format!("origin at ({:.1}, {:.1}) px", p.u_px, p.v_px));
+    let rate = facts
+        .frame_rate_hz
+        .map(|hz| format!("{} Hz", words::trimmed(hz, 3)));
+    let name = (!facts.name.is_empty()).then(|| facts.name.clone());
+    [name, scale, origin, rate]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join("; ")
+}
+
 fn provenance(measurement: &Measurement) -> Markup {
     let video = &measurement.video;
     let rate = video.frame_rate_hz.map_or_else(
@@ -502,7 +539,10 @@ fn provenance(measurement: &Measurement) -> Markup {
                 (fact("frames", frames))
                 (fact("times from", words::time_source(video.time_source)))
                 (fact("view", view))
-                (fact("program", concat!("track ", env!("CARGO_PKG_VERSION"))))
+                (fact("SHA-256", video.sha256.as_deref().unwrap_or(NO_VALUE)))
+                (fact("calibration", calibration_words(&measurement.calibration)))
+                (fact("its SHA-256", measurement.calibration.sha256.as_deref().unwrap_or(NO_VALUE)))
+                (fact("program", crate::Build::THIS.to_string()))
             }
         }
     }
@@ -602,7 +642,8 @@ mod tests {
                     && page.contains(&format!("id=\"launch-{n}\""))
             );
         }
-        assert_eq!(page.matches("dropped_frames").count(), 1);
+        // Named at the top, told below.
+        assert_eq!(page.matches("dropped_frames").count(), 2);
     }
 
     #[test]

@@ -8,8 +8,8 @@ use crate::impact::{
     Readings, Speed, XSource,
 };
 use crate::pipeline::{
-    ArcSample, ArcTrace, Measurement, Outcome, PointUse, Strobe, StrobeBall, TimeSource, Track, TrackPoint,
-    UpSource, UpTilt, VideoFacts, View, Warning,
+    ArcMotion, ArcSample, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, Strobe, StrobeBall,
+    TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts, View, Warning,
 };
 use crate::quantity::Quantity;
 use crate::rebound::model::BounceReading;
@@ -161,6 +161,15 @@ fn arcs() -> Vec<ArcTrace> {
                     }
                 })
                 .collect(),
+            motion: ArcMotion {
+                time_s: flight.time_s,
+                place: WorldPoint {
+                    x_m: flight.x_m,
+                    up_m: flight.z_m + RADIUS_PX * METRES_PER_PIXEL,
+                },
+                vx_m_s: flight.vx,
+                up_m_s: flight.vz,
+            },
         })
         .collect()
 }
@@ -277,6 +286,7 @@ pub fn two_bounces() -> Measurement {
     let bounces = bounces();
     Measurement {
         video: VideoFacts {
+            sha256: Some("5e".repeat(32)),
             path: PathBuf::from("recordings/steel-on-ceramic <3> & \"co\".mp4"),
             width_px: WIDTH,
             height_px: HEIGHT,
@@ -285,6 +295,15 @@ pub fn two_bounces() -> Measurement {
             duration_s: (points.len() + 3) as f64 / RATE_HZ,
             time_source: TimeSource::Stamps,
         },
+        calibration: CalibrationFacts {
+            name: "calib/bench.calib.json".to_owned(),
+            sha256: Some("ca".repeat(32)),
+            metres_per_pixel: q(METRES_PER_PIXEL, 2e-6),
+            origin_px: None,
+            up_px: [0.0, -1.0],
+            frame_rate_hz: None,
+        },
+        drag_per_m: q(0.01, 0.002),
         view: View::Side,
         outcome: Outcome::Measured,
         gravity_m_s2: q(9.806, 0.011),

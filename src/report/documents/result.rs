@@ -6,7 +6,8 @@ use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, FloorSource, Readings, XSource,
 };
 use crate::pipeline::{
-    Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,
+    ArcMotion, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint,
+    UpSource, VideoFacts, View,
 };
 use crate::quantity::Quantity;
 use crate::rebound::ModelName;
@@ -32,8 +33,14 @@ pub struct ResultDocument<'a> {
     pub reason: Option<&'a str>,
     /// The recording as a file.
     pub video: VideoDocument<'a>,
+    /// The calibration as it was used.
+    pub calibration: CalibrationDocument<'a>,
     /// The ball in every frame where it was seen.
     pub track: TrackDocument<'a>,
+    /// The fitted arcs of free flight.
+    pub arcs: Vec<ArcDocument>,
+    /// Drag of the arcs: the deceleration over the square of the speed.
+    pub drag_per_m: Option<Quantity>,
     /// Magnitude of the acceleration in flight, m/s²; `null` where the scale itself comes from gravity.
     pub gravity_m_s2: Option<Quantity>,
     /// How far "up" is from where the calibration has it.
@@ -86,6 +93,10 @@ pub struct OneLaunchDocument<'a> {
     pub floor: Option<FloorDocument>,
     /// The ball in every frame of the launch where it was seen.
     pub track: TrackDocument<'a>,
+    /// The fitted arcs of free flight.
+    pub arcs: Vec<ArcDocument>,
+    /// Drag of the arcs: the deceleration over the square of the speed.
+    pub drag_per_m: Option<Quantity>,
     /// What the user has to know of this launch.
     pub warnings: Vec<WarningDocument<'a>>,
 }
@@ -95,6 +106,8 @@ pub struct OneLaunchDocument<'a> {
 pub struct VideoDocument<'a> {
     /// As the user named it.
     pub path: Cow<'a, str>,
+    /// SHA-256 of the file, as `sha256sum` tells it; of a folder, of its pictures' names and digests.
+    pub sha256: Option<&'a str>,
     /// Columns.
     pub width_px: usize,
     /// Rows.
@@ -107,6 +120,48 @@ pub struct VideoDocument<'a> {
     pub duration_s: f64,
     /// `stamps` (of the file) or `calibration` (its `frame_rate_hz`).
     pub time_source: &'static str,
+}
+
+/// The calibration as it was used.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct CalibrationDocument<'a> {
+    /// As the user named it.
+    pub path: &'a str,
+    /// SHA-256 of the file, as `sha256sum` tells it.
+    pub sha256: Option<&'a str>,
+    /// Length of a pixel near the ball.
+    pub metres_per_pixel: Option<Quantity>,
+    /// The world's origin in the picture.
+    pub origin_px: Option<[f64; 2]>,
+    /// Direction of "up" in the picture.
+    pub up_px: [f64; 2],
+    /// The true capture rate, where the calibration gives it.
+    pub frame_rate_hz: Option<f64>,
+}
+
+/// An arc of free flight: from its motion at one time, gravity ("gravity_m_s2", "up") and drag ("drag_per_m") its curve can be drawn again.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ArcDocument {
+    /// First time: the impact before it, or its first point.
+    pub from_s: f64,
+    /// Last time: the impact after it, or its last point.
+    pub to_s: f64,
+    /// When the ball is there and so fast.
+    pub time_s: f64,
+    /// Along the launch.
+    pub x_m: f64,
+    /// Above the floor; `null` in a top view.
+    pub z_m: Option<f64>,
+    /// Along the launch.
+    pub vx_m_s: f64,
+    /// Up; `null` in a top view.
+    pub vz_m_s: Option<f64>,
+    /// Sideways; only in a top view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y_m: Option<f64>,
+    /// Sideways; only in a top view.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vy_m_s: Option<f64>,
 }
 
 /// The ball in the frames.
@@ -294,7 +349,10 @@ impl<'a> ResultDocument<'a> {
             status,
             reason,
             video: video(&measurement.video),
+            calibration: calibration(&measurement.calibration),
             track: first.track,
+            arcs: first.arcs,
+            drag_per_m: first.drag_per_m,
             gravity_m_s2: first.gravity_m_s2,
             up: first.up,
             floor: first.floor,
@@ -345,6 +403,12 @@ fn one_launch(measurement: &Measurement) -> OneLaunchDocument<'_> {
             },
         }),
         track: track(&measurement.track, measurement.view),
+        arcs: measurement
+            .arcs
+            .iter()
+            .filter_map(|a| arc(a, measurement.view))
+            .collect(),
+        drag_per_m: quantity(measurement.drag_per_m),
         warnings: warnings.collect(),
     }
 }
@@ -352,6 +416,7 @@ fn one_launch(measurement: &Measurement) -> OneLaunchDocument<'_> {
 fn video(video: &VideoFacts) -> VideoDocument<'_> {
     VideoDocument {
         path: video.path.to_string_lossy(),
+        sha256: video.sha256.as_deref(),
         width_px: video.width_px,
         height_px: video.height_px,
         frames: video.frames,
@@ -362,6 +427,38 @@ fn video(video: &VideoFacts) -> VideoDocument<'_> {
             TimeSource::Calibration => "calibration",
         },
     }
+}
+
+fn calibration(facts: &CalibrationFacts) -> CalibrationDocument<'_> {
+    CalibrationDocument {
+        path: &facts.name,
+        sha256: facts.sha256.as_deref(),
+        metres_per_pixel: quantity(facts.metres_per_pixel),
+        origin_px: facts.origin_px.map(|p| [p.u_px, p.v_px]),
+        up_px: facts.up_px,
+        frame_rate_hz: facts.frame_rate_hz,
+    }
+}
+
+fn arc(arc: &ArcTrace, view: View) -> Option<ArcDocument> {
+    let ArcMotion {
+        time_s,
+        place,
+        vx_m_s,
+        up_m_s,
+    } = arc.motion;
+    let (side, top) = (view == View::Side, view == View::Top);
+    Some(ArcDocument {
+        from_s: arc.samples.first()?.time_s,
+        to_s: arc.samples.last()?.time_s,
+        time_s,
+        x_m: place.x_m,
+        z_m: side.then_some(place.up_m),
+        vx_m_s,
+        vz_m_s: side.then_some(up_m_s),
+        y_m: top.then_some(place.up_m),
+        vy_m_s: top.then_some(up_m_s),
+    })
 }
 
 fn track(track: &Track, view: View) -> TrackDocument<'_> {
@@ -496,7 +593,10 @@ mod tests {
                 "status",
                 "reason",
                 "video",
+                "calibration",
                 "track",
+                "arcs",
+                "drag_per_m",
                 "gravity_m_s2",
                 "up",
                 "floor",
@@ -513,6 +613,7 @@ mod tests {
             keys(&result["video"]),
             [
                 "path",
+                "sha256",
                 "width_px",
                 "height_px",
                 "frames",
@@ -520,6 +621,21 @@ mod tests {
                 "duration_s",
                 "time_source"
             ]
+        );
+        assert_eq!(
+            keys(&result["calibration"]),
+            [
+                "path",
+                "sha256",
+                "metres_per_pixel",
+                "origin_px",
+                "up_px",
+                "frame_rate_hz"
+            ]
+        );
+        assert_eq!(
+            keys(&result["arcs"][0]),
+            ["from_s", "to_s", "time_s", "x_m", "z_m", "vx_m_s", "vz_m_s"]
         );
         assert_eq!(
             keys(&result["track"]),
