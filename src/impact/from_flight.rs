@@ -72,6 +72,7 @@ impl<'a> MeasuredMotion<'a> {
             drag_out: drag_law,
             place_right: places_std_px * units_per_px,
             place_up: places_std_px * units_per_px,
+            ahead: places_std_px * units_per_px,
             lift_times_law: lift.times_law().1,
             bench_rate: flight.launch.map_or(0.0, |l| l.rate.1),
             // Set below, from the motion.

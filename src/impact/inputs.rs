@@ -61,6 +61,9 @@ named_entries! {
         floor_level_rad,
         /// As `place_right`, along up.
         place_up,
+        /// How far the ball is ahead of where pictures show it, on its way down and on its way up, plane units: a codec leaves it where it was
+        /// predicted.
+        ahead,
     }
 }
 

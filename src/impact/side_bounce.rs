@@ -59,6 +59,8 @@ impl MeasuredMotion<'_> {
         (along, pull): (f64, f64),
     ) -> Vec<f64> {
         let (t, a, b) = self.impact(p, k);
+        // Both arcs come to the floor earlier by as much as they are ahead.
+        let t = t - 2.0 * p.errors.ahead * self.scale(p) / (b.vh - a.vh);
         let slope = self.slope(p);
         let (before, after) = (turned(&a, slope), turned(&b, slope));
         let velocities = ImpactVelocities {
