@@ -13,6 +13,7 @@
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
 //! | [`config`] | one reader for every file that a person writes: all problems at once, the nearest known name, what to try | [`config::FileError`] |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
+//! | [`points`] | centres that another program found: tables of it, Tracker's files | [`points::GivenPoints`] |
 //! | [`rebound`] | the rebound models of Domenech 2005: pure functions; [`rebound::fit`]: their coefficients from a series of bounces, where sliding begins, which model it is | [`rebound::fit::SeriesFit`] |
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
@@ -50,6 +51,7 @@ pub mod geometry;
 pub mod impact;
 pub mod numeric;
 pub mod pipeline;
+pub mod points;
 pub mod quantity;
 pub mod rebound;
 pub mod report;

@@ -15,7 +15,7 @@ const FLOORS: [&[&str]; 13] = [
     &["geometry", "quantity", "version", "error_chain", "test_noise"],
     &["numeric"],
     &["config"],
-    &["frames", "rebound"],
+    &["frames", "points", "rebound"],
     &["calibration"],
     &["detect", "flight"],
     &["impact"],

@@ -21,6 +21,11 @@ pub enum CalibrationError {
         /// What may have happened and what to try.
         hint: String,
     },
+    /// A place in the world that the camera cannot see.
+    #[error(
+        "a place of the table is in no picture that this calibration's camera takes; check that x_m and z_m are metres, and \"origin_px\""
+    )]
+    NotInPicture,
     /// The scale rests on something that was not measured on this recording.
     #[error("scale: {missing}; give one of the other scales ({others})")]
     NoEvidence {

@@ -3,10 +3,10 @@
 use super::{Status, answer, say};
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
-use crate::pipeline::{Outcome, Progress, measure};
+use crate::pipeline::{Measurement, Outcome, Progress, measure};
 use crate::report::documents::json_text;
 use crate::report::documents::result::ResultDocument;
-use crate::report::formats::{FORMATS, write_recording};
+use crate::report::formats::{FORMATS, OutputFormat, write_recording};
 use crate::report::{table, write};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -65,20 +65,40 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
     )?;
     bar.finish_and_clear();
     measurement.note_digests(&args.video, &args.calib);
+    finish(
+        &measurement,
+        &args.video,
+        args.out.as_deref(),
+        args.json,
+        FORMATS.iter(),
+    )
+}
+
+/// Tells the `measurement` of `input`, and writes it into the folder `out` in some `formats`.
+///
+/// # Errors
+/// Whatever keeps the results from being written.
+pub fn finish<'f>(
+    measurement: &Measurement,
+    input: &Path,
+    out: Option<&Path>,
+    json: bool,
+    formats: impl DoubleEndedIterator<Item = &'f &'f dyn OutputFormat>,
+) -> anyhow::Result<Status> {
     for w in &measurement.warnings {
         say(&format!("warning: {}: {}", w.code, w.message));
     }
-    if let Some(dir) = &args.out {
-        for path in write_recording(&measurement, dir, &stem(&args.video), FORMATS.iter())? {
+    if let Some(dir) = out {
+        for path in write_recording(measurement, dir, &stem(input), formats)? {
             say(&format!("wrote {}", path.display()));
         }
     }
-    if args.json {
+    if json {
         answer(&String::from_utf8_lossy(&json_text(&ResultDocument::new(
-            &measurement,
+            measurement,
         ))?))?;
     } else {
-        answer(&table::table(&measurement))?;
+        answer(&table::table(measurement))?;
     }
     match &measurement.outcome {
         Outcome::Measured => Ok(Status::Done),

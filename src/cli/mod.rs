@@ -5,6 +5,7 @@ mod calibrate;
 mod cost;
 mod fit;
 mod measure;
+mod points;
 mod shell;
 mod simulate;
 
@@ -53,6 +54,8 @@ enum Command {
     Fit(fit::FitArgs),
     /// Writes manual pages: track.1 and one for each command.
     Man(shell::ManArgs),
+    /// Measures centres that another program found (Tracker, trackpy, Kinovea, a script).
+    Points(points::PointsArgs),
     /// Renders a recording with known truth from a scene file.
     Simulate {
         /// The scene (JSON, schema track.scene/1).
@@ -117,6 +120,7 @@ pub fn run() -> ExitCode {
         (Some(Command::Batch(args)), _) => batch::run(&args),
         (Some(Command::BatchRecording(args)), _) => batch::run_recording(&args),
         (Some(Command::Fit(args)), _) => fit::run(&args),
+        (Some(Command::Points(args)), _) => points::run(&args),
         (
             Some(Command::Simulate {
                 scene,

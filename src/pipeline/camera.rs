@@ -221,7 +221,7 @@ impl<'a> CalibratedCamera<'a> {
     }
 
     /// The ball's radius as the calibration has it, plane units; `None` where the flight or the ball itself tells lengths.
-    fn ball_radius(&self) -> Option<f64> {
+    pub fn ball_radius(&self) -> Option<f64> {
         let known_m = self.calibration.ball.radius_m;
         let known_m = known_m.filter(|_| !self.calibration.scale.rests_on_ball())?;
         Some(known_m / self.metres_per_unit_before_flight()?.value)

@@ -30,7 +30,10 @@ pub fn impacts(
 ) -> Result<Impacts, CalibrationError> {
     let calibration = camera.calibration;
     let ball = refined.ball.as_ref();
-    let radius_px = ball_model::radius_px(camera, &refined.tracked, ball);
+    let radius_px = refined
+        .radius_is_seen
+        .then(|| ball_model::radius_px(camera, &refined.tracked, ball))
+        .flatten();
     let flight = refined
         .tracked
         .flight

@@ -57,6 +57,29 @@ pub enum NotMeasured {
     NoScale(CalibrationError),
 }
 
+impl MeasuredLaunches {
+    /// Those of `found` launches that were `measured` and bounce, each with whether it is the one with the most evidence; `None` where no other is
+    /// left beside that.
+    pub fn several(measured: impl Iterator<Item = (bool, MeasuredLaunch)>, found: usize) -> Option<Self> {
+        let mut kept: Vec<(bool, MeasuredLaunch)> =
+            measured.filter(|(_, l)| !l.impacts.bounces.is_empty()).collect();
+        // With the best centres a size or a fall may show to be another one.
+        let reference = kept.iter().find(|(is_best, _)| *is_best).or(kept.first());
+        let reference = reference.map(|(_, l)| l.refined.tracked.flight.clone())?;
+        kept.retain(|(_, l)| is_same_ball(&reference, &l.refined.tracked.flight));
+        if kept.iter().all(|(is_best, _)| *is_best) {
+            return None;
+        }
+        let left_out = found - kept.len();
+        let mut launches = kept.into_iter().map(|(_, launch)| launch);
+        Some(Self {
+            first: launches.next()?,
+            later: launches.collect(),
+            left_out,
+        })
+    }
+}
+
 impl<'a> LaunchMeasurement<'a> {
     /// By `camera`, of what was `seen`: pixels and first centres, with the centre method asked for.
     pub fn new(
@@ -103,29 +126,13 @@ impl<'a> LaunchMeasurement<'a> {
         let measured = found
             .iter()
             .filter_map(|l| Some((l.is_best, self.of(&mut later, l).ok()?)));
-        let mut kept: Vec<(bool, MeasuredLaunch)> =
-            measured.filter(|(_, l)| !l.impacts.bounces.is_empty()).collect();
-        // With the best centres a size or a fall may show to be another one.
-        let reference = kept.iter().find(|(is_best, _)| *is_best).or(kept.first());
-        let reference = reference.map(|(_, l)| l.refined.tracked.flight.clone());
-        kept.retain(|(_, l)| {
-            let flight = &l.refined.tracked.flight;
-            reference.as_ref().is_some_and(|best| is_same_ball(best, flight))
-        });
-        if kept.iter().all(|(is_best, _)| *is_best) {
-            return alone(clock);
+        match MeasuredLaunches::several(measured, found.len()) {
+            Some(several) => {
+                *clock = later;
+                Ok(several)
+            }
+            None => alone(clock),
         }
-        let left_out = found.len() - kept.len();
-        let mut launches = kept.into_iter().map(|(_, launch)| launch);
-        let Some(first) = launches.next() else {
-            return alone(clock);
-        };
-        *clock = later;
-        Ok(MeasuredLaunches {
-            first,
-            later: launches.collect(),
-            left_out,
-        })
     }
 
     /// The `launch` that was found by `clock`, which becomes the clock with the frames that are missing at its impacts.

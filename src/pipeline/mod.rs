@@ -10,7 +10,7 @@
 //! | `result` | all of it put together | [`Measurement`] |
 //!
 //! A stage takes values and gives a value, with its warnings. From `track` on none needs pixels but `refine`, so centres
-//! that come from elsewhere enter there: `track::tracked` takes any `spots::BallCentre`s and times.
+//! that come from elsewhere enter there ([`measure_points`]): `track::tracked` takes any `spots::BallCentre`s and times.
 
 mod ball_model;
 mod calibration_uncertainty;
@@ -20,6 +20,7 @@ mod clock;
 mod decode;
 mod drawing;
 mod error;
+mod given;
 mod impacts;
 mod in_metres;
 mod launch;
@@ -35,6 +36,7 @@ mod warnings;
 
 pub use decode::Progress;
 pub use error::MeasureError;
+pub use given::measure_points;
 pub use measurement::*;
 
 use crate::calibration::{Calibration, CalibrationError};
@@ -123,11 +125,15 @@ pub fn measure(
         }
         Err(NotMeasured::NoScale(source)) => Err(misfit(source)),
         Err(NotMeasured::NoFlight(reason)) => {
-            let reason = rejection::no_flight(&reason, &decoded, &clocked.base, &calibration);
+            let seen = rejection::Seen {
+                frames: decoded.stamps_s.len(),
+                moving: decoded.moving,
+            };
+            let reason = rejection::no_flight(&reason, seen, &clocked.base, &calibration);
             Ok(result::rejected(
                 facts,
                 camera,
-                accuracy,
+                accuracy.method().words().description,
                 reason,
                 Some(empty),
                 before,

@@ -41,8 +41,10 @@ pub struct Refined {
     pub tracked: Tracked,
     /// What all frames share; `None` where the centres are as they were tracked.
     pub ball: Option<BallModel>,
-    /// The method that the centres are by: where the ball's appearance could not be learned, its outline had to do.
-    pub method: Accuracy,
+    /// Whether the centres' radii are the ball's, as the picture or the calibration has it.
+    pub radius_is_seen: bool,
+    /// What the centres are by, in words: where the ball's appearance could not be learned, its outline had to do.
+    pub method: &'static str,
     /// What makes the centres less sure.
     pub warnings: Vec<Warning>,
 }
@@ -238,7 +240,8 @@ impl Refinement<'_> {
             warnings: warnings.into_iter().flatten().collect(),
             tracked,
             ball,
-            method,
+            radius_is_seen: true,
+            method: method.method().words().description,
         }
     }
 }

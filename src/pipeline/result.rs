@@ -11,7 +11,6 @@ use super::measurement::{
 use super::refine::Refined;
 use super::spots::with_id;
 use super::warnings::{of_launches, rejection};
-use crate::detect::centre::Accuracy;
 use crate::flight::FlightPoint;
 use crate::impact::Distances;
 use crate::numeric::robust::median;
@@ -117,7 +116,7 @@ pub fn measured(
 pub fn rejected(
     recording: RecordingFacts<'_>,
     camera: &CalibratedCamera<'_>,
-    asked: Accuracy,
+    method: &'static str,
     reason: String,
     strobe: Option<Strobe>,
     warnings: Vec<Warning>,
@@ -130,7 +129,7 @@ pub fn rejected(
         view: camera.calibration.view,
         outcome: Outcome::Rejected { reason },
         track: Track {
-            method: asked.method().words().description.to_owned(),
+            method: method.to_owned(),
             detected: 0,
             centre_std_px: None,
             radius_px: None,
@@ -194,7 +193,7 @@ fn track(camera: &CalibratedCamera<'_>, refined: &Refined, impacts: &Impacts) ->
     let used = points.iter().filter(|p| matches!(p.use_, PointUse::Used(_)));
     let mut stds: Vec<f64> = used.filter_map(|p| p.std_px).collect();
     Track {
-        method: refined.method.method().words().description.to_owned(),
+        method: refined.method.to_owned(),
         detected: points.len(),
         centre_std_px: median(&mut stds),
         radius_px: impacts.radius_px,

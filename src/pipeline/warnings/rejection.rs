@@ -4,12 +4,19 @@ use super::rounded;
 use crate::calibration::{Calibration, View};
 use crate::flight::{Flight, NoFlight};
 use crate::frames::timebase::TimeBase;
-use crate::pipeline::decode::Decoded;
+
+/// What was seen of a recording.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Its frames.
+    pub frames: usize,
+    /// Things that moved in them.
+    pub moving: usize,
+}
 
 /// Why nothing was measured, and what to try.
-pub fn no_flight(reason: &NoFlight, seen: &Decoded, base: &TimeBase, calibration: &Calibration) -> String {
-    let frames = seen.stamps_s.len();
-    let moving = seen.moving;
+pub fn no_flight(reason: &NoFlight, seen: Seen, base: &TimeBase, calibration: &Calibration) -> String {
+    let Seen { frames, moving } = seen;
     match reason {
         NoFlight::NothingRound { spots } => format!(
             "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
