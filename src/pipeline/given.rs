@@ -131,7 +131,7 @@ pub fn measure_points(
         }
         Err(NotMeasured::NoScale(source)) => Err(misfit(source)),
         Err(NotMeasured::NoFlight(reason)) => {
-            let seen = rejection::Seen {
+            let seen = rejection::SeenThings {
                 frames: clocked.base.times_s.len(),
                 moving: centres.len(),
             };

@@ -125,7 +125,7 @@ pub fn measure(
         }
         Err(NotMeasured::NoScale(source)) => Err(misfit(source)),
         Err(NotMeasured::NoFlight(reason)) => {
-            let seen = rejection::Seen {
+            let seen = rejection::SeenThings {
                 frames: decoded.stamps_s.len(),
                 moving: decoded.moving,
             };

@@ -49,7 +49,7 @@ pub fn read(path: &Path) -> Result<GivenPoints, FileError> {
 /// See [`FileError`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<GivenPoints, FileError> {
     let mut table = Table::parse(bytes, name, &KIND)?;
-    let is_known = |cell: &str| Column::named(cell).is_some();
+    let is_known = |cell: &str| PointColumn::named(cell).is_some();
     if !table.columns.iter().any(|c| is_known(c))
         && table
             .rows
@@ -106,7 +106,7 @@ fn numbered(mut points: Vec<GivenPoint>, has_frames: bool) -> GivenPoints {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Column {
+enum PointColumn {
     Frame,
     Seconds,
     Milliseconds,
@@ -119,7 +119,7 @@ enum Column {
     Std,
 }
 
-impl Column {
+impl PointColumn {
     /// The column that a name means.
     fn named(name: &str) -> Option<Self> {
         let name = name.trim().to_lowercase();
@@ -152,23 +152,23 @@ struct Columns {
 
 impl Columns {
     fn of(table: &Table) -> Result<Self, FileProblem> {
-        let at = |wanted: Column| {
+        let at = |wanted: PointColumn| {
             table
                 .columns
                 .iter()
-                .position(|c| Column::named(c) == Some(wanted))
+                .position(|c| PointColumn::named(c) == Some(wanted))
         };
-        let frame = at(Column::Frame);
-        let time = at(Column::Seconds).map(|i| (i, 1.0));
-        let time = time.or(at(Column::Milliseconds).map(|i| (i, 1e-3)));
-        let pair = |a: Column, b: Column| at(a).zip(at(b));
-        let (place, is_world) = if let Some(place) = pair(Column::Right, Column::Down) {
+        let frame = at(PointColumn::Frame);
+        let time = at(PointColumn::Seconds).map(|i| (i, 1.0));
+        let time = time.or(at(PointColumn::Milliseconds).map(|i| (i, 1e-3)));
+        let pair = |a: PointColumn, b: PointColumn| at(a).zip(at(b));
+        let (place, is_world) = if let Some(place) = pair(PointColumn::Right, PointColumn::Down) {
             (Some(place), false)
-        } else if let Some(place) = pair(Column::XMetres, Column::ZMetres) {
+        } else if let Some(place) = pair(PointColumn::XMetres, PointColumn::ZMetres) {
             (Some(place), true)
         } else {
             // trackpy numbers frames and has pixels; Tracker has times and metres.
-            (pair(Column::X, Column::Y), time.is_some())
+            (pair(PointColumn::X, PointColumn::Y), time.is_some())
         };
         let missing = |found: &str| {
             FileProblem::new(
@@ -187,7 +187,7 @@ impl Columns {
             time,
             place,
             is_world,
-            std: at(Column::Std),
+            std: at(PointColumn::Std),
         })
     }
 

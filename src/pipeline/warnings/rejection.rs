@@ -7,7 +7,7 @@ use crate::frames::timebase::TimeBase;
 
 /// What was seen of a recording.
 #[derive(Debug, Clone, Copy)]
-pub struct Seen {
+pub struct SeenThings {
     /// Its frames.
     pub frames: usize,
     /// Things that moved in them.
@@ -15,8 +15,8 @@ pub struct Seen {
 }
 
 /// Why nothing was measured, and what to try.
-pub fn no_flight(reason: &NoFlight, seen: Seen, base: &TimeBase, calibration: &Calibration) -> String {
-    let Seen { frames, moving } = seen;
+pub fn no_flight(reason: &NoFlight, seen: SeenThings, base: &TimeBase, calibration: &Calibration) -> String {
+    let SeenThings { frames, moving } = seen;
     match reason {
         NoFlight::NothingRound { spots } => format!(
             "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
