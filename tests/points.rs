@@ -287,6 +287,82 @@ fn what_cannot_be_measured_is_told_and_leaves_nothing() {
     );
 }
 
+/// What goes to Tracker comes back: the places to 1e-9 px, and with them the measurement.
+#[test]
+fn a_measurement_goes_to_tracker_and_back() {
+    let lab = Lab::new();
+    let rows = pixels(11, 0.1)
+        .into_iter()
+        .map(|(n, u, v)| format!("{n},{u},{v}"));
+    let output = lab.track(
+        &table("frame,u_px,v_px", rows),
+        &["--out", "out", "--formats", "json,trk"],
+    );
+    assert!(output.status.success());
+    assert!(!lab.path("out/points.report.html").exists());
+    let first: Value =
+        serde_json::from_slice(&fs::read(lab.path("out/points.result.json")).unwrap()).unwrap();
+    let tracker = |args: &[&str]| {
+        let mut command = Command::cargo_bin("track").unwrap();
+        command
+            .current_dir(lab.0.path())
+            .args(["calibrate", "tracker"])
+            .args(args)
+            .output()
+            .unwrap()
+    };
+    let radius = RADIUS_M.to_string();
+    let output = tracker(&[
+        "out/points.trk",
+        "--out",
+        "back.json",
+        "--points",
+        "back.csv",
+        "--ball-radius-m",
+        &radius,
+        "--ball-mass-kg",
+        "0.056",
+    ]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.success() && stderr.contains("Tracker's step"),
+        "{stderr}"
+    );
+    let calib: Value = serde_json::from_slice(&fs::read(lab.path("back.json")).unwrap()).unwrap();
+    assert!((calib["scale"]["metres_per_pixel"].as_f64().unwrap() / SCALE - 1.0).abs() < 1e-12);
+    assert!((calib["origin_px"][0].as_f64().unwrap() - ORIGIN_PX.0).abs() < 1e-9);
+    assert!((calib["frame_rate_hz"].as_f64().unwrap() / RATE_HZ - 1.0).abs() < 1e-9);
+    fs::copy(lab.path("back.json"), lab.path("calib.json")).unwrap();
+    let back = fs::read_to_string(lab.path("back.csv")).unwrap();
+    let points = first["track"]["points"].as_array().unwrap();
+    let used: Vec<&Value> = points.iter().filter(|p| p["used"] == true).collect();
+    assert_eq!(back.lines().count(), used.len() + 1);
+    for (line, point) in back.lines().skip(1).zip(used) {
+        let cells: Vec<f64> = line.split(',').map(|c| c.parse().unwrap()).collect();
+        assert!((cells[2] - point["u_px"].as_f64().unwrap()).abs() < 1e-9);
+        assert!((cells[3] - point["v_px"].as_f64().unwrap()).abs() < 1e-9);
+    }
+    let again = lab.measured(&back);
+    let (a, b) = (
+        q(&first["bounces"][0]["restitution"]),
+        q(&again["bounces"][0]["restitution"]),
+    );
+    assert!((a.0 - b.0).abs() < 0.3 * a.1, "{a:?} {b:?}");
+    // What Tracker does not have is told.
+    fs::write(lab.path("cut.trk"), "<object class=\"x\">").unwrap();
+    let output = tracker(&["cut.trk"]);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(2) && stderr.contains("cut.trk"),
+        "{stderr}"
+    );
+    let output = lab.track(
+        "frame,u_px,v_px\n0,1,2\n",
+        &["--out", "out", "--formats", "overlay"],
+    );
+    assert_eq!(output.status.code(), Some(2));
+}
+
 #[test]
 fn what_track_writes_it_reads() {
     let lab = Lab::new();

@@ -6,7 +6,7 @@ use crate::detect::centre::Accuracy;
 use crate::pipeline::{Measurement, Outcome, Progress, measure};
 use crate::report::documents::json_text;
 use crate::report::documents::result::ResultDocument;
-use crate::report::formats::{FORMATS, OutputFormat, write_recording};
+use crate::report::formats::{FORMATS, OutputFormat, trk, usual_formats, write_recording};
 use crate::report::{table, write};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -27,9 +27,31 @@ pub struct MeasureArgs {
     /// Write <name>.result.json, .points.csv, .report.html and .overlay.mp4 into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// What to write there: html, json, csv, overlay (all of these without this option), trk (for Tracker).
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "out", value_parser = format_names())]
+    pub formats: Option<Vec<String>>,
     /// Print the result as one JSON document in place of the table.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Reads the name of a format.
+pub fn format_names() -> PossibleValuesParser {
+    PossibleValuesParser::new(FORMATS.map(OutputFormat::name))
+}
+
+/// The formats of these names, in their own order; without names the `usual` ones.
+pub fn formats_named(
+    names: Option<&[String]>,
+    usual: impl Iterator<Item = &'static &'static dyn OutputFormat>,
+) -> Vec<&'static dyn OutputFormat> {
+    match names {
+        None => usual.copied().collect(),
+        Some(names) => {
+            let asked = |format: &&dyn OutputFormat| names.iter().any(|name| name == format.name());
+            FORMATS.into_iter().filter(asked).collect()
+        }
+    }
 }
 
 /// Reads a level of accuracy by name.
@@ -70,7 +92,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
         &args.video,
         args.out.as_deref(),
         args.json,
-        FORMATS.iter(),
+        &formats_named(args.formats.as_deref(), usual_formats()),
     )
 }
 
@@ -78,18 +100,23 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
 ///
 /// # Errors
 /// Whatever keeps the results from being written.
-pub fn finish<'f>(
+pub fn finish(
     measurement: &Measurement,
     input: &Path,
     out: Option<&Path>,
     json: bool,
-    formats: impl DoubleEndedIterator<Item = &'f &'f dyn OutputFormat>,
+    formats: &[&'static dyn OutputFormat],
 ) -> anyhow::Result<Status> {
     for w in &measurement.warnings {
         say(&format!("warning: {}: {}", w.code, w.message));
     }
+    if formats.iter().any(|format| format.name() == "trk")
+        && let Some(words) = trk::uneven(measurement)
+    {
+        say(&format!("warning: {words}"));
+    }
     if let Some(dir) = out {
-        for path in write_recording(measurement, dir, &stem(input), formats)? {
+        for path in write_recording(measurement, dir, &stem(input), formats.iter())? {
             say(&format!("wrote {}", path.display()));
         }
     }

@@ -1,12 +1,13 @@
 //! `track points CSV --calib CALIB`: centres that another program found.
 
-use super::measure::finish;
+use super::measure::{finish, format_names, formats_named};
 use super::{Status, say};
 use crate::calibration::Calibration;
 use crate::pipeline::measure_points;
 use crate::points::table;
 use crate::report::formats::batch_formats;
 use crate::report::write;
+use anyhow::bail;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -21,6 +22,9 @@ pub struct PointsArgs {
     /// Write <name>.result.json, .points.csv and .report.html into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// What to write there: html, json, csv (all of these without this option), trk (for Tracker).
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "out", value_parser = format_names())]
+    pub formats: Option<Vec<String>>,
     /// Print the result as one JSON document in place of the table.
     #[arg(long)]
     pub json: bool,
@@ -32,6 +36,12 @@ pub struct PointsArgs {
 ///
 /// Whatever keeps the centres from being read, or the results from being written.
 pub fn run(args: &PointsArgs) -> anyhow::Result<Status> {
+    let formats = formats_named(args.formats.as_deref(), batch_formats());
+    if formats.iter().any(|format| format.needs_frames()) {
+        bail!(
+            "--formats overlay: a table of centres has no pictures to draw into; accepted are html, json, csv, trk"
+        );
+    }
     let calibration = Calibration::read(&args.calib)?;
     // Kept to the end: a folder that nothing came into goes again.
     let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
@@ -47,6 +57,6 @@ pub fn run(args: &PointsArgs) -> anyhow::Result<Status> {
         &args.points,
         args.out.as_deref(),
         args.json,
-        batch_formats(),
+        &formats,
     )
 }

@@ -134,6 +134,7 @@ pub fn measure_points(
             let seen = rejection::SeenThings {
                 frames: clocked.base.times_s.len(),
                 moving: centres.len(),
+                what: "centres in the table",
             };
             let reason = rejection::no_flight(&reason, seen, &clocked.base, calibration);
             Ok(result::rejected(

@@ -128,6 +128,7 @@ pub fn measure(
             let seen = rejection::SeenThings {
                 frames: decoded.stamps_s.len(),
                 moving: decoded.moving,
+                what: "moving regions",
             };
             let reason = rejection::no_flight(&reason, seen, &clocked.base, &calibration);
             Ok(result::rejected(

@@ -3,11 +3,13 @@
 //! | file | what it does |
 //! |---|---|
 //! | [`table`] | CSV: `track`'s own points, trackpy's, what Tracker and Kinovea export, a student's script |
+//! | [`tracker`] | Tracker's `.trk` and `.trz`: calibration and point masses |
 //!
 //! What is read says nothing of pixels but where they lie; from there on a recording of centres goes the way of a video
 //! ([`crate::pipeline::measure_points`]).
 
 pub mod table;
+pub mod tracker;
 
 use crate::geometry::{PixelPoint, WorldPoint};
 

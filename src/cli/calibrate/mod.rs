@@ -1,4 +1,4 @@
-//! `track calibrate board|ruler|show|check`: from a board or a ruler to a calib.json.
+//! `track calibrate board|ruler|tracker|show|check`: from a board, a ruler or a file of Tracker to a calib.json.
 //!
 //! Each way to calibrate is a [`CalibrationWay`]; what they have in common (where the calibration goes, how it is shown, what
 //! is wrong with it) is done here.
@@ -7,6 +7,7 @@ mod board;
 mod check;
 mod ruler;
 mod show;
+mod tracker;
 
 use super::{Status, answer, say};
 use crate::calibration::check::findings as check_findings;
@@ -31,6 +32,8 @@ enum CalibrateCommand {
     Board(board::BoardArgs),
     /// A scale from two marks and a length, from the ball, or from the fall; floor and launch edge.
     Ruler(ruler::RulerArgs),
+    /// What was calibrated in Tracker (.trk, .trz), and the point masses that were marked.
+    Tracker(tracker::TrackerArgs),
     /// A page on which the marks are dragged over a frame with the mouse.
     Show(show::ShowArgs),
     /// Everything that is wrong with a calibration, at once.
@@ -45,6 +48,7 @@ pub fn run(args: &CalibrateArgs) -> anyhow::Result<Status> {
     match &args.what {
         CalibrateCommand::Board(args) => calibrate_by(args),
         CalibrateCommand::Ruler(args) => calibrate_by(args),
+        CalibrateCommand::Tracker(args) => calibrate_by(args),
         CalibrateCommand::Show(args) => show::run(args),
         CalibrateCommand::Check(args) => check::run(args),
     }

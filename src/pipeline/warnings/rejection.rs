@@ -10,20 +10,22 @@ use crate::frames::timebase::TimeBase;
 pub struct SeenThings {
     /// Its frames.
     pub frames: usize,
-    /// Things that moved in them.
+    /// How many things moved in them.
     pub moving: usize,
+    /// And what these are, for the sentence: "moving regions".
+    pub what: &'static str,
 }
 
 /// Why nothing was measured, and what to try.
 pub fn no_flight(reason: &NoFlight, seen: SeenThings, base: &TimeBase, calibration: &Calibration) -> String {
-    let SeenThings { frames, moving } = seen;
+    let SeenThings { frames, moving, what } = seen;
     match reason {
         NoFlight::NothingRound { spots } => format!(
-            "no ball was found: {moving} moving regions in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
+            "no ball was found: {moving} {what} in {frames} frames, {spots} of them round. The ball must differ from what is behind it and be seen whole in several frames; the camera must stand still."
         ),
         NoFlight::NothingFalls { longest } if calibration.view == View::Top => {
             let all = format!(
-                "{moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames)"
+                "{moving} {what} in {frames} frames, and no track of a round thing (the longest: {longest} frames)"
             );
             match calibration.distance_m {
                 Some(distance_m) => format!(
@@ -35,7 +37,7 @@ pub fn no_flight(reason: &NoFlight, seen: SeenThings, base: &TimeBase, calibrati
             }
         }
         NoFlight::NothingFalls { longest } => format!(
-            "nothing falls freely: {moving} moving regions in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?{}",
+            "nothing falls freely: {moving} {what} in {frames} frames, and no track of a round thing (the longest: {longest} frames) follows parabolas that share one fall. A ball that is held or rolls cannot be measured; is the flight in the clip, and is \"up_px\" right?{}",
             slow_frames(base, calibration.gravity_m_s2)
         ),
     }

@@ -8,6 +8,10 @@ use std::error::Error;
 pub struct Points;
 
 impl OutputFormat for Points {
+    fn name(&self) -> &'static str {
+        "csv"
+    }
+
     fn suffix(&self) -> &'static str {
         "points.csv"
     }

@@ -9,6 +9,10 @@ use std::error::Error;
 pub struct Page;
 
 impl OutputFormat for Page {
+    fn name(&self) -> &'static str {
+        "html"
+    }
+
     fn suffix(&self) -> &'static str {
         "report.html"
     }

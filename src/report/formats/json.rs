@@ -10,6 +10,10 @@ use std::error::Error;
 pub struct Json;
 
 impl OutputFormat for Json {
+    fn name(&self) -> &'static str {
+        "json"
+    }
+
     fn suffix(&self) -> &'static str {
         "result.json"
     }

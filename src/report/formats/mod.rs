@@ -8,6 +8,7 @@ mod html;
 mod json;
 mod overlay;
 pub mod series;
+pub mod trk;
 
 use super::write::{self, WriteError};
 use crate::frames::RecodeError;
@@ -28,11 +29,19 @@ pub enum Contents<'a> {
 
 /// A form in which a measurement is written.
 pub trait OutputFormat: Sync {
+    /// What it is called where it is asked for (`--formats`).
+    fn name(&self) -> &'static str;
+
     /// What follows the recording's name and a dot in the name of the file.
     fn suffix(&self) -> &'static str;
 
     /// Whether it is made from the recording's frames once more. A batch leaves such files out.
     fn needs_frames(&self) -> bool {
+        false
+    }
+
+    /// Whether it is written only where it is asked for by name.
+    fn is_extra(&self) -> bool {
         false
     }
 
@@ -47,11 +56,22 @@ pub trait OutputFormat: Sync {
 }
 
 /// Every format, in the order in which their files are told.
-pub const FORMATS: [&dyn OutputFormat; 4] = [&html::Page, &json::Json, &csv::Points, &overlay::OverlayVideo];
+pub const FORMATS: [&dyn OutputFormat; 5] = [
+    &html::Page,
+    &json::Json,
+    &csv::Points,
+    &overlay::OverlayVideo,
+    &trk::Trk,
+];
+
+/// Those that are written where nobody asks for others.
+pub fn usual_formats() -> impl DoubleEndedIterator<Item = &'static &'static dyn OutputFormat> {
+    FORMATS.iter().filter(|format| !format.is_extra())
+}
 
 /// Those that a batch writes of every recording, and keeps.
 pub fn batch_formats() -> impl DoubleEndedIterator<Item = &'static &'static dyn OutputFormat> {
-    FORMATS.iter().filter(|format| !format.needs_frames())
+    usual_formats().filter(|format| !format.needs_frames())
 }
 
 /// Writes `measurement` into `dir` as `<stem>` with the suffix of each of the formats: all files, or none. Their paths.
@@ -97,6 +117,10 @@ mod tests {
     struct TestVideo;
 
     impl OutputFormat for TestVideo {
+        fn name(&self) -> &'static str {
+            "overlay"
+        }
+
         fn suffix(&self) -> &'static str {
             "overlay.mp4"
         }

@@ -10,6 +10,10 @@ use std::error::Error;
 pub struct OverlayVideo;
 
 impl OutputFormat for OverlayVideo {
+    fn name(&self) -> &'static str {
+        "overlay"
+    }
+
     fn suffix(&self) -> &'static str {
         "overlay.mp4"
     }
