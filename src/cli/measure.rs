@@ -27,7 +27,7 @@ pub struct MeasureArgs {
     /// Write <name>.result.json, .points.csv, .report.html and .overlay.mp4 into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// What to write there: html, json, csv, overlay (all of these without this option), trk (for Tracker).
+    /// What to write there: html, json, csv, overlay (all of these without this option), svg (each figure a file), trk (for Tracker).
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "out", value_parser = format_names())]
     pub formats: Option<Vec<String>>,
     /// Print the result as one JSON document in place of the table.
@@ -37,7 +37,9 @@ pub struct MeasureArgs {
 
 /// Reads the name of a format.
 pub fn format_names() -> PossibleValuesParser {
-    PossibleValuesParser::new(FORMATS.map(OutputFormat::name))
+    let mut names: Vec<&str> = FORMATS.map(OutputFormat::name).to_vec();
+    names.dedup();
+    PossibleValuesParser::new(names)
 }
 
 /// The formats of these names, in their own order; without names the `usual` ones.

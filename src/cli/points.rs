@@ -22,7 +22,7 @@ pub struct PointsArgs {
     /// Write <name>.result.json, .points.csv and .report.html into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// What to write there: html, json, csv (all of these without this option), trk (for Tracker).
+    /// What to write there: html, json, csv (all of these without this option), svg (each figure a file), trk (for Tracker).
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "out", value_parser = format_names())]
     pub formats: Option<Vec<String>>,
     /// Print the result as one JSON document in place of the table.

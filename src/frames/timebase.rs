@@ -227,34 +227,10 @@ impl Resampling {
         (self.ratio * k + self.phase + ROUNDING).floor()
     }
 
-    /// A choice of the same pictures for `frames` stored at `stored_hz` from those of a usual camera, where there is one: over a recording many
-    /// ratios choose the same. The nearest rate in whole Hz comes first.
+    /// The ratios of cameras of usual rates for frames stored at `stored_hz`: of those in whole Hz, and of those in the countries of NTSC.
     #[must_use]
-    pub fn of_usual_rate(self, stored_hz: f64, frames: usize) -> Option<Self> {
-        let nearest = |factor: f64| {
-            let ratios = USUAL_RATES_HZ.iter().map(|hz| hz * factor / stored_hz);
-            let alike = ratios.filter_map(|ratio| self.alike(ratio, frames));
-            alike.min_by(|a, b| {
-                (a.ratio - self.ratio)
-                    .abs()
-                    .total_cmp(&(b.ratio - self.ratio).abs())
-            })
-        };
-        nearest(1.0).or_else(|| nearest(NTSC))
-    }
-
-    /// The same choice by another `ratio`; `None` where that chooses other pictures.
-    fn alike(self, ratio: f64, frames: usize) -> Option<Self> {
-        let (mut low, mut high) = (0.0_f64, 1.0_f64);
-        for k in (0..frames).map(|k| k as f64) {
-            let least = self.picture(k) - self.picture(0.0) - ratio * k;
-            low = low.max(least);
-            high = high.min(least + 1.0);
-        }
-        (low < high).then_some(Self {
-            ratio,
-            phase: 0.5 * (low + high),
-        })
+    pub fn of_usual_cameras(stored_hz: f64) -> [Vec<f64>; 2] {
+        [1.0, NTSC].map(|factor| USUAL_RATES_HZ.iter().map(|hz| hz * factor / stored_hz).collect())
     }
 }
 
@@ -335,31 +311,6 @@ const LEAST_WHOLE: f64 = 0.95;
 
 #[cfg(test)]
 mod tests {
-    #[test]
-    fn a_pattern_of_repeats_is_that_of_a_usual_camera_where_it_may_be() {
-        // 240 Hz stored at 274 Hz: over 90 frames as every eighth twice.
-        let by = Resampling {
-            ratio: 7.0 / 8.0,
-            phase: 0.4,
-        };
-        let usual = by.of_usual_rate(274.0, 60).unwrap();
-        assert!((usual.ratio * 274.0 - 240.0).abs() < 1e-9, "{usual:?}");
-        let chosen = |r: Resampling| {
-            (0..60)
-                .map(|k| r.picture(f64::from(k)) - r.picture(0.0))
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(chosen(by), chosen(usual));
-        assert!(
-            Resampling {
-                ratio: 0.7,
-                phase: 0.0
-            }
-            .of_usual_rate(274.0, 500)
-            .is_none()
-        );
-    }
-
     use super::*;
 
     #[test]

@@ -6,7 +6,7 @@
 //! | an even clock that the stamps jitter about | none, but a margin |
 //! | frames that show the one before left out, the others as stamped | which |
 //! | frames chosen from pictures of another rate ([`TimeBase::resampled`]): repeats or gaps that come regularly | ratio, phase |
-//! | the likeliest of these with frames missing in single places | where, how many |
+//! | the first and the likeliest of the others, each with frames missing in single places | where, how many |
 //!
 //! Where the first leaves no room for a better one other rates are not tried, and gaps only where a step shows one. Assumed: one clock for the whole recording. A piece that is
 //! cut out at an impact shows in its arcs alone, after they are fitted ([`Clocked::with_frames_missing_at_impacts`]).
@@ -93,13 +93,23 @@ pub fn clocked(
         let falling = trials.moving.falling(rival.frames(), &*model);
         trials.falling.iter_mut().zip(falling).for_each(|(a, b)| *a |= b);
     }
-    let mut best = trials.tried(as_stamped);
-    for rival in rivals {
-        best = best.or(trials.tried(rival));
+    let stamped = trials.tried(as_stamped);
+    let likelier = rivals
+        .into_iter()
+        .map(|rival| trials.tried(rival))
+        .filter(|rival| rival.score() > stamped.score())
+        .max_by(|a, b| a.score().total_cmp(&b.score()));
+    // A gap in a single place looks like frames chosen from another rate, whose other gaps fall where nothing tells: each has its gaps before they
+    // are compared.
+    let mut best = trials.with_single_gaps(stamped, &linked.spots);
+    let mut jittered = None;
+    if let Some(rival) = likelier {
+        let even = even_times.filter(|(times_s, _)| *times_s == rival.clock.base.times_s);
+        let rival = trials.with_single_gaps(trials.numbered_anew(rival, camera), &linked.spots);
+        if rival.score() > best.score() {
+            (best, jittered) = (rival, even);
+        }
     }
-    let jittered = even_times.filter(|(times_s, _)| *times_s == best.clock.base.times_s);
-    best = trials.numbered_anew(best, camera);
-    best = trials.with_single_gaps(best, &linked.spots);
     let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
     clocked
         .warnings
@@ -173,11 +183,6 @@ impl Tried {
     fn score(&self) -> f64 {
         self.explained.gain - self.clock.price
     }
-
-    /// The likelier of both; this where they are alike.
-    fn or(self, other: Self) -> Self {
-        if other.score() > self.score() { other } else { self }
-    }
 }
 
 impl ClockTrials<'_> {
@@ -225,7 +230,7 @@ impl ClockTrials<'_> {
         let stored_s = TimeBase::new(self.stamps_s, &[], None).interval_s;
         let finer = best.map(|(fit, by)| {
             let by = refined(fit, by, self.stamps_s.len(), misfit);
-            let usual = stored_s.and_then(|s| by.of_usual_rate(1.0 / s, self.stamps_s.len()));
+            let usual = stored_s.and_then(|s| of_usual_rate(by, 1.0 / s, self.stamps_s.len(), misfit));
             usual.unwrap_or(by)
         });
         finer
@@ -367,6 +372,43 @@ fn refined(
     best
 }
 
+/// The choice of pictures of a usual camera that suits as well as `by` does, for `frames` stored at `stored_hz`: of a camera in whole Hz, or else one of the
+/// countries of NTSC, the nearest first. Where nothing moves, pictures may be chosen otherwise.
+fn of_usual_rate(
+    by: Resampling,
+    stored_hz: f64,
+    frames: usize,
+    misfit: impl Fn(Resampling) -> Option<f64>,
+) -> Option<Resampling> {
+    let most = misfit(by)? + USUAL_RATE_COST;
+    let nearest = |ratios: Vec<f64>| {
+        let suits = ratios.into_iter().filter_map(|ratio| {
+            let phases = (0..USUAL_RATE_PHASES).map(|k| f64::from(k) / f64::from(USUAL_RATE_PHASES));
+            let fits = phases.filter_map(|phase| {
+                let by = Resampling { ratio, phase };
+                Some((misfit(by)?, by))
+            });
+            fits.min_by(|a, b| a.0.total_cmp(&b.0))
+                .filter(|(fit, _)| *fit <= most)
+        });
+        let off = |other: &Resampling| (other.ratio - by.ratio).abs();
+        suits.map(|(_, by)| by).min_by(|a, b| off(a).total_cmp(&off(b)))
+    };
+    let near = |ratio: &f64| (ratio - by.ratio).abs() * frames as f64 <= USUAL_RATE_PICTURES;
+    let [whole, ntsc] =
+        Resampling::of_usual_cameras(stored_hz).map(|ratios| ratios.into_iter().filter(near).collect());
+    nearest(whole).or_else(|| nearest(ntsc))
+}
+
+/// A usual rate may suit worse by this, in squared standard deviations: less than one picture that is taken for the next.
+const USUAL_RATE_COST: f64 = 4.0;
+
+/// And its pictures end so many off over the recording, at most.
+const USUAL_RATE_PICTURES: f64 = 1.5;
+
+/// Phases that are tried.
+const USUAL_RATE_PHASES: u32 = 40;
+
 /// A rate that is no quotient of small numbers costs its digits, squared standard deviations.
 const REFINED_GAIN: f64 = 16.0;
 
@@ -407,4 +449,43 @@ impl Clocked {
 /// The first frame after each gap, and the frames missing in it.
 fn pairs(skips: &[DroppedFrames]) -> Vec<(usize, usize)> {
     skips.iter().map(|s| (s.frame, s.missing)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 240 Hz stored at 274 Hz looks over a short while as every eighth frame twice; a frame before the flight may look otherwise.
+    #[test]
+    fn a_pattern_of_repeats_is_that_of_a_usual_camera_where_it_suits() {
+        let truth = Resampling {
+            ratio: 240.0 / 274.0,
+            phase: 0.3,
+        };
+        let frames = 150;
+        let picture = |r: Resampling, k: usize| (r.ratio * k as f64 + r.phase).floor();
+        // Of each frame of the flight that shows another picture.
+        let misfit = |r: Resampling| {
+            let steps = (30..frames).filter(|&k| {
+                let step = |r| picture(r, k) - picture(r, k - 1);
+                step(r) != step(truth)
+            });
+            Some(10.0 * steps.count() as f64)
+        };
+        let near = Resampling {
+            ratio: 0.8755,
+            phase: 0.37,
+        };
+        let by = [near, truth]
+            .into_iter()
+            .min_by(|a, b| misfit(*a).unwrap().total_cmp(&misfit(*b).unwrap()))
+            .unwrap();
+        let usual = of_usual_rate(by, 274.0, frames, misfit).unwrap();
+        assert!((usual.ratio * 274.0 - 240.0).abs() < 1e-9, "{usual:?}");
+        let other = Resampling {
+            ratio: 0.7,
+            phase: 0.0,
+        };
+        assert!(of_usual_rate(other, 274.0, frames, |r| Some((r.ratio - 0.7).abs() * 1e6)).is_none());
+    }
 }

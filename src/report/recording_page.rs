@@ -3,7 +3,7 @@
 use super::page::{PageError, document, fact, symbol_html, warning};
 use super::strobe::{self, StrobePicture};
 use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
-use super::track_plots::{self, Coordinate, Plot};
+use super::track_plots::{self, Coordinate, Plot, PlotUse};
 use super::words::{self, NO_VALUE, WrittenQuantity};
 use crate::impact::{Bounce, Readings, XSource};
 use crate::pipeline::{CalibrationFacts, Measurement, Outcome, View, Warning};
@@ -63,8 +63,8 @@ impl LaunchSections {
     /// Of one of so many `launches` on the page.
     fn new(measurement: &Measurement, launches: usize) -> Result<Self, PageError> {
         let picture = strobe::strobe_picture(measurement, launches)?;
-        let along = track_plots::coordinate_plot(measurement, Coordinate::Along)?;
-        let up = track_plots::coordinate_plot(measurement, Coordinate::Up)?;
+        let along = track_plots::coordinate_plot(measurement, Coordinate::Along, PlotUse::Page)?;
+        let up = track_plots::coordinate_plot(measurement, Coordinate::Up, PlotUse::Page)?;
         // Numbers of a recording that is not to be trusted would be read all the same.
         let trusted = measurement.outcome == Outcome::Measured;
         Ok(Self {

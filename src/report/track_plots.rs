@@ -29,6 +29,48 @@ pub enum Coordinate {
     Up,
 }
 
+/// Where a plot goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlotUse {
+    /// Onto a page, which gives it its size.
+    Page,
+    /// Into a column of 8 cm.
+    Column,
+}
+
+/// Design width of a plot for a column, screen pixels: words of 16 of them, which plotters writes as 12.9, are 8.2 points where 356 are 80 mm.
+const COLUMN_WIDTH: u32 = 356;
+
+/// Of a column, mm.
+const COLUMN_MM: f64 = 80.0;
+
+impl PlotUse {
+    fn width(self) -> u32 {
+        match self {
+            Self::Page => WIDTH,
+            Self::Column => COLUMN_WIDTH,
+        }
+    }
+
+    fn time_ticks(self) -> usize {
+        match self {
+            Self::Page => 9,
+            Self::Column => 5,
+        }
+    }
+
+    /// The drawing's attributes, whatever its height.
+    fn attributes(self, name: &str, height: u32) -> String {
+        match self {
+            Self::Page => figure::for_a_page(name),
+            Self::Column => {
+                let height_mm = COLUMN_MM * f64::from(height) / f64::from(COLUMN_WIDTH);
+                format!(r#"width="80mm" height="{height_mm:.2}mm" style="background:#fff""#)
+            }
+        }
+    }
+}
+
 /// A finished plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
@@ -46,8 +88,12 @@ pub struct Plot {
 ///
 /// # Errors
 /// See [`PlotError`].
-pub fn coordinate_plot(measurement: &Measurement, coordinate: Coordinate) -> Result<Option<Plot>, PlotError> {
-    let Some(data) = CoordinateData::of(measurement, coordinate) else {
+pub fn coordinate_plot(
+    measurement: &Measurement,
+    coordinate: Coordinate,
+    goes: PlotUse,
+) -> Result<Option<Plot>, PlotError> {
+    let Some(data) = CoordinateData::of(measurement, coordinate, goes) else {
         return Ok(None);
     };
     let residuals = data.residual_reach.is_some();
@@ -58,8 +104,8 @@ pub fn coordinate_plot(measurement: &Measurement, coordinate: Coordinate) -> Res
         } else {
             0
         };
-    let name = figure::for_a_page(&format!("{} against time", data.symbol));
-    let svg = figure::svg((WIDTH, height), &name, |root| {
+    let attributes = goes.attributes(&format!("{} against time", data.symbol), height);
+    let svg = figure::svg((goes.width(), height), &attributes, |root| {
         let (main, below) = root.split_vertically(main_height * FINE);
         main_panel(&main, &data, !residuals)?;
         match data.residual_reach {
@@ -92,6 +138,8 @@ struct CoordinateData {
     /// What a centre scatters by.
     band: Option<f64>,
     every: usize,
+    /// Ticks wanted along the time.
+    time_ticks: usize,
 }
 
 struct TimePoint {
@@ -103,7 +151,7 @@ struct TimePoint {
 }
 
 impl CoordinateData {
-    fn of(measurement: &Measurement, coordinate: Coordinate) -> Option<Self> {
+    fn of(measurement: &Measurement, coordinate: Coordinate, goes: PlotUse) -> Option<Self> {
         let all = &measurement.track.points;
         let scaled = all.iter().any(|point| point.world.is_some());
         let (symbol, unit, residual_unit) = match (scaled, coordinate, measurement.view) {
@@ -138,6 +186,7 @@ impl CoordinateData {
         let centre_std_px = measurement.track.centre_std_px;
         let band = centre_std_px.zip(per_pixel).map(|(std, per)| std * per);
         Some(Self {
+            time_ticks: goes.time_ticks(),
             time,
             value,
             residual_reach: reach(&points, band),
@@ -305,7 +354,7 @@ fn time_panel<'a, 'b>(
     time_axis: bool,
 ) -> Result<Panel<'a, 'b>, PlotError> {
     let axes = PanelAxes {
-        x: Axis::new(data.time.clone(), 9),
+        x: Axis::new(data.time.clone(), data.time_ticks),
         y: Axis::new(y, ticks),
         x_label: time_axis.then_some("time / s"),
         y_label,
@@ -356,7 +405,9 @@ mod tests {
     use crate::report::test_measurements;
 
     fn plot(measurement: &Measurement, coordinate: Coordinate) -> Plot {
-        coordinate_plot(measurement, coordinate).unwrap().unwrap()
+        coordinate_plot(measurement, coordinate, PlotUse::Page)
+            .unwrap()
+            .unwrap()
     }
 
     #[test]
@@ -387,7 +438,7 @@ mod tests {
         let plot = plot(&measurement, Coordinate::Up);
         assert_eq!((plot.symbol, plot.residuals), ("v", true));
         assert!(plot.svg.contains("v / px") && plot.svg.contains("residual / px"));
-        let data = CoordinateData::of(&measurement, Coordinate::Up).unwrap();
+        let data = CoordinateData::of(&measurement, Coordinate::Up, PlotUse::Page).unwrap();
         assert!(data.value.start > data.value.end);
         let rms = (data
             .points
@@ -409,7 +460,12 @@ mod tests {
     fn without_arcs_there_are_no_residuals_and_without_points_no_plot() {
         assert!(!plot(&test_measurements::rejected(), Coordinate::Along).residuals);
         assert_eq!(
-            coordinate_plot(&test_measurements::nothing_seen(), Coordinate::Along).unwrap(),
+            coordinate_plot(
+                &test_measurements::nothing_seen(),
+                Coordinate::Along,
+                PlotUse::Page
+            )
+            .unwrap(),
             None
         );
         let mut single = test_measurements::rejected();
@@ -437,7 +493,7 @@ mod tests {
             .find(|p| p.frame == 97)
             .unwrap();
         outlier.residual_m.as_mut().unwrap().x_m = 4.0;
-        let data = CoordinateData::of(&measurement, Coordinate::Along).unwrap();
+        let data = CoordinateData::of(&measurement, Coordinate::Along, PlotUse::Page).unwrap();
         assert!(data.residual_reach.unwrap() < 0.5, "mm");
     }
 

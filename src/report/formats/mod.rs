@@ -8,6 +8,7 @@ mod html;
 mod json;
 mod overlay;
 pub mod series;
+mod svg;
 pub mod trk;
 
 use super::write::{self, WriteError};
@@ -23,6 +24,8 @@ pub type VideoMaker<'a> = dyn FnOnce(&Path) -> Result<(), RecodeError> + 'a;
 pub enum Contents<'a> {
     /// These bytes.
     Bytes(Vec<u8>),
+    /// There is nothing of it in the measurement: no file.
+    Nothing,
     /// A video, which FFmpeg writes to a path by itself.
     Video(Box<VideoMaker<'a>>),
 }
@@ -56,11 +59,14 @@ pub trait OutputFormat: Sync {
 }
 
 /// Every format, in the order in which their files are told.
-pub const FORMATS: [&dyn OutputFormat; 5] = [
+pub const FORMATS: [&dyn OutputFormat; 8] = [
     &html::Page,
     &json::Json,
     &csv::Points,
     &overlay::OverlayVideo,
+    &svg::FigureFile::Picture,
+    &svg::FigureFile::X,
+    &svg::FigureFile::Z,
     &trk::Trk,
 ];
 
@@ -85,13 +91,14 @@ pub fn write_recording<'f>(
     formats: impl DoubleEndedIterator<Item = &'f &'f dyn OutputFormat>,
 ) -> Result<Vec<PathBuf>, WriteError> {
     // The largest file first: where it does not fit, no other is left without it.
-    let staged = formats.rev().map(|format| {
+    let staged = formats.rev().filter_map(|format| {
         let path = dir.join(format!("{stem}.{}", format.suffix()));
-        match format.contents(measurement) {
+        Some(match format.contents(measurement) {
+            Ok(Contents::Nothing) => return None,
             Ok(Contents::Bytes(bytes)) => write::stage(path, &bytes),
             Ok(Contents::Video(recode)) => write::stage_video(path, recode),
             Err(source) => Err(WriteError::Contents { path, source }),
-        }
+        })
     });
     let mut staged = staged.collect::<Result<Vec<_>, WriteError>>()?;
     staged.reverse();
