@@ -9,7 +9,7 @@
 //! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth
 //! ball's lift can differ from a tennis ball's by a third (and turn round near the drag crisis, far above these speeds):
 //! how many times that law's the lift is, is one more free number, known beforehand to
-//! [`KNOWN_SPIN_LIFT_STD`](super::error_budget::KNOWN_SPIN_LIFT_STD) and told by the points of the arcs where they bend by it
+//! [`KNOWN_SPIN_LIFT_STD`] and told by the points of the arcs where they bend by it
 //! ([`SpinLift::told_by`]).
 //!
 //! Assumed: it is one number for the whole flight, and between none and [`MOST_LIFT`] times the law's. Arcs that ask for more are bent by
@@ -164,7 +164,7 @@ impl SpinLift {
     }
 
     /// Standard uncertainty of lift over drag on `arc`, beyond that of the lift that a known spin makes
-    /// ([`KNOWN_SPIN_LIFT_STD`](super::error_budget::KNOWN_SPIN_LIFT_STD)).
+    /// ([`KNOWN_SPIN_LIFT_STD`]).
     #[must_use]
     pub fn std_over_drag(&self, arc: usize) -> f64 {
         self.spin(arc).map_or(UNKNOWN_SPIN_LIFT_STD, |_| NO_SPIN_LIFT_STD)

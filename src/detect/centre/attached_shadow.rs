@@ -5,7 +5,7 @@
 //! coordinates the shadow stands still, while the wall moves: the median over frames of what differs from the scene around the
 //! outline is the shadow (or a reflection, a halo), and is added to what is behind the ball.
 //!
-//! Behind the ball's rim nothing is seen of it: there it is the disc ([`ShadowDisc`]) that what lies beside the ball tells, and what is no
+//! Behind the ball's rim nothing is seen of it: there it is the disc (`shadow_disc`) that what lies beside the ball tells, and what is no
 //! disc of it goes on as it is beside the ball.
 //!
 //! Assumed: the shadow keeps its place beside the ball and changes what it falls on by as many grey levels everywhere. One that
