@@ -39,7 +39,7 @@ pub fn run(args: &PointsArgs) -> anyhow::Result<Status> {
     let formats = formats_named(args.formats.as_deref(), batch_formats());
     if formats.iter().any(|format| format.needs_frames()) {
         bail!(
-            "--formats overlay: a table of centres has no pictures to draw into; accepted are html, json, csv, trk"
+            "--formats overlay: a table of centres has no pictures to draw into; accepted are html, json, csv, svg, trk"
         );
     }
     let calibration = Calibration::read(&args.calib)?;

@@ -317,8 +317,10 @@ impl ClockTrials<'_> {
         };
         let from = gap.frame.saturating_sub(MOST_MISPLACED).max(1);
         let places = from..(gap.frame + MOST_MISPLACED).min(self.stamps_s.len());
-        let likeliest = places.min_by(|&a, &b| misfit(a).total_cmp(&misfit(b)));
-        likeliest.map_or(f64::NEG_INFINITY, |place| {
+        let likeliest = places
+            .map(|place| (misfit(place), place))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        likeliest.map_or(f64::NEG_INFINITY, |(_, place)| {
             let (times_s, duplicates) = &stored_at(place);
             let frames = FrameTimes { times_s, duplicates };
             let price = self.price_of_a_gap() + 2.0 * (2.0 * MOST_MISPLACED as f64).ln();

@@ -21,7 +21,6 @@ use super::warnings::{of_track, rejection};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::detect::centre::{Centre, Disc};
 use crate::detect::registration::Registration;
-use crate::flight::NoFlight;
 use crate::frames::timebase::TimeBase;
 use crate::frames::{Coded, RowOrder};
 use crate::geometry::{PixelPoint, PlanePoint};
@@ -95,17 +94,7 @@ pub fn measure_points(
         if let Some(several) = (found.len() > 1).then(several).flatten() {
             return Ok(several);
         }
-        let best = found.iter().find(|l| l.is_best).or(found.first());
-        let best = best.ok_or(NotMeasured::NoFlight(NoFlight::NothingFalls { longest: 0 }))?;
-        let whole = TrackedLaunch {
-            frames: launches::ALL_FRAMES,
-            ..best.clone()
-        };
-        Ok(MeasuredLaunches {
-            first: each(&whole)?,
-            later: Vec::new(),
-            left_out: 0,
-        })
+        MeasuredLaunches::alone(&found, each)
     });
     let facts = RecordingFacts::new(
         (path, clocked.base.times_s.len() as u64),

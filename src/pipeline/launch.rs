@@ -58,6 +58,27 @@ pub enum NotMeasured {
 }
 
 impl MeasuredLaunches {
+    /// The one of `found` with the most evidence, as if nothing else moved in the recording, measured by `of`.
+    ///
+    /// # Errors
+    /// See [`NotMeasured`].
+    pub fn alone(
+        found: &[TrackedLaunch],
+        of: impl FnOnce(&TrackedLaunch) -> Result<MeasuredLaunch, NotMeasured>,
+    ) -> Result<Self, NotMeasured> {
+        let best = found.iter().find(|l| l.is_best).or(found.first());
+        let best = best.ok_or(NotMeasured::NoFlight(NoFlight::NothingFalls { longest: 0 }))?;
+        let whole = TrackedLaunch {
+            frames: launches::ALL_FRAMES,
+            ..best.clone()
+        };
+        Ok(Self {
+            first: of(&whole)?,
+            later: Vec::new(),
+            left_out: 0,
+        })
+    }
+
     /// Those of `found` launches that were `measured` and bounce, each with whether it is the one with the most evidence; `None` where no other is
     /// left beside that.
     pub fn several(measured: impl Iterator<Item = (bool, MeasuredLaunch)>, found: usize) -> Option<Self> {
@@ -104,21 +125,7 @@ impl<'a> LaunchMeasurement<'a> {
         clock: &mut Clocked,
         found: &[TrackedLaunch],
     ) -> Result<MeasuredLaunches, NotMeasured> {
-        let alone = |clock: &mut Clocked| {
-            let best = found.iter().find(|l| l.is_best).or(found.first());
-            let Some(best) = best else {
-                return Err(NotMeasured::NoFlight(NoFlight::NothingFalls { longest: 0 }));
-            };
-            let whole = TrackedLaunch {
-                frames: launches::ALL_FRAMES,
-                ..best.clone()
-            };
-            Ok(MeasuredLaunches {
-                first: self.of(clock, &whole)?,
-                later: Vec::new(),
-                left_out: 0,
-            })
-        };
+        let alone = |clock: &mut Clocked| MeasuredLaunches::alone(found, |whole| self.of(clock, whole));
         if found.len() < 2 {
             return alone(clock);
         }
