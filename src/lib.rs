@@ -13,6 +13,7 @@
 //! | [`geometry`] | points of the picture, of the plane of motion, of the world: three types | |
 //! | [`config`] | one reader for every file that a person writes: all problems at once, the nearest known name, what to try | [`config::FileError`] |
 //! | [`frames`] | decoding: the luma plane and time of each frame, what is wrong with the file | [`frames::Frame`] |
+//! | [`edits`] | what a person says of a recording: which thing is the ball, which points not to use | [`edits::Edits`] |
 //! | [`points`] | centres that another program found: tables of it, Tracker's files | [`points::GivenPoints`] |
 //! | [`rebound`] | the rebound models of Domenech 2005: pure functions; [`rebound::fit`]: their coefficients from a series of bounces, where sliding begins, which model it is | [`rebound::fit::SeriesFit`] |
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
@@ -44,6 +45,7 @@ pub mod cli;
 pub mod config;
 pub mod cost;
 pub mod detect;
+pub mod edits;
 mod error_chain;
 pub mod flight;
 pub mod frames;

@@ -5,6 +5,7 @@
 use crate::batch::manifest::ManifestColumns;
 use crate::calibration::ruler::{MARKS_SCHEMA, MarksFile};
 use crate::calibration::{self, CalibrationKeys};
+use crate::edits::{self, Edits};
 use crate::rebound::fit::csv::SeriesColumns;
 use crate::report::documents::board::{self, BoardDocument};
 use crate::report::documents::cost::{self, CostDocument};
@@ -47,6 +48,7 @@ pub fn all() -> Vec<FileSchema> {
         read::<CalibrationKeys>(calibration::SCHEMA),
         read::<SceneKeys>(scene::SCHEMA),
         read::<MarksFile>(MARKS_SCHEMA),
+        edits(),
         table::<ManifestColumns>(
             "track.manifest",
             "A manifest, each row of the CSV file an object by column names; an empty cell is null.",
@@ -66,6 +68,14 @@ fn written<T: JsonSchema>(id: &'static str) -> FileSchema {
 /// A file that a person writes: what is left out takes its default.
 fn read<T: JsonSchema>(id: &'static str) -> FileSchema {
     of_type::<T>(id, SchemaSettings::draft2020_12())
+}
+
+/// What a person says of a recording; results hold the same without the key `schema`.
+fn edits() -> FileSchema {
+    let mut file = read::<Edits>(edits::SCHEMA);
+    file.schema["properties"]["schema"] = json!({"const": edits::SCHEMA});
+    file.schema["required"] = json!(["schema"]);
+    file
 }
 
 /// A table that a person writes, as an array of its rows.

@@ -7,39 +7,19 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 #![allow(clippy::print_stdout, reason = "what was skipped, for those who read along")]
 
+mod browser;
+
 use assert_cmd::Command;
-use base64::Engine as _;
+use browser::chromium;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::{TempDir, tempdir};
 use track::calibration::ruler::{self, RulerRequest, calibrate};
 use track::calibration::{Calibration, Ruler, Scale};
-use track::frames::{Coding, Luma, VideoWriter};
+use track::frames::{Coding, Luma, VideoWriter, Yuv420};
 use track::geometry::PixelPoint;
 
 const SIZE: (usize, usize) = (640, 360);
-
-fn chromium() -> Option<PathBuf> {
-    if let Some(named) = std::env::var_os("TRACK_CHROMIUM") {
-        return Some(named.into());
-    }
-    let path = std::env::var_os("PATH")?;
-    let names = [
-        "chromium",
-        "chromium-browser",
-        "google-chrome",
-        "google-chrome-stable",
-    ];
-    let found = std::env::split_paths(&path)
-        .flat_map(|dir| names.map(|name| dir.join(name)))
-        .find(|p| p.is_file());
-    if found.is_none() {
-        println!(
-            "skipped: there is no chromium in PATH (apt-get install chromium), and TRACK_CHROMIUM names none"
-        );
-    }
-    found
-}
 
 /// A clip of a few frames: something with structure, so that the loupe has something to show.
 fn clip(dir: &Path) -> PathBuf {
@@ -61,9 +41,6 @@ fn clip(dir: &Path) -> PathBuf {
 
 /// The helpers that a test's script has. Pixels are those of the picture.
 const HELPERS: &str = r#"
-const errors = [];
-window.addEventListener("error", (e) => errors.push(String(e.message)));
-const by = (id) => document.getElementById(id);
 const mark = (name) => document.querySelector(`[data-mark="${name}"]`);
 const stage = by("stage");
 function screen(u, v) {
@@ -109,8 +86,18 @@ const problems = () => Array.from(by("problems").children).map((li) => li.textCo
 
 /// What a script returns after it ran on the page of `calib` (`None`: a file that does not exist yet).
 fn on_page(browser: &Path, calib: Option<&Value>, script: &str) -> Value {
+    on_page_of_width(browser, 1300, calib, script)
+}
+
+/// The same in a window so many pixels wide.
+fn on_page_of_width(browser: &Path, width: u32, calib: Option<&Value>, script: &str) -> Value {
     let dir: TempDir = tempdir().unwrap();
-    let video = clip(dir.path());
+    on_page_of_video(browser, width, &clip(dir.path()), calib, script)
+}
+
+/// The same of another recording.
+fn on_page_of_video(browser: &Path, width: u32, video: &Path, calib: Option<&Value>, script: &str) -> Value {
+    let dir: TempDir = tempdir().unwrap();
     let path = dir.path().join("my.calib.json");
     if let Some(calib) = calib {
         std::fs::write(&path, calib.to_string()).unwrap();
@@ -118,58 +105,11 @@ fn on_page(browser: &Path, calib: Option<&Value>, script: &str) -> Value {
     let page = dir.path().join("my.show.html");
     Command::new(env!("CARGO_BIN_EXE_track"))
         .args(["calibrate", "show"])
-        .args([&path, &video])
+        .args([path.as_path(), video])
         .assert()
         .success()
         .stdout(format!("{}\n", page.display()));
-    let html = std::fs::read_to_string(&page).unwrap();
-    let test = format!(
-        "<script>\n{HELPERS}\nwindow.addEventListener(\"load\", async () => {{\n\
-         let out;\ntry {{ out = await (async () => {{ {script} }})(); }} catch (e) {{ out = {{ thrown: String(e) }}; }}\n\
-         out.errors = errors;\nconst box = document.createElement(\"div\");\nbox.id = \"outcome\";\n\
-         box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(out))));\ndocument.body.appendChild(box);\n}});\n</script></body>"
-    );
-    let tested = dir.path().join("tested.html");
-    std::fs::write(&tested, html.replace("</body>", &test)).unwrap();
-    let output = Command::new(browser)
-        .args([
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-quic",
-            "--no-first-run",
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-            "--window-size=1300,900",
-            "--virtual-time-budget=5000",
-            "--dump-dom",
-        ])
-        .arg(format!(
-            "--user-data-dir={}",
-            dir.path().join("profile").display()
-        ))
-        .arg(format!("file://{}", tested.display()))
-        .timeout(std::time::Duration::from_secs(120))
-        .output()
-        .unwrap();
-    let dom = String::from_utf8_lossy(&output.stdout);
-    let outcome = dom
-        .split_once("id=\"outcome\">")
-        .and_then(|(_, rest)| rest.split_once('<'))
-        .unwrap_or_else(|| {
-            panic!(
-                "the page's script did not end: {}",
-                String::from_utf8_lossy(&output.stderr)
-            )
-        });
-    let bytes = base64::engine::general_purpose::STANDARD
-        .decode(outcome.0.trim())
-        .unwrap();
-    let value: Value = serde_json::from_slice(&bytes).unwrap();
-    assert_eq!(value["errors"], json!([]), "{value}");
-    assert_eq!(value.get("thrown"), None, "{value}");
-    value
+    browser::on_page(browser, width, &page, &format!("{HELPERS}\n{script}"))
 }
 
 /// The calibration that the program makes of the marks which the page saves.
@@ -504,5 +444,191 @@ fn the_origin_of_a_homography_moves_with_its_marks() {
     assert!(
         (a.0 - b.0).abs() < 1e-9 && (a.1 - b.1).abs() < 1e-9,
         "only the origin moved"
+    );
+}
+
+#[test]
+fn a_decimal_comma_is_a_point_and_what_is_unclear_is_told() {
+    let Some(browser) = chromium() else { return };
+    let out = on_page(
+        &browser,
+        None,
+        r#"
+        const read = (text) => {
+          type("length", text);
+          return { problems: problems(), saved: calib() === "" ? null : JSON.parse(calib()).scale.length_m };
+        };
+        return Object.fromEntries(["2,32", "2.32", " 2 ", ",5", "1e-1", "1,250", "0,250", "2.3.2", "2,3,2", "two", "-1"].map((t) => [t, read(t)]));
+        "#,
+    );
+    for (text, number) in [
+        ("2,32", 2.32),
+        ("2.32", 2.32),
+        (" 2 ", 2.0),
+        (",5", 0.5),
+        ("1e-1", 0.1),
+        ("0,250", 0.25),
+    ] {
+        assert_eq!(out[text]["saved"], number, "{text}: {out}");
+        assert_eq!(out[text]["problems"], json!([]), "{text}: {out}");
+    }
+    for (text, words) in [
+        ("1,250", "may be 1.250 or 1250"),
+        ("2.3.2", "is no number"),
+        ("2,3,2", "is no number"),
+        ("two", "is no number"),
+        ("-1", "above 0"),
+    ] {
+        assert_eq!(out[text]["saved"], Value::Null, "{text}: {out}");
+        assert!(
+            out[text]["problems"][0].as_str().unwrap().contains(words),
+            "{text}: {out}"
+        );
+    }
+}
+
+#[test]
+fn the_picture_comes_nearer_and_marks_stay_on_their_pixels() {
+    let Some(browser) = chromium() else { return };
+    let out = on_page(
+        &browser,
+        None,
+        r#"
+        const box = () => stage.getAttribute("viewBox").split(" ").map(Number);
+        type("length", "0.5");
+        drag("from", [100.25, 300.5]);
+        const whole = box(), p = screen(100.25, 300.5);
+        stage.dispatchEvent(new WheelEvent("wheel", { deltaY: -100, clientX: p.x, clientY: p.y, bubbles: true, cancelable: true }));
+        const q = screen(100.25, 300.5), near = box();
+        // Dragged where it is near, a mark is as exact.
+        drag("from", [103.5, 298.25]);
+        const saved = JSON.parse(calib()).scale.from_px;
+        // The ground between marks pans.
+        const ground = (type, x, y) => stage.dispatchEvent(new PointerEvent(type, {
+          bubbles: true, cancelable: true, pointerId: 9, pointerType: "mouse", isPrimary: true, clientX: x, clientY: y }));
+        ground("pointerdown", 300, 300);
+        ground("pointermove", 290, 300);
+        ground("pointerup", 290, 300);
+        const panned = box();
+        for (let i = 0; i < 40; i++) by("zoom-in").click();
+        const nearest = box();
+        by("zoom-all").click();
+        const slider = by("frame-slider"), frames = [];
+        for (let i = 0; i <= Number(slider.max); i++) {
+          slider.value = i;
+          slider.dispatchEvent(new Event("input", { bubbles: true }));
+          frames.push(by("frame-name").textContent);
+        }
+        return { whole, near, shift: Math.hypot(p.x - q.x, p.y - q.y), saved, panned, nearest, again: box(), frames };
+        "#,
+    );
+    let number = |key: &str, i: usize| out[key][i].as_f64().unwrap();
+    assert_eq!(out["whole"], json!([-0.5, -0.5, SIZE.0, SIZE.1]));
+    assert!((number("near", 2) - 640.0 / 1.25).abs() < 1e-9, "{out}");
+    assert!(
+        out["shift"].as_f64().unwrap() < 0.5,
+        "what is under the pointer stays there: {out}"
+    );
+    assert!(
+        (number("saved", 0) - 103.5).abs() < 0.02 && (number("saved", 1) - 298.25).abs() < 0.02,
+        "{out}"
+    );
+    assert!(
+        number("panned", 0) > number("near", 0) && number("panned", 2) == number("near", 2),
+        "{out}"
+    );
+    assert!((number("nearest", 2) - 16.0).abs() < 1e-9, "{out}");
+    assert_eq!(out["again"], out["whole"]);
+    let frames = out["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 10, "every frame of a short clip");
+    assert!(frames[9].as_str().unwrap().starts_with("9, at 0.300 s"), "{out}");
+}
+
+#[test]
+fn a_calibration_that_is_opened_again_keeps_how_the_ruler_stood() {
+    let Some(browser) = chromium() else { return };
+    let marked = on_page(
+        &browser,
+        None,
+        r#"
+        type("length", "0.5");
+        drag("from", [100.25, 40.5]);
+        drag("to", [108.5, 330.25]);
+        by("held").value = "upright";
+        by("held").dispatchEvent(new Event("input", { bubbles: true }));
+        return { calib: calib() };
+        "#,
+    );
+    let first = parsed(&marked["calib"]).to_json();
+    assert!(first["up_px"].is_array(), "{first}");
+    let script = r#"return { held: by("held").value, calib: calib() };"#;
+    let again = on_page(&browser, Some(&first), script);
+    assert_eq!(again["held"], "upright");
+    assert_same(&parsed(&again["calib"]).to_json(), &first);
+    // An "up" that somebody gave is no stand of the ruler.
+    let mut given = first.clone();
+    given["up_std_deg"] = json!(0.3);
+    let again = on_page(&browser, Some(&given), script);
+    assert_eq!(again["held"], "");
+    assert_same(&parsed(&again["calib"]).to_json(), &given);
+}
+
+#[test]
+fn on_a_narrow_screen_the_loupe_covers_no_mark() {
+    let Some(browser) = chromium() else { return };
+    let script = r#"
+        const marks = {};
+        tick("floor-on", true);
+        for (const name of ["from", "to", "floor"]) {
+          mark(name).focus();
+          const a = by("loupe").getBoundingClientRect(), b = mark(name).querySelector("circle").getBoundingClientRect();
+          const apart = a.right < b.left || b.right < a.left || a.bottom < b.top || b.bottom < a.top;
+          marks[name] = apart && by("loupe").style.visibility === "visible";
+        }
+        const wide = document.documentElement.scrollWidth <= innerWidth;
+        return { marks, wide, width: innerWidth };
+    "#;
+    for width in [380, 1300] {
+        let out = on_page_of_width(&browser, width, None, script);
+        assert_eq!(
+            out["marks"],
+            json!({"from": true, "to": true, "floor": true}),
+            "{width}: {out}"
+        );
+        assert_eq!(out["wide"], true, "nothing sticks out at {width}: {out}");
+    }
+}
+
+#[test]
+fn the_page_shows_the_colours_of_the_recording() {
+    let Some(browser) = chromium() else { return };
+    let dir = tempdir().unwrap();
+    let coding = Coding::H264 {
+        crf: 10,
+        gop: 5,
+        b_frames: 0,
+    };
+    let video = dir.path().join("red.mp4");
+    let mut writer = VideoWriter::create(&video, 64, 48, 30.0, coding).unwrap();
+    let mut red = Yuv420::black(64, 48);
+    red.y.fill(76);
+    red.u.fill(85);
+    red.v.fill(255);
+    (0..5).for_each(|_| writer.write_yuv(&red).unwrap());
+    writer.finish().unwrap();
+    let script = r#"
+        const image = new Image();
+        image.src = by("frame").getAttribute("href");
+        await image.decode();
+        const canvas = document.createElement("canvas");
+        [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+        canvas.getContext("2d").drawImage(image, 0, 0);
+        return { pixel: Array.from(canvas.getContext("2d").getImageData(32, 24, 1, 1).data) };
+    "#;
+    let out = on_page_of_video(&browser, 1300, &video, None, script);
+    let channel = |i: usize| out["pixel"][i].as_f64().unwrap();
+    assert!(
+        channel(0) > 230.0 && channel(1) < 25.0 && channel(2) < 25.0,
+        "{out}"
     );
 }

@@ -934,7 +934,7 @@ fn a_mistyped_command_is_told() {
         ("calibrat", "did you mean calibrate?"),
         (
             "weather",
-            "commands: batch, calibrate, completions, cost, fit, man, points, simulate",
+            "commands: batch, calibrate, completions, cost, fit, man, points, review, simulate",
         ),
     ] {
         let out = track().args([word, "scene.json"]).assert().code(2);

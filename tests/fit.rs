@@ -26,7 +26,7 @@ fn transition_deg(truth: &Truth, spin_ratio: f64) -> Option<f64> {
         Truth::GripSlide(p) => {
             Some(grip_slide_model::transition_angle_rad(p, spin_ratio, SOLID_SPHERE).to_degrees())
         }
-        Truth::EE(_) => None,
+        Truth::EE(_) | Truth::Compliant(_) => None,
     }
 }
 
@@ -66,11 +66,15 @@ fn val_fig_3_three_balls() {
                         0.005,
                         &what,
                     );
-                    for name in ModelName::ALL {
+                    // (The compliant contact has an e_x that stays only for one friction.)
+                    for name in ModelName::ALL
+                        .into_iter()
+                        .filter(|name| *name != ModelName::Compliant)
+                    {
                         is_null(model(&group, name), Parameter::Friction);
                     }
                 }
-                Truth::GripSlide(_) => unreachable!(),
+                Truth::GripSlide(_) | Truth::Compliant(_) => unreachable!(),
             }
         }
     }
@@ -228,18 +232,11 @@ fn val_kharaz_2001_fits_no_model_with_constant_coefficients() {
         "no row is to blame: {:?}",
         group.rows_set_aside
     );
-    assert!(
-        group
-            .models
-            .iter()
-            .all(|fit| fit.p_value.unwrap() < fit::LEAST_PROBABILITY)
-    );
-    assert!(
-        group.notes.iter().any(|note| note.code == "no_model_fits"),
-        "{:?}",
-        group.notes
-    );
-    assert_eq!(group.preferred, Preferred::Undetermined, "{}", group.reason);
+    // The one that does is that of tests/compliant_fit.rs.
+    for fit in &group.models {
+        let fits = fit.p_value.unwrap() >= fit::LEAST_PROBABILITY;
+        assert_eq!(fits, fit.name == ModelName::Compliant, "{:?}", fit.name);
+    }
 }
 
 #[test]
@@ -296,6 +293,7 @@ fn exact_rows_return_the_parameters() {
                         Some(p.tangential_restitution_x),
                         ModelName::EE,
                     ),
+                    Truth::Compliant(_) => unreachable!(),
                 };
                 assert_eq!(group.preferred, Preferred::Model(name), "{what}");
                 let fit = model(&group, name);
@@ -653,14 +651,28 @@ fn run(scenario: &Scenario<'_>) {
         set_aside += group.rows_set_aside.len();
         let fit = model(&group, scenario.model);
         failed += usize::from(fit.p_value.is_some_and(|p| p < fit::LEAST_PROBABILITY));
-        let (e, e_x, mu, mu_o) = match truth {
-            Truth::MuE(p) => (p.restitution, None, Some(p.friction), Some(p.static_friction)),
-            Truth::EE(p) => (p.restitution, Some(p.tangential_restitution_x), None, None),
+        let (e, e_x, mu, mu_o, kappa) = match truth {
+            Truth::MuE(p) => (
+                p.restitution,
+                None,
+                Some(p.friction),
+                Some(p.static_friction),
+                None,
+            ),
+            Truth::EE(p) => (p.restitution, Some(p.tangential_restitution_x), None, None, None),
             Truth::GripSlide(p) => (
                 p.restitution,
                 Some(p.tangential_restitution_x),
                 Some(p.friction),
                 None,
+                None,
+            ),
+            Truth::Compliant(p) => (
+                p.restitution,
+                None,
+                Some(p.friction),
+                None,
+                Some(p.stiffness_ratio),
             ),
         };
         tally.put("e", fit.parameter(Parameter::Restitution), e);
@@ -668,6 +680,7 @@ fn run(scenario: &Scenario<'_>) {
             ("e_x", Parameter::TangentialRestitution, e_x),
             ("mu", Parameter::Friction, mu),
             ("mu_o", Parameter::StaticFriction, mu_o),
+            ("kappa", Parameter::StiffnessRatio, kappa),
         ] {
             if let Some(truth) = truth {
                 tally.put(name, fit.parameter(parameter), truth);
@@ -933,9 +946,10 @@ fn a_law_that_the_models_lack_is_no_mishap() {
             group.rows_set_aside
         );
         let codes: Vec<&str> = group.notes.iter().map(|n| n.code).collect();
-        // Of four, one e_x makes a fair job.
+        // Of four, one e_x makes a fair job; the compliant contact is this very law, but for how it was digitised.
+        let fits_a_bend = group.preferred == Preferred::Model(ModelName::Compliant);
         assert!(
-            below == 4 || codes.contains(&"no_model_fits"),
+            below == 4 || fits_a_bend || codes.contains(&"no_model_fits"),
             "{below}: {codes:?} {}",
             group.reason
         );
@@ -1497,6 +1511,7 @@ fn a_court_is_rated_and_gripping_is_told() {
         let made = series::series(truth, at, 0.0, velocities, TRACK, noise);
         let options = Options {
             court_temperature_c: Some(23.0),
+            ..Options::default()
         };
         fit::fit(&made, &options).groups.remove(0)
     };

@@ -16,7 +16,7 @@ const FLOORS: [&[&str]; 13] = [
     &["numeric"],
     &["config"],
     &["frames", "points", "rebound"],
-    &["calibration"],
+    &["calibration", "edits"],
     &["detect", "flight"],
     &["impact"],
     &["pipeline", "simulate"],

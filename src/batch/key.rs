@@ -1,6 +1,6 @@
 //! What a result depends on. A result whose key is the one of today need not be measured again.
 //!
-//! The key holds SHA-256 digests of the recording and of its calibration, the settings that have a part in the result, and
+//! The key holds SHA-256 digests of the recording, of its calibration and of the edits beside it, the settings that have a part in the result, and
 //! the program's version and commit: another build may measure another result. Times of files and their places have none in it, so a copied or touched recording is not measured
 //! again.
 
@@ -28,12 +28,14 @@ impl ResultKey {
     /// As `build` of the program makes it.
     fn of_build(build: Build, recording: &BatchRecording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
         let changes = &recording.changes;
+        let edits = recording.edits.as_ref().map(std::fs::read).transpose().ok()?;
         Some(Self(json!({
             "schema": SCHEMA,
             "version": build.version,
             "commit": build.commit,
             "input_sha256": of_recording(&recording.video).ok()?,
             "calibration_sha256": of_bytes(calib),
+            "edits_sha256": edits.as_deref().map(of_bytes),
             "settings": {
                 "accuracy": accuracy.name(),
                 "spin_ratio": match changes.spin {
@@ -69,6 +71,7 @@ mod tests {
         BatchRecording {
             name: "a".to_owned(),
             video: video.to_owned(),
+            edits: None,
             calib: None,
             group: "all".to_owned(),
             changes: CalibrationChanges::default(),

@@ -48,6 +48,8 @@ pub struct BatchRecording {
     pub video: PathBuf,
     /// Its calibration; `None` where there is none.
     pub calib: Option<PathBuf>,
+    /// What a person said of it: `<stem>.edits.json` beside it, where there is one.
+    pub edits: Option<PathBuf>,
     /// Which rows of the series it belongs to.
     pub group: String,
     /// What the manifest puts in place of the calibration's.

@@ -4,6 +4,7 @@ use super::manifest::{self, ManifestRow};
 use super::names::{names, stem, whole};
 use super::{BatchRecording, CalibrationChanges};
 use crate::config::FileError;
+use crate::edits;
 use crate::frames::pictures_in;
 use crate::rebound::fit::series::DEFAULT_GROUP;
 use std::collections::HashMap;
@@ -156,6 +157,7 @@ fn recording(video: ListedRecording, name: String, calib: Option<&Path>) -> Batc
     let beside = || Some(calib_beside(&video.path)).filter(|path| path.is_file());
     BatchRecording {
         name,
+        edits: Some(edits::beside(&video.path)).filter(|path| path.is_file()),
         calib: given.or_else(|| calib.map(Path::to_owned)).or_else(beside),
         group: row
             .as_ref()

@@ -115,6 +115,9 @@ impl RecordingProcess<'_> {
         give("--out", self.work_dir.clone().into());
         give("--name", self.recording.name.clone().into());
         give("--calib", self.calib.into());
+        if let Some(edits) = &self.recording.edits {
+            give("--edits", edits.into());
+        }
         give("--accuracy", self.settings.accuracy.name().into());
         match spin {
             LaunchSpin::AsCalibrated => {}

@@ -63,9 +63,17 @@ const OF_LAUNCH: [(&str, &str); 2] = [("x0_m", "/x0_m"), ("x_m", "/x_m")];
 
 /// The names of the columns.
 fn header() -> Vec<String> {
-    let mut names: Vec<String> = ["group", "recording", "launch", "bounce", "left_out", "regime"]
-        .map(str::to_owned)
-        .to_vec();
+    let mut names: Vec<String> = [
+        "group",
+        "recording",
+        "launch",
+        "bounce",
+        "left_out",
+        "regime",
+        "edited",
+    ]
+    .map(str::to_owned)
+    .to_vec();
     let mut with_std = |name: &str| names.extend([name.to_owned(), format!("{name}_std")]);
     for (name, _) in OF_BOUNCE.iter().chain(&OF_LAUNCH) {
         with_std(name);
@@ -73,7 +81,7 @@ fn header() -> Vec<String> {
     with_std("launch_speed_m_s");
     with_std("measured_gravity_m_s2");
     with_std("floor_slope_deg");
-    names.extend(["spin_ratio", "gravity_m_s2", "inertia_factor"].map(str::to_owned));
+    names.extend(["spin_ratio", "gravity_m_s2", "inertia_factor", "stiffness_ratio"].map(str::to_owned));
     names.extend(pairs().map(|pair| format!("{pair}_corr")));
     names.push("page".to_owned());
     names
@@ -97,6 +105,7 @@ impl BounceRows {
     pub fn of(result: &Value, source: &RowSource<'_>) -> Self {
         let inertia_factor = source.calibration.ball.inertia_factor;
         let bounces = |launch: &Value| launch["bounces"].as_array().map_or(0, Vec::len);
+        let edited = result["edits"].is_object();
         let of_launch = |all: usize, (n, launch): (usize, &Value)| -> Vec<Vec<String>> {
             // A slope that the impacts tell is the launch's own.
             let own = launch
@@ -106,7 +115,7 @@ impl BounceRows {
             with_shared_slope(launch, sharing, inertia_factor)
                 .iter()
                 .enumerate()
-                .map(|(i, bounce)| row(launch, source, (n + 1, i), bounce))
+                .map(|(i, bounce)| row(launch, source, (n + 1, i), bounce, edited))
                 .collect()
         };
         // A recording of one launch is that launch.
@@ -209,8 +218,14 @@ fn with_shared_slope(result: &Value, sharing: usize, inertia_factor: f64) -> Vec
     bounces
 }
 
-/// The row of a bounce: of this launch of the recording, from 1, and in it, from 0. `result`: what is measured of that launch.
-fn row(result: &Value, source: &RowSource<'_>, (launch, i): (usize, usize), bounce: &Value) -> Vec<String> {
+/// The row of a bounce: of this launch of the recording, from 1, and in it, from 0. `result`: what is measured of that launch; `edited`: with what a person said.
+fn row(
+    result: &Value,
+    source: &RowSource<'_>,
+    (launch, i): (usize, usize),
+    bounce: &Value,
+    edited: bool,
+) -> Vec<String> {
     let RowSource {
         recording,
         calibration,
@@ -223,6 +238,7 @@ fn row(result: &Value, source: &RowSource<'_>, (launch, i): (usize, usize), boun
         (i + 1).to_string(),
         left_out(result, calibration, i, bounce).unwrap_or_default(),
         bounce["regime"].as_str().unwrap_or_default().to_owned(),
+        edited.to_string(),
     ];
     let first = i == 0;
     let mut quantity = |q: Option<&Value>| {
@@ -247,6 +263,7 @@ fn row(result: &Value, source: &RowSource<'_>, (launch, i): (usize, usize), boun
     cells.push(number(calibration.launch.spin_ratio.filter(|_| first)));
     cells.push(number(Some(calibration.gravity_m_s2)));
     cells.push(number(Some(calibration.ball.inertia_factor)));
+    cells.push(number(calibration.stiffness_ratio()));
     for pair in pairs() {
         cells.push(number(bounce["along_floor"]["correlations"][&pair].as_f64()));
     }
@@ -310,6 +327,7 @@ mod tests {
             name: "a, \"b\"".to_owned(),
             video: PathBuf::from("a.mp4"),
             calib: None,
+            edits: None,
             group: "steel".to_owned(),
             changes: CalibrationChanges::default(),
         }

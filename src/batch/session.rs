@@ -188,6 +188,15 @@ struct MeasurementInputs {
 
 /// Whether a recording can be measured, and whether it has to be.
 fn assess(recording: &BatchRecording, store: &ResultStore, settings: &BatchSettings) -> RecordingProgress {
+    // Paths of the command line were looked for when the plan was made: what is missing now, a manifest names.
+    if let Err(error) = recording.video.symlink_metadata()
+        && error.kind() == std::io::ErrorKind::NotFound
+    {
+        return RecordingProgress::failed(format!(
+            "there is no recording {}; check its name in the manifest, where paths count from the manifest's own folder",
+            recording.video.display()
+        ));
+    }
     let Some(calib) = &recording.calib else {
         return RecordingProgress::failed(format!(
             "it has no calibration: there is no {} beside it; give one for all with --calib, or one for each in the \

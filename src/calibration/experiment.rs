@@ -2,6 +2,7 @@
 
 use super::rectification::Rectification;
 use crate::geometry::PixelPoint;
+use crate::rebound::compliant::stiffness::Material;
 
 /// Where the camera looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,6 +25,8 @@ pub struct Ball {
     pub mass_kg: Option<f64>,
     /// I / (m R²), in (0, 2/3]: 0.4 solid, 2/3 a thin shell.
     pub inertia_factor: f64,
+    /// What it is made of.
+    pub material: Option<Material>,
 }
 
 impl Default for Ball {
@@ -33,6 +36,7 @@ impl Default for Ball {
             radius_std_m: None,
             mass_kg: None,
             inertia_factor: 0.4,
+            material: None,
         }
     }
 }
@@ -48,6 +52,8 @@ pub struct Floor {
     pub given: bool,
     /// Two points of the picture on a line along the floor, in the plane of motion.
     pub line: Option<FloorLine>,
+    /// What it is made of.
+    pub material: Option<Material>,
 }
 
 /// A line along the floor, read off the picture.
@@ -111,6 +117,7 @@ impl Default for Floor {
             std_rad: BENCH_STD_RAD,
             given: false,
             line: None,
+            material: None,
         }
     }
 }

@@ -49,6 +49,7 @@ pub use viewpoint::{Optics, Viewpoint};
 
 use crate::geometry::PixelPoint;
 use crate::quantity::Quantity;
+use crate::rebound::compliant::stiffness::stiffness_ratio;
 use scale::ScaleContext;
 
 /// The schema this version reads and writes.
@@ -121,6 +122,12 @@ pub struct Calibration {
 const CONTRADICTS_SIGMAS: f64 = 4.0;
 
 impl Calibration {
+    /// κ = G*/E* of ball and floor, where the file says what both are made of.
+    #[must_use]
+    pub fn stiffness_ratio(&self) -> Option<f64> {
+        Some(stiffness_ratio(&self.ball.material?, &self.floor.material?))
+    }
+
     /// A side view with `scale` and every default of the file.
     #[must_use]
     pub fn new(scale: Scale) -> Self {

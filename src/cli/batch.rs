@@ -1,7 +1,8 @@
 //! `track batch PATH... --out DIR`: many recordings, and the process of a single one of them.
 
 use super::measure::accuracy_levels;
-use super::{Status, answer, say};
+use super::messages::{is_verbose, progress_bar, set_style};
+use super::{Status, answer, detail, note, say};
 use crate::batch::plan::{self, BatchPlan, BatchRequest};
 use crate::batch::process::{bind, machine_memory_bytes};
 use crate::batch::{
@@ -9,11 +10,13 @@ use crate::batch::{
 };
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
-use crate::pipeline::measure;
+use crate::edits::Edits;
+use crate::pipeline::measure_edited;
+use crate::report::escape::on_one_line;
 use crate::report::formats::{batch_formats, write_recording};
 use crate::report::series_table;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::num::NonZeroUsize;
@@ -77,6 +80,9 @@ pub struct RecordingArgs {
     /// Its calibration.
     #[arg(long)]
     pub calib: PathBuf,
+    /// What a person said of it.
+    #[arg(long)]
+    pub edits: Option<PathBuf>,
     /// How centres are found.
     #[arg(long, value_parser = accuracy_levels())]
     pub accuracy: Accuracy,
@@ -120,7 +126,18 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
     };
     let calibration = changes.applied(Calibration::read(&args.calib)?);
     let name = args.calib.display().to_string();
-    let mut measurement = measure(&args.video, &calibration, &name, args.accuracy, &mut |_| {})?;
+    let edits = match &args.edits {
+        Some(path) => Edits::read(path, &args.video)?,
+        None => Edits::default(),
+    };
+    let mut measurement = measure_edited(
+        &args.video,
+        &calibration,
+        &name,
+        args.accuracy,
+        &edits,
+        &mut |_| {},
+    )?;
     measurement.note_digests(&args.video, &args.calib);
     write_recording(&measurement, &args.out, &args.name, batch_formats())?;
     Ok(match measurement.outcome {
@@ -153,12 +170,13 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
             .or_else(|| machine_memory_bytes().map(share)),
         again: args.again,
     };
+    tell_plan(&plan, &settings);
     let mut watcher = Watcher::new(plan.recordings.len());
     let finished = batch::run(&plan, &settings, &args.out, &mut |p| watcher.see(p))?;
     watcher.bar.finish_and_clear();
     super::fit::warn(&finished.fit);
     for path in &finished.files {
-        say(&format!("wrote {}", path.display()));
+        note(&format!("wrote {}", path.display()));
     }
     let mut text = summary(&plan, &finished);
     if finished.rows > 0 {
@@ -171,6 +189,35 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
         Status::Done if all_measured => Status::Done,
         _ => Status::Rejected,
     })
+}
+
+/// Each recording with its calibration, and how they are run.
+fn tell_plan(plan: &BatchPlan, settings: &BatchSettings) {
+    for recording in &plan.recordings {
+        let calib = recording
+            .calib
+            .as_ref()
+            .map_or_else(|| "no calibration".to_owned(), |c| c.display().to_string());
+        detail(|| {
+            format!(
+                "{}: {}, group {}, {calib}",
+                recording.name,
+                recording.video.display(),
+                recording.group
+            )
+        });
+    }
+    detail(|| {
+        let memory = settings
+            .memory_bytes
+            .map_or_else(|| "any".to_owned(), |bytes| (bytes >> 20).to_string());
+        format!(
+            "accuracy {}, {} at once, up to {:.0} s and {memory} MB each",
+            settings.accuracy.name(),
+            settings.jobs,
+            settings.time_limit.as_secs_f64()
+        )
+    });
 }
 
 /// How many ended how, and what was not measured with its reason.
@@ -192,16 +239,11 @@ fn summary(plan: &BatchPlan, finished: &BatchSummary) -> String {
     );
     for (recording, outcome) in plan.recordings.iter().zip(&finished.outcomes) {
         if let Some(reason) = outcome.reason() {
-            let _ = writeln!(text, "{} {}: {reason}", outcome.word(), recording.name);
+            let name = on_one_line(&recording.name);
+            let _ = writeln!(text, "{} {name}: {}", outcome.word(), on_one_line(reason));
         }
     }
     text
-}
-
-fn set_style(bar: &ProgressBar, template: &str) {
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
 }
 
 /// Tells how the batch goes: a bar with the time left on a terminal, a line a recording elsewhere.
@@ -215,8 +257,7 @@ struct Watcher {
 
 impl Watcher {
     fn new(all: usize) -> Self {
-        let bar = ProgressBar::no_length();
-        set_style(&bar, "{msg} {wide_bar} {elapsed} gone");
+        let bar = progress_bar(None, "{msg} {wide_bar} {elapsed} gone");
         bar.set_message("looking for results that stand");
         Self {
             bar,
@@ -230,6 +271,11 @@ impl Watcher {
     /// A line above the bar, or on its own.
     fn line(&self, text: &str) {
         self.bar.suspend(|| say(text));
+    }
+
+    /// The same, of what goes well.
+    fn note(&self, text: &str) {
+        self.bar.suspend(|| note(text));
     }
 
     fn see(&mut self, progress: &BatchEvent<'_>) {
@@ -259,7 +305,9 @@ impl Watcher {
                             recording.name
                         ));
                     }
-                    None if !self.terminal => self.line(&format!("{counted}measured {}", recording.name)),
+                    None if !self.terminal || is_verbose() => {
+                        self.note(&format!("{counted}measured {}", recording.name))
+                    }
                     None => {}
                 }
             }
@@ -286,7 +334,7 @@ impl Watcher {
         self.bar.reset_eta();
         self.bar.enable_steady_tick(Duration::from_secs(1));
         if up_to_date > 0 {
-            self.line(&format!(
+            self.note(&format!(
                 "{up_to_date} of {} results stand: recording, calibration and settings are those they were measured with",
                 self.all
             ));

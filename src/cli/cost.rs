@@ -1,6 +1,7 @@
 //! `track cost [--out DIR] [--quick] [--want NAME=VALUE] [--check N] [--json]`: what accuracy costs in time.
 
-use super::{Status, answer, say};
+use super::messages::progress_bar;
+use super::{Status, answer, detail, note, say};
 use crate::cost::recommendation::{Requirement, default_requirements};
 use crate::cost::recordings::{self, Check};
 use crate::cost::{self, CostPlan, CostProgress, CostReport, Stopwatch};
@@ -9,7 +10,6 @@ use crate::report::documents::json_text;
 use crate::report::formats::cost::write_cost;
 use crate::report::{cost_table, write};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -54,10 +54,15 @@ pub fn run(args: &CostArgs) -> anyhow::Result<Status> {
     };
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
-    let bar = progress_bar();
+    // Of 1000: the bar's own unit.
+    let bar = progress_bar(Some(1000), "{msg:27} {wide_bar} {percent} % {elapsed} {eta} left");
+    let mut what = "";
     let mut show = |step: CostProgress| {
+        if step.what != what {
+            what = step.what;
+            bar.suspend(|| detail(|| what.to_owned()));
+        }
         bar.set_message(step.what);
-        // Of 1000: the bar's own unit.
         bar.set_position((1000.0 * step.done) as u64);
     };
     let report = cost::run(&plan, &requirements, &clock, &mut show)?;
@@ -65,7 +70,7 @@ pub fn run(args: &CostArgs) -> anyhow::Result<Status> {
     bar.finish_and_clear();
     if let Some(dir) = &args.out {
         for path in write_cost(&report, check.as_ref(), dir)? {
-            say(&format!("wrote {}", path.display()));
+            note(&format!("wrote {}", path.display()));
         }
     }
     if args.json {
@@ -98,13 +103,4 @@ fn checked(
         )?)),
         _ => Ok(None),
     }
-}
-
-/// A bar on a terminal; nothing elsewhere.
-fn progress_bar() -> ProgressBar {
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("{msg:27} {wide_bar} {percent} % {elapsed} {eta} left") {
-        bar.set_style(style);
-    }
-    bar
 }

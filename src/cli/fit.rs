@@ -1,6 +1,7 @@
 //! `track fit PATH [--out DIR] [--json] [--itf TEMPERATURE_C]`: a series of bounces.
 
-use super::{Status, answer, say};
+use super::{Status, answer, detail, note, say};
+use crate::rebound::compliant::STIFFNESS_RATIO_RANGE;
 use crate::rebound::fit::{self, Options, SeriesFit};
 use crate::report::documents::fit::FitDocument;
 use crate::report::documents::json_text;
@@ -23,6 +24,19 @@ pub struct FitArgs {
     /// Rate the court's pace (ITF CS 01/02) at this temperature, in °C.
     #[arg(long, value_name = "TEMPERATURE_C", allow_negative_numbers = true, value_parser = temperature)]
     pub itf: Option<f64>,
+    /// How stiff the contact is sideways against being pressed together, G*/E*, for rows without a column `stiffness_ratio`: the
+    /// compliant model's; 2(1-nu)/(2-nu) for bodies of Poisson number nu. Without it, it is fitted.
+    #[arg(long, value_name = "K", value_parser = stiffness_ratio)]
+    pub stiffness_ratio: Option<f64>,
+}
+
+/// A contact's stiffness ratio.
+fn stiffness_ratio(text: &str) -> Result<f64, String> {
+    let range = STIFFNESS_RATIO_RANGE;
+    match text.parse::<f64>() {
+        Ok(kappa) if (range.holds)(kappa) => Ok(kappa),
+        _ => Err(format!("{}; {}", range.accepted, range.hint)),
+    }
 }
 
 /// A temperature at which somebody plays.
@@ -44,12 +58,14 @@ pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
     let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
     let options = Options {
         court_temperature_c: args.itf,
+        stiffness_ratio: args.stiffness_ratio,
     };
     let fitted = fit::fit(&series, &options);
     warn(&fitted);
+    tell_rows(&fitted);
     if let Some(dir) = &args.out {
         for path in write_fit(&series, &fitted, dir)? {
-            say(&format!("wrote {}", path.display()));
+            note(&format!("wrote {}", path.display()));
         }
     }
     if args.json {
@@ -76,6 +92,17 @@ pub(super) fn status(fitted: &SeriesFit) -> Status {
         empty.join(", ")
     ));
     Status::Rejected
+}
+
+/// Which rows are not in the fit, and why.
+fn tell_rows(fitted: &SeriesFit) {
+    for group in &fitted.groups {
+        let (name, used) = (&group.name, group.rows_used.len());
+        detail(|| format!("group {name}: {used} of {} rows in the fit", group.rows));
+        for aside in &group.rows_set_aside {
+            detail(|| format!("group {name}: row {} set aside: {}", aside.row, aside.reason));
+        }
+    }
 }
 
 /// The warnings of a fit, on stderr.

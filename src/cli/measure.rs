@@ -1,16 +1,19 @@
 //! `track VIDEO --calib CALIB`: one recording.
 
-use super::{Status, answer, say};
+use super::messages::{is_verbose, progress_bar};
+use super::{Status, answer, detail, interrupt, note, say};
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
-use crate::pipeline::{Measurement, Outcome, Progress, measure};
+use crate::edits::{self, Edits};
+use crate::pipeline::{Measurement, Outcome, PointUse, Progress, measure_edited};
 use crate::report::documents::json_text;
 use crate::report::documents::result::ResultDocument;
 use crate::report::formats::{FORMATS, OutputFormat, trk, usual_formats, write_recording};
 use crate::report::{table, write};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// What to measure, and where to put it.
@@ -24,6 +27,9 @@ pub struct MeasureArgs {
     /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
     #[arg(long, value_name = "LEVEL", default_value_t, value_parser = accuracy_levels())]
     pub accuracy: Accuracy,
+    /// What you say of the recording: the edits that the page of track review saved (<name>.edits.json).
+    #[arg(long, value_name = "FILE")]
+    pub edits: Option<PathBuf>,
     /// Write <name>.result.json, .points.csv, .report.html and .overlay.mp4 into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -77,17 +83,47 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
     let calibration = Calibration::read(&args.calib)?;
     // Kept to the end: a folder that nothing came into goes again.
     let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
-    let bar = progress_bar();
-    let mut measurement = measure(
+    if let Some(out) = &args.out {
+        interrupt::clear_when_told_to_end(out);
+    }
+    detail(|| {
+        let level = args.accuracy.name();
+        format!(
+            "reading {} with {}, accuracy {level}",
+            args.video.display(),
+            args.calib.display()
+        )
+    });
+    let edits = match &args.edits {
+        Some(path) => Edits::read(path, &args.video)?,
+        None => Edits::default(),
+    };
+    let bar = progress_bar(None, "{msg:9} {wide_bar} {pos}/{len} {eta}");
+    let mut step = "";
+    let mut measurement = measure_edited(
         &args.video,
         &calibration,
         &args.calib.display().to_string(),
         args.accuracy,
+        &edits,
         &mut |p| {
-            show(&bar, p);
+            let before = step;
+            step = show(&bar, p);
+            if step != before {
+                bar.suspend(|| detail(|| step.to_owned()));
+            }
         },
     )?;
     bar.finish_and_clear();
+    detail(|| "measured".to_owned());
+    let beside = edits::beside(&args.video);
+    if args.edits.is_none() && beside.is_file() {
+        note(&format!(
+            "note: {} lies beside the recording and was not used; measure with --edits {} to use it",
+            beside.display(),
+            beside.display()
+        ));
+    }
     measurement.note_digests(&args.video, &args.calib);
     finish(
         &measurement,
@@ -109,6 +145,9 @@ pub fn finish(
     json: bool,
     formats: &[&'static dyn OutputFormat],
 ) -> anyhow::Result<Status> {
+    if is_verbose() {
+        tell_points(measurement);
+    }
     for w in &measurement.warnings {
         say(&format!("warning: {}: {}", w.code, w.message));
     }
@@ -119,7 +158,7 @@ pub fn finish(
     }
     if let Some(dir) = out {
         for path in write_recording(measurement, dir, &stem(input), formats.iter())? {
-            say(&format!("wrote {}", path.display()));
+            note(&format!("wrote {}", path.display()));
         }
     }
     if json {
@@ -149,25 +188,62 @@ fn stem(video: &Path) -> String {
     name.map_or_else(|| "recording".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-/// A bar on a terminal; nothing elsewhere.
-fn progress_bar() -> ProgressBar {
-    let bar = ProgressBar::no_length();
-    if let Ok(style) = ProgressStyle::with_template("{msg:9} {wide_bar} {pos}/{len} {eta}") {
-        bar.set_style(style);
-    }
-    bar
-}
-
-fn show(bar: &ProgressBar, progress: Progress) {
-    match progress {
-        Progress::Survey => bar.set_message("surveying"),
+/// What is being done, which the bar then shows.
+pub(super) fn show(bar: &ProgressBar, progress: Progress) -> &'static str {
+    let step = match progress {
+        Progress::Survey => "surveying",
         Progress::Frame { index, expected } => {
-            bar.set_message("tracking");
             if let Some(n) = expected {
                 bar.set_length(n);
             }
             bar.set_position(index as u64 + 1);
+            "tracking"
         }
-        Progress::Fit => bar.set_message("fitting"),
+        Progress::Fit => "fitting",
+    };
+    bar.set_message(step);
+    step
+}
+
+/// How many frames were used, and which were not for which reason.
+fn tell_points(measurement: &Measurement) {
+    let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    let launches = measurement.each_launch();
+    let mut used = 0;
+    for point in launches.iter().flat_map(|launch| &launch.track.points) {
+        match &point.use_ {
+            PointUse::Used(_) => used += 1,
+            PointUse::Unused(reason) => reasons.entry(reason.code()).or_default().push(point.frame),
+        }
+    }
+    detail(|| format!("centres: {used} frames in use"));
+    for (code, frames) in reasons {
+        detail(|| format!("centres: {} frames {code}: {}", frames.len(), runs(&frames)));
+    }
+}
+
+/// `0-3, 7, 9-12`: increasing numbers, runs of them drawn together.
+fn runs(numbers: &[usize]) -> String {
+    let mut runs: Vec<(usize, usize)> = Vec::new();
+    for &n in numbers {
+        match runs.last_mut() {
+            Some((_, last)) if *last + 1 == n => *last = n,
+            _ => runs.push((n, n)),
+        }
+    }
+    let text = runs
+        .iter()
+        .map(|&(a, b)| if a == b { a.to_string() } else { format!("{a}-{b}") });
+    text.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_of_frames_are_drawn_together() {
+        assert_eq!(runs(&[0, 1, 2, 3, 7, 9, 10]), "0-3, 7, 9-10");
+        assert_eq!(runs(&[]), "");
     }
 }

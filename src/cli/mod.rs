@@ -4,17 +4,18 @@ mod batch;
 mod calibrate;
 mod cost;
 mod fit;
+mod interrupt;
 mod measure;
+mod messages;
 mod points;
+mod review;
 mod shell;
 mod simulate;
 
 use crate::error_chain;
-use crate::simulate::EffectsChoice;
-use crate::simulate::scene::Switch;
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
+use messages::{Loudness, answer, detail, note, say};
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::LazyLock;
@@ -35,6 +36,8 @@ struct Cli {
     command: Option<Command>,
     #[command(flatten)]
     measure: Option<measure::MeasureArgs>,
+    #[command(flatten)]
+    loudness: Loudness,
 }
 
 #[derive(Debug, Subcommand)]
@@ -50,37 +53,16 @@ enum Command {
     Completions(shell::CompletionsArgs),
     /// Shows what accuracy costs: error against time on scenes with known truth, and the cheapest setting that is exact enough.
     Cost(cost::CostArgs),
-    /// Fits a series of bounces with the three rebound models: e, μ, e_x, where sliding begins, and which model it is.
+    /// Fits a series of bounces with the four rebound models: e, μ, e_x, where sliding begins, and which model it is.
     Fit(fit::FitArgs),
     /// Writes manual pages: track.1 and one for each command.
     Man(shell::ManArgs),
     /// Measures centres that another program found (Tracker, trackpy, Kinovea, a script).
     Points(points::PointsArgs),
+    /// Makes a page to look a recording through: choose the ball, reject or move points; it saves <name>.edits.json.
+    Review(review::ReviewArgs),
     /// Renders a recording with known truth from a scene file.
-    Simulate {
-        /// The scene (JSON, schema track.scene/1).
-        scene: PathBuf,
-        /// Folder for <name>.mp4 (or .mkv), .truth.json and .calib.json.
-        #[arg(long, value_name = "DIR")]
-        out: PathBuf,
-        /// Which effects to simulate, in place of the scene's own choice.
-        #[arg(long, value_enum)]
-        effects: Option<Effects>,
-        /// Print each effect with its estimate, the tolerance, and whether it is simulated.
-        #[arg(long)]
-        explain: bool,
-    },
-}
-
-/// Which effects a scene is rendered with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Effects {
-    /// Those that move a centre by more than the scene's tolerance.
-    Auto,
-    /// Every one.
-    All,
-    /// None beyond the parabola, the rigid impact and the disc.
-    None,
+    Simulate(simulate::SimulateArgs),
 }
 
 /// What `--version` says behind the name.
@@ -103,7 +85,7 @@ enum Status {
 /// Exit status: 0 measured; 1 it ran, but the measurement was rejected; 2 it could not run.
 #[must_use]
 pub fn run() -> ExitCode {
-    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let arguments = command_first(std::env::args_os().collect());
     let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
         Err(error) => {
@@ -116,29 +98,15 @@ pub fn run() -> ExitCode {
             error.exit()
         }
     };
+    messages::set_loudness(cli.loudness);
+    detail(|| format!("track {}", crate::Build::THIS));
     let outcome = match (cli.command, cli.measure) {
         (Some(Command::Batch(args)), _) => batch::run(&args),
         (Some(Command::BatchRecording(args)), _) => batch::run_recording(&args),
         (Some(Command::Fit(args)), _) => fit::run(&args),
         (Some(Command::Points(args)), _) => points::run(&args),
-        (
-            Some(Command::Simulate {
-                scene,
-                out,
-                effects,
-                explain,
-            }),
-            _,
-        ) => {
-            let choice = effects.map(|e| {
-                EffectsChoice::all(match e {
-                    Effects::Auto => Switch::Auto,
-                    Effects::All => Switch::On,
-                    Effects::None => Switch::Off,
-                })
-            });
-            simulate::run(&scene, &out, choice, explain, &mut answer).map(|()| Status::Done)
-        }
+        (Some(Command::Review(args)), _) => review::run(&args),
+        (Some(Command::Simulate(args)), _) => simulate::run(&args, &mut answer),
         (Some(Command::Calibrate(args)), _) => calibrate::run(&args),
         (Some(Command::Completions(args)), _) => shell::completions(&args),
         (Some(Command::Man(args)), _) => shell::man(&args),
@@ -156,18 +124,27 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// A line on stderr. A closed stderr is no reason to fail.
-fn say(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+/// The arguments with `--quiet` and `--verbose` behind the command: clap takes options before a command for those of `track VIDEO`.
+fn command_first(mut arguments: Vec<OsString>) -> Vec<OsString> {
+    let is_flag = |a: &OsString| Loudness::FLAGS.iter().any(|flag| a == flag);
+    let flags = arguments.iter().skip(1).take_while(|a| is_flag(a)).count();
+    let next = arguments.get(1 + flags);
+    if next.is_some_and(|word| !word.as_encoded_bytes().starts_with(b"-")) {
+        arguments[1..=1 + flags].rotate_right(1);
+    }
+    arguments
 }
 
-/// The result on stdout, whole or an error. A reader that closed the pipe has what it wanted.
-fn answer(text: &str) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(anyhow::Error::new(e).context("the result could not be written to stdout"))
-        }
-        _ => Ok(()),
+/// Refuses where files that somebody else made would be replaced.
+fn refuse_foreign(files: &[PathBuf]) -> anyhow::Result<()> {
+    if files.is_empty() {
+        return Ok(());
     }
+    let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+    let them = if names.len() == 1 { "it" } else { "them" };
+    anyhow::bail!(
+        "{} would be replaced, but track did not make {them}, or somebody has changed {them} since; give another name, or --force to \
+         replace {them}",
+        names.join(", ")
+    )
 }

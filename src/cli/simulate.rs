@@ -1,52 +1,109 @@
-//! `track simulate SCENE --out DIR [--effects auto|all|none] [--explain]`.
+//! `track simulate SCENE --out DIR [--effects auto|all|none] [--explain] [--force]`.
 
+use super::{Status, detail, interrupt, messages};
+use crate::report::escape::on_one_line;
 use crate::simulate::effects::{Decision, Unit};
-use crate::simulate::{EffectsChoice, Scene, SimulatedFiles, SimulatedRecording, write};
+use crate::simulate::scene::Switch;
+use crate::simulate::{EffectsChoice, Scene, SimulatedFiles, SimulatedRecording, files_of, write};
 use anyhow::{Context, Result};
-use indicatif::{ProgressBar, ProgressStyle};
+use clap::{Args, ValueEnum};
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Renders the scene file `scene` into the folder `out` and gives to `answer` what was written; with `explain` before
-/// that the table of effects. `effects` overrides the scene's own choice.
+/// What to render, and where to.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// The scene (JSON, schema track.scene/1).
+    pub scene: PathBuf,
+    /// Folder for <name>.mp4 (or .mkv), .truth.json and .calib.json.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Which effects to simulate, in place of the scene's own choice.
+    #[arg(long, value_enum)]
+    pub effects: Option<Effects>,
+    /// Print each effect with its estimate, the tolerance, and whether it is simulated.
+    #[arg(long)]
+    pub explain: bool,
+    /// Replace files of these names that this program did not make, or that were changed since.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Which effects a scene is rendered with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Effects {
+    /// Those that move a centre by more than the scene's tolerance.
+    Auto,
+    /// Every one.
+    All,
+    /// None beyond the parabola, the rigid impact and the disc.
+    None,
+}
+
+impl Effects {
+    fn choice(self) -> EffectsChoice {
+        EffectsChoice::all(match self {
+            Self::Auto => Switch::Auto,
+            Self::All => Switch::On,
+            Self::None => Switch::Off,
+        })
+    }
+}
+
+/// Renders the scene file into the folder and gives to `answer` what was written; before that the table of effects, where it is asked for.
 ///
 /// # Errors
-/// A scene that cannot be read or makes no sense, a folder or a stdout that cannot be written to.
-pub fn run(
-    scene: &Path,
-    out: &Path,
-    effects: Option<EffectsChoice>,
-    explain: bool,
-    answer: &mut dyn FnMut(&str) -> Result<()>,
-) -> Result<()> {
+/// A scene that cannot be read or makes no sense, a folder or a stdout that cannot be written to, files there that somebody else made.
+pub fn run(args: &SimulateArgs, answer: &mut dyn FnMut(&str) -> Result<()>) -> Result<Status> {
+    let SimulateArgs { scene, out, .. } = args;
     let named = || format!("scene {}", scene.display());
     let mut read = Scene::read(scene)?;
-    if let Some(choice) = effects {
-        read.effects = choice;
+    if let Some(effects) = args.effects {
+        read.effects = effects.choice();
     }
     let recording = SimulatedRecording::new(&read).with_context(named)?;
-    if explain {
+    if args.explain {
         answer(&table(recording.decisions()))?;
     }
-    let bar = ProgressBar::new(recording.frame_count() as u64).with_style(ProgressStyle::with_template(
+    let stem = stem(scene);
+    if !args.force {
+        super::refuse_foreign(&files_of(&recording, &stem, out).foreign())?;
+    }
+    detail(|| {
+        let camera = &recording.scene().camera;
+        let used = recording.decisions().iter().filter(|d| d.used).map(|d| d.name);
+        format!(
+            "scene {}: {} × {} px, {} Hz, {} frames; effects: {}",
+            scene.display(),
+            camera.width_px,
+            camera.height_px,
+            camera.frame_rate_hz,
+            recording.frame_count(),
+            used.collect::<Vec<_>>().join(", ")
+        )
+    });
+    let bar = messages::progress_bar(
+        Some(recording.frame_count() as u64),
         "{bar:40} frame {pos} of {len}, {eta} left",
-    )?);
-    let written = write(&recording, &stem(scene), out, |done| {
-        bar.set_position(done as u64)
-    })?;
+    );
+    interrupt::clear_when_told_to_end(out);
+    let written = write(&recording, &stem, out, |done| bar.set_position(done as u64))?;
     bar.finish_and_clear();
+    detail(|| "rendered".to_owned());
     let SimulatedFiles {
         video,
         truth,
         calib,
         frames,
     } = written;
+    let [video, truth, calib] = [video, truth, calib].map(|path| path.display().to_string());
     answer(&format!(
         "{} ({frames} frames)\n{}\n{}\n",
-        video.display(),
-        truth.display(),
-        calib.display()
-    ))
+        on_one_line(&video),
+        on_one_line(&truth),
+        on_one_line(&calib)
+    ))?;
+    Ok(Status::Done)
 }
 
 /// The scene's file name without its ending, `.scene.json` or the last one.
@@ -142,17 +199,27 @@ mod tests {
             output += text;
             Ok(())
         };
-        run(&scene, &folder.join("out"), None, true, &mut answer).unwrap();
+        let args = |out: &str, effects| SimulateArgs {
+            scene: scene.clone(),
+            out: folder.join(out),
+            effects,
+            explain: effects.is_none(),
+            force: false,
+        };
+        run(&args("out", None), &mut answer).unwrap();
         for ending in ["mp4", "truth.json", "calib.json"] {
             assert!(
                 folder.join("out").join(format!("tiny.{ending}")).exists(),
                 "{ending}"
             );
         }
-        let none = crate::simulate::scene::parse_effects_word("none");
-        run(&scene, &folder.join("none"), none, false, &mut answer).unwrap();
+        run(&args("none", Some(Effects::None)), &mut answer).unwrap();
         assert!(folder.join("none").join("tiny.mkv").exists());
-        let error = run(&folder.join("missing.json"), &folder, None, false, &mut answer).unwrap_err();
+        let missing = SimulateArgs {
+            scene: folder.join("missing.json"),
+            ..args("", None)
+        };
+        let error = run(&missing, &mut answer).unwrap_err();
         assert!(format!("{error:#}").contains("missing.json"));
         assert!(
             output.starts_with("effect") && output.contains("tiny.mkv"),

@@ -7,12 +7,14 @@
 //! | `section` | an object of a JSON file, read key by key; every problem is noted, none stops the reading |
 //! | [`schema`] | types of values, for the JSON Schemas |
 //! | [`table`] | a CSV file: columns by name, rows by line |
+//! | [`made_by`] | which files the program made itself, and may replace |
 //! | `nearest` | the known name that a misspelt one may have meant |
 //!
 //! What is read knows nothing of balls and cameras: the keys, their ranges and what they mean together stand with the types
 //! that they become (`calibration::file`, `simulate::scene`, `batch::manifest`, `rebound::fit::csv`).
 
 mod json;
+pub mod made_by;
 mod nearest;
 mod problem;
 pub mod schema;

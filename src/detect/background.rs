@@ -47,6 +47,8 @@ pub struct Background {
     pub registrar: Registrar,
     /// Where the survey's first frame looks.
     pub first_registration: Registration,
+    /// Where each of the survey's frames looks.
+    pub survey_registrations: Vec<Registration>,
     /// Standard uncertainty of where a frame looks, px; 0 where the camera is fixed.
     pub shift_std_px: f64,
     /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
@@ -165,9 +167,20 @@ impl Background {
             registrar,
             first_registration: registrations.first().copied()?,
             shift_std_px,
+            survey_registrations: Vec::new(),
         };
         background.block_threshold_grey = background.thresholds(survey, &registrations);
+        background.survey_registrations = registrations;
         Some(background)
+    }
+
+    /// The same in which less than `least_grey` of a change is none.
+    #[must_use]
+    pub fn with_least_change(mut self, least_grey: f64) -> Self {
+        for threshold in &mut self.block_threshold_grey {
+            *threshold = threshold.max(least_grey as f32);
+        }
+        self
     }
 
     /// How the blocks of a frame, of which these are the `sums` (see [`sum_blocks`]), differ from the background shifted and

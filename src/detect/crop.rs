@@ -15,6 +15,17 @@ pub struct Crop {
 }
 
 impl Crop {
+    /// One whose pixels nobody keeps.
+    #[must_use]
+    pub fn without_pixels(u: usize, v: usize) -> Self {
+        let luma = Luma {
+            width: 0,
+            height: 0,
+            data: Vec::new(),
+        };
+        Self { u, v, luma }
+    }
+
     /// The part of `frame` within the half-open ranges, clipped to the frame.
     #[must_use]
     pub fn of(frame: &Luma, us: std::ops::Range<usize>, vs: std::ops::Range<usize>) -> Self {

@@ -11,6 +11,7 @@ pub mod background;
 pub mod blobs;
 pub mod camera_swing;
 pub mod centre;
+pub mod colour;
 pub mod crop;
 mod local_light;
 mod noise;
@@ -18,7 +19,7 @@ mod registrar;
 pub mod registration;
 mod resample;
 
-use crate::frames::{Coded, Frame, Luma};
+use crate::frames::{Coded, ColourCut, Frame, Luma};
 use background::Background;
 use blobs::Blob;
 use camera_swing::ShiftThreshold;
@@ -39,6 +40,8 @@ pub struct Sighting {
     pub blob: Blob,
     /// The centre, where the region has the outline of a ball.
     pub centre: Option<Centre>,
+    /// The region's colours, for pictures.
+    pub colours: Option<ColourCut>,
 }
 
 /// What one frame holds.
@@ -125,6 +128,7 @@ impl Detector {
             registration,
             blob,
             centre,
+            colours: None,
         };
         let things = blobs::find(&self.background, &frame.luma, &registration, &changes);
         things

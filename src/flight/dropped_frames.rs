@@ -10,7 +10,7 @@
 //! before it, by τ (v × v')/|v' − v| where they are nearest: they meet only when it is moved back by that time. A τ of
 //! whole frames is of frames that are missing; where the ball falls straight down, v × v' is 0 and nothing shows.
 
-use super::free_flight::Flight;
+use super::free_flight::{Flight, FlightPoint};
 use super::linking::{LinkedSpots, Spot};
 use super::path;
 use super::planar::PlanarArcs;
@@ -24,8 +24,8 @@ use nalgebra::Vector2;
 pub struct DroppedFrames {
     /// The first frame after the gap.
     pub frame: usize,
-    /// How many are missing.
-    pub missing: usize,
+    /// How many are missing; below 0, how many fewer than the clock has put in there.
+    pub missing: isize,
 }
 
 /// A step is a whole number of steps to this many standard deviations, and not one step by as many.
@@ -95,7 +95,7 @@ fn missing(s: [&Spot; 4], interval_s: f64, part: f64) -> Option<(f64, DroppedFra
     let (whole, single) = (off(lost + 1.0), off(1.0));
     let place = DroppedFrames {
         frame: s[2].frame,
-        missing: lost as usize,
+        missing: lost as isize,
     };
     (whole < CLEAR_SIGMAS && single > CLEAR_SIGMAS).then_some((single, place))
 }
@@ -107,7 +107,7 @@ const WHOLE_FRAME_SIGMAS: f64 = 3.0;
 /// And differs from none by this many.
 const LEAST_LATE_SIGMAS: f64 = 12.0;
 
-/// Finds gaps at the impacts on the floor of a `flight`.
+/// Finds gaps at the impacts on the floor of a `flight`, and those that hold fewer frames than its clock has put in.
 #[must_use]
 pub fn at_impacts(flight: &Flight) -> Vec<DroppedFrames> {
     if !flight.fit.falls_in_plane() {
@@ -118,10 +118,25 @@ pub fn at_impacts(flight: &Flight) -> Vec<DroppedFrames> {
         let (periods, std) = (late_s / flight.interval_s, std_s / flight.interval_s);
         let whole = (periods - periods.round()).abs() < WHOLE_FRAME_PART
             && WHOLE_FRAME_SIGMAS * std < WHOLE_FRAME_PART;
-        let clear = periods > LEAST_LATE_SIGMAS * std && periods < MOST_MISSING;
-        let first = flight.points.iter().find(|p| p.arc() == Some(k + 1))?;
-        let (frame, missing) = (first.spot.frame, periods.round() as usize);
-        (whole && clear && missing >= 1).then_some(DroppedFrames { frame, missing })
+        let clear = periods.abs() > LEAST_LATE_SIGMAS * std && periods.abs() < MOST_MISSING;
+        let missing = periods.round() as isize;
+        if !(whole && clear && missing != 0) {
+            return None;
+        }
+        let first = flight.points.iter().position(|p| p.arc() == Some(k + 1))?;
+        if missing > 0 {
+            let frame = flight.points[first].spot.frame;
+            return Some(DroppedFrames { frame, missing });
+        }
+        // What was put in too many was put in between the two arcs, or it is not that.
+        let last = flight.points.iter().rposition(|p| p.arc() == Some(k))?;
+        let put_in = |w: &&[FlightPoint]| {
+            let [from, to] = [&w[0].spot, &w[1].spot];
+            let steps = (to.time_s - from.time_s) / flight.interval_s;
+            steps - (to.frame - from.frame) as f64 > -periods - WHOLE_FRAME_PART
+        };
+        let frame = flight.points[last..=first].windows(2).find(put_in)?[1].spot.frame;
+        Some(DroppedFrames { frame, missing })
     };
     (0..flight.impacts.len()).filter_map(gap).collect()
 }

@@ -125,6 +125,9 @@ impl PlaneLaunch {
     }
 }
 
+/// An impact that a person denies is told to so many frames.
+const DENIED_FRAMES: f64 = 2.5;
+
 impl Flight {
     /// Time of the first and the last point in use, s.
     #[must_use]
@@ -182,11 +185,24 @@ impl Flight {
         self.points.iter().filter_map(fit_point).collect()
     }
 
-    /// The arc that holds at `t`: up to an impact the one before, after it the one behind; beyond the ends the nearest.
+    /// Takes none of the impacts for one that is within some frames of one of `times_s`.
+    pub fn deny_impacts(&mut self, times_s: &[f64]) {
+        let near = |t: f64| {
+            times_s
+                .iter()
+                .any(|denied| (t - denied).abs() < DENIED_FRAMES * self.interval_s)
+        };
+        for impact in &mut self.impacts {
+            *impact = impact.filter(|t| !near(*t));
+        }
+    }
+
+    /// The arc that holds at `t`: up to an impact (or the middle of the gap, where two arcs do not meet) the one before, after it the one
+    /// behind; beyond the ends the nearest.
     #[must_use]
     pub fn arc_at(&self, t: f64) -> usize {
-        let before = |i: &&Option<f64>| i.is_none_or(|impact| t > impact);
-        self.impacts.iter().take_while(before).count()
+        let parts_s = |k: usize| self.impacts[k].unwrap_or(0.5 * (self.spans[k].1 + self.spans[k + 1].0));
+        (0..self.impacts.len()).take_while(|&k| t > parts_s(k)).count()
     }
 
     /// How many times larger than in the calibrated plane the ball is seen at `t`.

@@ -69,13 +69,25 @@ const LEAST_TRACK: usize = 4;
 ///
 /// [`NoFlight`] with what was found instead.
 pub fn find(linked: &LinkedSpots, model: &dyn FlightSearch) -> Result<Flight, NoFlight> {
-    let upright = find_leaning(linked, model, false);
+    find_through(linked, model, None)
+}
+
+/// The same; the flight that uses the spot with the id `chosen`, where one is.
+///
+/// # Errors
+/// [`NoFlight`] with what was found instead.
+pub fn find_through(
+    linked: &LinkedSpots,
+    model: &dyn FlightSearch,
+    chosen: Option<usize>,
+) -> Result<Flight, NoFlight> {
+    let upright = find_leaning(linked, model, false, chosen);
     let leans = |f: &Flight| f.fit.lean_rad().abs() > LEAST_LEAN_RAD;
     if !model.falls_in_plane() || upright.as_ref().is_ok_and(|f| !leans(f)) {
         return upright;
     }
     // A camera that is rolled by degrees bends every path along r, too: arcs then have a curve of their own there.
-    match (find_leaning(linked, model, true), upright) {
+    match (find_leaning(linked, model, true, chosen), upright) {
         (Ok(leaning), Ok(upright)) if leaning.used() <= upright.used() => Ok(upright),
         (Ok(leaning), _) => Ok(leaning),
         (Err(_), upright) => upright,
@@ -83,7 +95,12 @@ pub fn find(linked: &LinkedSpots, model: &dyn FlightSearch) -> Result<Flight, No
 }
 
 /// The flight where the fall may lean or not: of the track with the most evidence that bounces, or else of one that falls.
-fn find_leaning(linked: &LinkedSpots, model: &dyn FlightSearch, leaning: bool) -> Result<Flight, NoFlight> {
+fn find_leaning(
+    linked: &LinkedSpots,
+    model: &dyn FlightSearch,
+    leaning: bool,
+    chosen: Option<usize>,
+) -> Result<Flight, NoFlight> {
     let longest = linked.tracks.first().map_or(0, Vec::len);
     if longest < LEAST_TRACK {
         return Err(NoFlight::NothingRound {
@@ -91,8 +108,8 @@ fn find_leaning(linked: &LinkedSpots, model: &dyn FlightSearch, leaning: bool) -
         });
     }
     let mut fallen = None;
-    for (track, candidate) in candidates(linked, model, leaning) {
-        let Some(flight) = flight_of(linked, track, &candidate, model, leaning) else {
+    for (track, candidate) in candidates(linked, model, leaning, chosen) {
+        let Some(flight) = flight_of(linked, track, &candidate, model, leaning, chosen) else {
             continue;
         };
         if flight.impacts.iter().any(Option::is_some) {
@@ -106,13 +123,19 @@ fn find_leaning(linked: &LinkedSpots, model: &dyn FlightSearch, leaning: bool) -
 /// Tracks that are tried for a flight, at most.
 const MOST_CANDIDATES: usize = 8;
 
-/// The tracks on which something moves as a ball does, the one with the most evidence first.
+/// The tracks on which something moves as a ball does, the one with the most evidence first; those that hold the spot with the id `chosen`, where one is.
 fn candidates<'a>(
     linked: &'a LinkedSpots,
     model: &dyn FlightSearch,
     leaning: bool,
+    chosen: Option<usize>,
 ) -> Vec<(&'a Track, TrackCandidate)> {
-    let long = linked.tracks.iter().filter(|t| t.len() >= LEAST_TRACK);
+    let holds = |t: &&Track| chosen.is_none_or(|id| t.iter().any(|&i| linked.spots[i].id == id));
+    let long = linked
+        .tracks
+        .iter()
+        .filter(|t| t.len() >= LEAST_TRACK)
+        .filter(holds);
     let mut all: Vec<_> = long
         .filter_map(|t| Some((t, model.candidate(&linked.of(t), leaning)?)))
         .collect();
@@ -121,19 +144,22 @@ fn candidates<'a>(
     all
 }
 
-/// The flight along a track, with what continues it or without: the fullest of those that bounce.
+/// The flight along a track, with what continues it or without: the fullest of those that bounce, and use the spot with the id `chosen`, where one is.
 fn flight_of(
     linked: &LinkedSpots,
     track: &Track,
     candidate: &TrackCandidate,
     model: &dyn FlightSearch,
     leaning: bool,
+    chosen: Option<usize>,
 ) -> Option<Flight> {
     let interval_s = linking::interval_s(&linked.of(track));
     let along = |t: Track| flight_with_its_fall(model, &linked.of(&t), candidate.gravity, interval_s);
+    // Where two things cross, a track may begin as one and end as the other.
+    let is_chosen = |f: &Flight| chosen.is_none_or(|id| f.used_points().any(|p| p.spot.id == id));
     let stages = model.with_continuations(linked, track, candidate, leaning);
     let bounces = |f: &Flight| f.impacts.iter().any(Option::is_some);
-    let flights = stages.into_iter().filter_map(along);
+    let flights = stages.into_iter().filter_map(along).filter(is_chosen);
     flights.max_by_key(|f| (bounces(f), f.used()))
 }
 
@@ -143,8 +169,8 @@ fn flight_of(
 pub fn others(linked: &LinkedSpots, flight: &Flight, model: &dyn FlightSearch) -> Vec<OtherFlight> {
     let ball: Vec<&Spot> = flight.used_points().map(|p| &p.spot).collect();
     let mut found: Vec<(Vec<usize>, OtherFlight)> = Vec::new();
-    for (track, candidate) in candidates(linked, model, false) {
-        let Some(other) = flight_of(linked, track, &candidate, model, false) else {
+    for (track, candidate) in candidates(linked, model, false, None) {
+        let Some(other) = flight_of(linked, track, &candidate, model, false, None) else {
             continue;
         };
         let spots: Vec<&Spot> = other.used_points().map(|p| &p.spot).collect();

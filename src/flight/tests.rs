@@ -156,3 +156,38 @@ fn a_small_ball_that_comes_nearer_still_flies() {
         assert!((first - 0.14279).abs() < 2e-4, "{nearing_per_s}: {first}");
     }
 }
+
+#[test]
+fn frames_missing_at_an_impact_and_frames_put_in_too_many_show_in_its_arcs() {
+    let hit_s = (2.0 * 125.0_f64 / 12_262.5).sqrt();
+    let whole = scene(160, 1250.0, 0.04, false);
+    let gone = 2;
+    let from = (hit_s * 240.0) as usize;
+    // The frames `from` and the next are gone; the clock has put in `put_in` for them.
+    for put_in in [0, 1, 3, 4] {
+        let shown = whole.iter().filter(|s| !(from..from + gone).contains(&s.frame));
+        let spots = shown.map(|s| {
+            let (frame, times) = if s.frame < from {
+                (s.frame, s.frame)
+            } else {
+                (s.frame - gone, s.frame - gone + put_in)
+            };
+            Spot {
+                frame,
+                time_s: times as f64 / 240.0,
+                ..*s
+            }
+        });
+        let flight = find(
+            &LinkedSpots::new(spots.collect()),
+            &SideView::new(VerticalPrior::UNKNOWN),
+        )
+        .unwrap();
+        let found = dropped_frames::at_impacts(&flight);
+        let wanted = gone as isize - put_in as isize;
+        assert!(
+            found.len() == 1 && found[0].missing == wanted && found[0].frame.abs_diff(from) <= 1,
+            "{put_in}: {found:?}"
+        );
+    }
+}

@@ -5,7 +5,7 @@
 //! comes back. The same frames give the same bytes.
 
 use super::av::{Encoder, EncoderSettings, Failure, Picture, PixelFormat, Rational};
-use super::{Luma, Yuv420};
+use super::{Luma, Yuv420, temporary};
 use std::io;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -31,6 +31,25 @@ pub enum Coding {
     },
     /// FFV1, grey, 8 bits; for a `.mkv`, which keeps times to 1 ms (our own decoding restores the constant rate).
     Lossless,
+    /// The same in colour, 4:2:0.
+    LosslessColour,
+}
+
+impl Coding {
+    /// Whether it is without loss, in a `.mkv`.
+    fn is_lossless(self) -> bool {
+        !matches!(self, Self::H264 { .. })
+    }
+}
+
+/// Where the samples of 4:2:0 chroma lie: between two rows, and ...
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ChromaSiting {
+    /// ... at the left of two columns, as H.264 has it by custom.
+    #[default]
+    Left,
+    /// ... between two columns, as JPEG has it.
+    Centre,
 }
 
 /// Where times come from.
@@ -56,6 +75,8 @@ pub struct VideoOptions {
     pub rotation_deg: f64,
     /// Puts an mp4's index before the frames, so that a file cut short can still be read up to the cut.
     pub index_first: bool,
+    /// Where chroma is to be said to lie; `None`: nothing is said.
+    pub chroma_siting: Option<ChromaSiting>,
 }
 
 impl VideoOptions {
@@ -68,6 +89,7 @@ impl VideoOptions {
             timing: Timing::Constant,
             rotation_deg: 0.0,
             index_first: false,
+            chroma_siting: None,
         }
     }
 }
@@ -197,7 +219,7 @@ impl VideoWriter {
         if path.is_dir() {
             return Err(io(io::ErrorKind::IsADirectory.into()));
         }
-        let temporary = temporary_beside(path).map_err(io)?;
+        let temporary = temporary::file_beside(path, ".part").map_err(io)?;
         let file = temporary.as_file().try_clone().map_err(io)?;
         let settings = settings(width, height, options, &temporary);
         let encoder = Encoder::open(file, &settings).map_err(|e| explained(path, 0, e))?;
@@ -217,9 +239,10 @@ impl VideoWriter {
             last_tick: None,
         };
         if options.coding != Coding::Lossless {
-            let grey = vec![128; (width / 2) * (height / 2)];
-            writer.fill(1, width / 2, &grey)?;
-            writer.fill(2, width / 2, &grey)?;
+            let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));
+            let grey = vec![128; columns * rows];
+            writer.fill(1, columns, &grey)?;
+            writer.fill(2, columns, &grey)?;
         }
         Ok(writer)
     }
@@ -249,7 +272,7 @@ impl VideoWriter {
         self.send(tick)
     }
 
-    /// Writes a colour frame at its turn; H.264 only.
+    /// Writes a colour frame at its turn; not for [`Coding::Lossless`].
     ///
     /// # Errors
     /// As for [`write`](Self::write).
@@ -258,7 +281,7 @@ impl VideoWriter {
         self.send_next()
     }
 
-    /// Writes a colour frame at `time_s`; H.264 only, needs [`Timing::Stamped`].
+    /// Writes a colour frame at `time_s`; not for [`Coding::Lossless`], needs [`Timing::Stamped`].
     ///
     /// # Errors
     /// As for [`write_at`](Self::write_at).
@@ -299,7 +322,7 @@ impl VideoWriter {
 
     fn put_yuv(&mut self, yuv: &Yuv420) -> Result<(), EncodeError> {
         if self.coding == Coding::Lossless {
-            return Err(self.refused("a colour frame", "grey (lossless coding has no colour)"));
+            return Err(self.refused("a colour frame", "grey (this lossless coding has no colour)"));
         }
         let chroma = yuv.chroma_width() * yuv.chroma_height();
         let whole = yuv.y.len() == yuv.width * yuv.height && yuv.u.len() == chroma && yuv.v.len() == chroma;
@@ -390,30 +413,13 @@ impl std::fmt::Debug for VideoWriter {
 
 const TICKS_A_SECOND: f64 = 1e6;
 
-/// A temporary file in the folder of `path`, so that the rename stays on one disk. Its rights are the usual ones of a
-/// new file, not the private ones that temporary files get.
-fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".track-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(folder)
-}
-
 fn check_settings(
     path: &Path,
     width: usize,
     height: usize,
     options: &VideoOptions,
 ) -> Result<(), EncodeError> {
-    let even = options.coding != Coding::Lossless;
+    let even = matches!(options.coding, Coding::H264 { .. });
     let sides = [width, height];
     if sides
         .iter()
@@ -438,7 +444,7 @@ fn check_settings(
     if !(rate.is_finite() && (1e-3..=1e6).contains(&rate)) {
         return setting("frame_rate_hz", rate.to_string(), "0.001 to 1e6 Hz");
     }
-    if options.coding == Coding::Lossless && options.timing == Timing::Constant && rate > MKV_MOST_HZ {
+    if options.coding.is_lossless() && options.timing == Timing::Constant && rate > MKV_MOST_HZ {
         return setting(
             "frame_rate_hz",
             rate.to_string(),
@@ -496,10 +502,14 @@ fn settings<'a>(
                 ("sc_threshold", "0".to_owned()),
             ],
         ),
-        Coding::Lossless => (
+        Coding::Lossless | Coding::LosslessColour => (
             "ffv1",
             "matroska",
-            PixelFormat::Gray8,
+            if options.coding == Coding::Lossless {
+                PixelFormat::Gray8
+            } else {
+                PixelFormat::Yuv420
+            },
             1,
             0,
             // Version 3 has checksums, which tell damage.
@@ -523,6 +533,7 @@ fn settings<'a>(
         width,
         height,
         format,
+        chroma_siting: options.chroma_siting,
         time_base,
         rate,
         constant_rate: options.timing == Timing::Constant,

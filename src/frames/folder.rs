@@ -6,7 +6,9 @@
 
 use super::av::{AvError, Decoder, Packet, Picture};
 use super::error::FrameError;
-use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
+use super::mixture::{ColourMix, chroma_grid};
+use super::orientation::Orientation;
+use super::pixels::{ColouredPlane, PixelReader, Pixels, luma_range};
 use super::video::{PictureReader, TimedPicture, checked_size, count, ffmpeg, turn};
 use super::{Coded, Frame, Luma, SourceInfo, SourceNote, StreamHealth};
 use std::ffi::{CStr, OsStr};
@@ -55,19 +57,20 @@ impl ImageList {
     }
 
     /// The image at `index` as a frame of its own, at its time.
-    pub(super) fn frame(&self, index: usize) -> Result<Frame, FrameError> {
+    pub(super) fn frame(&self, index: usize, mix: Option<ColourMix>) -> Result<Frame, FrameError> {
         let image = &self.images[index];
         let mut notes = Vec::new();
         let mut reader: Option<PixelReader> = None;
-        let (_, luma) = decoded(image, |picture| {
-            let reader = reader.insert(PixelReader::upright(turn(picture.display_matrix(), &mut notes)));
-            Luma::read(reader, picture, None)
+        let (_, ColouredPlane { plane, colour }) = decoded(image, |picture| {
+            let upright = PixelReader::upright(turn(picture.display_matrix(), &mut notes));
+            ColouredPlane::read(reader.insert(upright.mixing(mix)), picture, None)
         })?;
         Ok(Frame {
             index,
             time_s: self.time(index),
-            luma,
+            luma: plane,
             coded: Coded::Whole,
+            colour: colour.map(|c| c.detached()),
         })
     }
 
@@ -304,11 +307,22 @@ pub(super) struct FolderReader<P> {
 impl<P: Pixels> FolderReader<P> {
     pub(super) fn open(folder: &Path) -> Result<Self, FrameError> {
         let mut listing = ImageList::of(folder)?;
-        let (codec, (size, range, orientation, format)) = decoded(&listing.images[0], |picture| {
-            let orientation = turn(picture.display_matrix(), &mut listing.notes);
-            let size = orientation.shown((picture.width(), picture.height()));
-            Ok((size, luma_range(picture), orientation, picture.format_name()))
-        })?;
+        let (codec, (size, range, orientation, format, grid, luma_shares)) =
+            decoded(&listing.images[0], |picture| {
+                let orientation = turn(picture.display_matrix(), &mut listing.notes);
+                let size = orientation.shown((picture.width(), picture.height()));
+                let grid = chroma_grid(picture, orientation.transposed);
+                // The chroma of RGB pictures is made by us, and a JPEG's is BT.601's by its standard.
+                let shares = (0.299, 0.114);
+                Ok((
+                    size,
+                    luma_range(picture),
+                    orientation,
+                    picture.format_name(),
+                    grid,
+                    shares,
+                ))
+            })?;
         let info = SourceInfo {
             path: folder.to_owned(),
             width_px: size.0,
@@ -321,6 +335,8 @@ impl<P: Pixels> FolderReader<P> {
             time_resolution_s: None,
             row_order: orientation.row_order(),
             pixel_aspect: 1.0,
+            chroma_grid: grid,
+            luma_shares,
         };
         Ok(Self {
             info,
@@ -334,6 +350,14 @@ impl<P: Pixels> FolderReader<P> {
         })
     }
 
+    /// The same with this in the place of luma.
+    pub(super) fn mixing(self, mix: Option<ColourMix>) -> Self {
+        Self {
+            reader: self.reader.mixing(mix),
+            ..self
+        }
+    }
+
     fn read(&mut self, index: usize) -> Result<P, FrameError> {
         let image = &self.listing.images[index];
         let expected = (self.info.width_px, self.info.height_px);
@@ -343,7 +367,7 @@ impl<P: Pixels> FolderReader<P> {
             // A phone may have been turned between two pictures: each has a tag of its own.
             let orientation = turn(picture.display_matrix(), &mut Vec::new());
             if orientation != usual {
-                *reader = PixelReader::upright(orientation);
+                *reader = PixelReader::upright(orientation).mixing(reader.mix());
             }
             let found = orientation.shown((picture.width(), picture.height()));
             let pixels = (found == expected)

@@ -3,11 +3,14 @@
 //! | file | what it does |
 //! |---|---|
 //! | `av/` | FFmpeg's C structs behind a safe face; the only `unsafe` |
+//! | [`colour`] | a frame's chroma, read where somebody asks |
 //! | [`digest`] | SHA-256 of files |
 //! | [`encode`] | frames to a video file |
 //! | [`even_clock`] | stamps that an even clock was rounded to |
 //! | [`error`] | why a recording could not be read |
 //! | `folder` | a folder of numbered images |
+//! | [`mixture`] | a plane mixed from luma and chroma |
+//! | `orientation` | how a stored picture is turned to be upright |
 //! | `pixels` | from a decoded picture to upright planes of 8 bits |
 //! | [`readahead`] | decoding in a thread of its own |
 //! | [`recode`](mod@recode) | a recording drawn over |
@@ -19,28 +22,36 @@
 use std::path::PathBuf;
 
 mod av;
+pub mod colour;
 pub mod digest;
 pub mod encode;
 pub mod error;
 pub mod even_clock;
 mod folder;
+pub mod mixture;
+mod orientation;
 mod pixels;
 pub mod readahead;
 pub mod recode;
 mod stamps;
+pub mod stills;
 pub mod survey;
+pub mod temporary;
 pub mod timebase;
 pub mod video;
 
-pub use encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
+pub use colour::{Chroma, ColourCut, FrameColour};
+pub use encode::{ChromaSiting, Coding, EncodeError, Timing, VideoOptions, VideoWriter};
 pub use error::FrameError;
 pub use folder::{is_picture, open_picture, pictures_in};
+pub use mixture::{ChromaGrid, ColourMix};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
-pub use survey::{EvenSample, evenly_of, open_sparse, open_sparse_at_once};
+pub use survey::{EvenSample, evenly_of, open_sparse, open_sparse_at_once, open_sparse_mixed};
 pub use video::FrameSource;
 
 use folder::FolderReader;
+use pixels::ColouredPlane;
 use std::path::Path;
 use video::VideoReader;
 
@@ -49,10 +60,18 @@ use video::VideoReader;
 /// # Errors
 /// Whatever makes it unreadable, see [`FrameError`].
 pub fn open(path: &Path) -> Result<Box<dyn FrameSource + Send>, FrameError> {
+    open_mixed(path, None)
+}
+
+/// The same with a mixture of luma and chroma as [`Frame::luma`], where there is one and the recording has colours.
+///
+/// # Errors
+/// As for [`open`].
+pub fn open_mixed(path: &Path, mix: Option<ColourMix>) -> Result<Box<dyn FrameSource + Send>, FrameError> {
     if path.is_dir() {
-        Ok(Box::new(FolderReader::<Luma>::open(path)?))
+        Ok(Box::new(FolderReader::<ColouredPlane>::open(path)?.mixing(mix)))
     } else {
-        Ok(Box::new(VideoReader::<Luma>::open(path)?))
+        Ok(Box::new(VideoReader::<ColouredPlane>::open_mixed(path, mix)?))
     }
 }
 
@@ -163,10 +182,12 @@ pub struct Frame {
     pub index: usize,
     /// Presentation time by the file's own stamp, from the first frame on (the first is 0), s.
     pub time_s: f64,
-    /// The luma plane, turned upright by the file's rotation tag.
+    /// The luma plane (or the mixture that it was asked to be), turned upright by the file's rotation tag.
     pub luma: Luma,
     /// How the file stores it.
     pub coded: Coded,
+    /// Its colours; `None` for a grey recording.
+    pub colour: Option<FrameColour>,
 }
 
 /// The code values that mean black and white.
@@ -235,6 +256,10 @@ pub struct SourceInfo {
     pub row_order: RowOrder,
     /// Width of a pixel over its height, as shown; 1 for square pixels.
     pub pixel_aspect: f64,
+    /// How chroma lies among the pixels; `None` for a grey recording.
+    pub chroma_grid: Option<ChromaGrid>,
+    /// The shares of red and blue in luma.
+    pub luma_shares: (f64, f64),
 }
 
 /// What went wrong while reading, known in full once the last frame is read.

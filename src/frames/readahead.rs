@@ -164,6 +164,8 @@ mod tests {
                 time_resolution_s: None,
                 row_order: crate::frames::RowOrder::Down,
                 pixel_aspect: 1.0,
+                chroma_grid: None,
+                luma_shares: (0.299, 0.114),
             };
             (
                 Box::new(Self {
@@ -195,6 +197,7 @@ mod tests {
                     time_s: index as f64,
                     luma,
                     coded: Coded::Whole,
+                    colour: None,
                 }))
             } else if self.fails {
                 Err(FrameError::Empty { path: "fake".into() })

@@ -2,11 +2,12 @@
 
 use super::error::FrameError;
 use super::folder::ImageList;
-use super::pixels::{PixelReader, Pixels};
+use super::mixture::ColourMix;
+use super::pixels::{ColouredPlane, PixelReader, Pixels};
 use super::video::{
     PictureStream, WantedPictures, checked_size, count, ffmpeg, no_frames, open_input, orientation,
 };
-use super::{Coded, Frame, Luma};
+use super::{Coded, Frame};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,9 +20,21 @@ use std::path::Path;
 /// # Errors
 /// Whatever makes the recording unreadable, as for [`open`](super::open).
 pub fn open_sparse(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
-    match open_sparse_at_once(path, at_most)? {
+    open_sparse_mixed(path, at_most, None)
+}
+
+/// The same with a mixture of luma and chroma in the place of luma.
+///
+/// # Errors
+/// As for [`open_sparse`].
+pub fn open_sparse_mixed(
+    path: &Path,
+    at_most: usize,
+    mix: Option<ColourMix>,
+) -> Result<Vec<Frame>, FrameError> {
+    match at_once(path, at_most, mix)? {
         Some(frames) => Ok(frames),
-        None => all_frames(path, at_most),
+        None => all_frames(path, at_most, mix),
     }
 }
 
@@ -30,6 +43,10 @@ pub fn open_sparse(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError
 /// # Errors
 /// As for [`open_sparse`].
 pub fn open_sparse_at_once(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameError> {
+    at_once(path, at_most, None)
+}
+
+fn at_once(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Option<Vec<Frame>>, FrameError> {
     if at_most == 0 {
         return Ok(Some(Vec::new()));
     }
@@ -37,11 +54,11 @@ pub fn open_sparse_at_once(path: &Path, at_most: usize) -> Result<Option<Vec<Fra
         let listing = ImageList::of(path)?;
         let chosen = evenly(listing.len(), at_most).into_iter();
         return chosen
-            .map(|i| listing.frame(i))
+            .map(|i| listing.frame(i, mix))
             .collect::<Result<_, _>>()
             .map(Some);
     }
-    key_frames(path, at_most)
+    key_frames(path, at_most, mix)
 }
 
 /// `at_most` of the numbers below `count`, evenly spread, first and last included where there are two.
@@ -65,7 +82,7 @@ pub fn evenly_of<T>(all: impl ExactSizeIterator<Item = T>, at_most: usize) -> Ve
 }
 
 /// Key frames alone, when the index shows at least half of the wanted number, evenly spread in time.
-fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameError> {
+fn key_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Option<Vec<Frame>>, FrameError> {
     let (mut input, _) = open_input(path)?;
     let facts = input.facts();
     // Other containers have an index only of what was read so far: it would show nothing but the beginning.
@@ -91,42 +108,47 @@ fn key_frames(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameEr
     // Key frames stand alone, but a decoder takes them one after the other: one for each core.
     drop(input);
     let share = chosen.len().div_ceil(rayon::current_num_threads()).max(1);
-    let parts: Vec<Vec<(i64, Luma)>> = chosen
+    let parts: Vec<Vec<(i64, ColouredPlane)>> = chosen
         .par_chunks(share)
-        .map(|stamps| these_key_frames(path, stamps))
+        .map(|stamps| these_key_frames(path, stamps, mix))
         .collect::<Result<_, _>>()?;
-    let size = |l: &Luma| (l.width, l.height);
+    let size = |p: &ColouredPlane| (p.plane.width, p.plane.height);
     let first = parts
         .iter()
         .flatten()
         .next()
-        .map(|(stamp, luma)| (*stamp, size(luma)));
+        .map(|(stamp, pixels)| (*stamp, size(pixels)));
     let frames: Vec<Frame> = parts
         .into_iter()
         .flatten()
-        .filter(|(_, luma)| first.is_some_and(|(_, s)| s == size(luma)))
+        .filter(|(_, pixels)| first.is_some_and(|(_, s)| s == size(pixels)))
         .enumerate()
-        .map(|(index, (stamp, luma))| Frame {
+        .map(|(index, (stamp, pixels))| Frame {
             index,
             #[allow(clippy::cast_precision_loss, reason = "approximate")]
             time_s: stamp.saturating_sub(first.map_or(0, |f| f.0)) as f64 * tick_s,
-            luma,
+            luma: pixels.plane,
             coded: Coded::Whole,
+            colour: pixels.colour,
         })
         .collect();
     Ok((frames.len() >= at_most.div_ceil(2)).then_some(frames))
 }
 
 /// The key frames with these stamps, of one size; a damaged one is one frame less, nothing worse.
-fn these_key_frames(path: &Path, stamps: &[i64]) -> Result<Vec<(i64, Luma)>, FrameError> {
+fn these_key_frames(
+    path: &Path,
+    stamps: &[i64],
+    mix: Option<ColourMix>,
+) -> Result<Vec<(i64, ColouredPlane)>, FrameError> {
     let (input, _) = open_input(path)?;
-    let mut collector = LumaCollector::open(path, input, WantedPictures::Key)?;
+    let mut collector = PlaneCollector::open(path, input, WantedPictures::Key, mix)?;
     let mut found = Vec::with_capacity(stamps.len());
     for &stamp in stamps {
         if collector.stream.key_frame(stamp)
-            && let Some(luma) = collector.luma()?
+            && let Some(pixels) = collector.pixels()?
         {
-            found.push((stamp, luma));
+            found.push((stamp, pixels));
         }
     }
     Ok(found)
@@ -156,9 +178,9 @@ fn spread_in_time(stamps: &[i64], last: i64, at_most: usize) -> Vec<i64> {
 }
 
 /// One pass over the frames that others refer to, keeping every n-th; n doubles when too many are kept.
-fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
+fn all_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Vec<Frame>, FrameError> {
     let (input, _) = open_input(path)?;
-    let mut collector = LumaCollector::open(path, input, WantedPictures::Referenced)?;
+    let mut collector = PlaneCollector::open(path, input, WantedPictures::Referenced, mix)?;
     let mut kept = EvenSample::new(at_most);
     let mut index = 0;
     while collector.stream.next() {
@@ -168,12 +190,13 @@ fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
                 .picture
                 .stamp()
                 .map_or(count(index), |s| collector.time(s));
-            if let Some(luma) = collector.luma()? {
+            if let Some(pixels) = collector.pixels()? {
                 kept.add(Frame {
                     index,
                     time_s,
-                    luma,
+                    luma: pixels.plane,
                     coded: Coded::Whole,
+                    colour: pixels.colour,
                 });
             }
         }
@@ -185,8 +208,9 @@ fn all_frames(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
     Ok(kept.into_frames())
 }
 
-/// Decodes pictures to upright luma, all of one size.
-struct LumaCollector<'a> {
+/// Decodes pictures to upright planes with their colours, all of one size.
+struct PlaneCollector<'a> {
+    mix: Option<ColourMix>,
     path: &'a Path,
     stream: PictureStream,
     reader: Option<PixelReader>,
@@ -195,11 +219,17 @@ struct LumaCollector<'a> {
     first: Option<i64>,
 }
 
-impl<'a> LumaCollector<'a> {
-    fn open(path: &'a Path, input: super::av::Input, wanted: WantedPictures) -> Result<Self, FrameError> {
+impl<'a> PlaneCollector<'a> {
+    fn open(
+        path: &'a Path,
+        input: super::av::Input,
+        wanted: WantedPictures,
+        mix: Option<ColourMix>,
+    ) -> Result<Self, FrameError> {
         let tick_s = input.facts().time_base.positive().unwrap_or(1.0);
         let stream = PictureStream::open(path, input, wanted)?;
         Ok(Self {
+            mix,
             path,
             stream,
             reader: None,
@@ -210,7 +240,7 @@ impl<'a> LumaCollector<'a> {
     }
 
     /// The stream's picture; `None` when it is not of the first one's size.
-    fn luma(&mut self) -> Result<Option<Luma>, FrameError> {
+    fn pixels(&mut self) -> Result<Option<ColouredPlane>, FrameError> {
         let picture = &self.stream.picture;
         let size = checked_size(self.path, picture)?;
         let reader = match &mut self.reader {
@@ -218,15 +248,17 @@ impl<'a> LumaCollector<'a> {
             None => {
                 self.size = size;
                 let turn = orientation(self.stream.input.facts(), picture, &mut Vec::new());
-                self.reader.insert(PixelReader::upright(turn))
+                self.reader.insert(PixelReader::upright(turn).mixing(self.mix))
             }
         };
         if size != self.size {
             return Ok(None);
         }
-        Luma::read(reader, picture, None)
-            .map(Some)
-            .map_err(|e| ffmpeg(self.path, "convert a frame to grey", e))
+        let mut pixels = ColouredPlane::read(reader, picture, None)
+            .map_err(|e| ffmpeg(self.path, "convert a frame to grey", e))?;
+        // These are many at a time: the decoder gets its pictures back.
+        pixels.colour = pixels.colour.map(|c| c.detached());
+        Ok(Some(pixels))
     }
 
     fn time(&mut self, stamp: i64) -> f64 {
@@ -240,15 +272,15 @@ impl<'a> LumaCollector<'a> {
 /// Keeps frames evenly spread over a stream of unknown length: every `stride`-th, where the stride doubles whenever
 /// twice the wanted number is reached.
 #[derive(Debug)]
-pub struct EvenSample {
+pub struct EvenSample<T = Frame> {
     at_most: usize,
     stride: usize,
     offered: usize,
     /// With their number among those offered.
-    kept: Vec<(usize, Frame)>,
+    kept: Vec<(usize, T)>,
 }
 
-impl EvenSample {
+impl<T> EvenSample<T> {
     /// For `at_most` frames in the end, and less than twice as many meanwhile.
     #[must_use]
     pub fn new(at_most: usize) -> Self {
@@ -267,7 +299,7 @@ impl EvenSample {
     }
 
     /// Adds the frame that was wanted.
-    pub fn add(&mut self, frame: Frame) {
+    pub fn add(&mut self, frame: T) {
         self.kept.push((self.offered.saturating_sub(1), frame));
         if self.kept.len() >= 2 * self.at_most {
             self.stride *= 2;
@@ -278,13 +310,13 @@ impl EvenSample {
 
     /// Those kept, at most as many as wanted.
     #[must_use]
-    pub fn frames(&self) -> Vec<&Frame> {
+    pub fn frames(&self) -> Vec<&T> {
         evenly_of(self.kept.iter().map(|(_, frame)| frame), self.at_most)
     }
 
     /// The same for good.
     #[must_use]
-    pub fn into_frames(self) -> Vec<Frame> {
+    pub fn into_frames(self) -> Vec<T> {
         evenly_of(self.kept.into_iter().map(|(_, frame)| frame), self.at_most)
     }
 }
@@ -292,6 +324,7 @@ impl EvenSample {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frames::Luma;
 
     #[test]
     fn even_choices_take_in_both_ends() {
@@ -317,6 +350,7 @@ mod tests {
                         time_s: 0.0,
                         luma,
                         coded: Coded::Whole,
+                        colour: None,
                     });
                 }
                 assert!(kept.kept.len() < 2 * at_most.max(2));

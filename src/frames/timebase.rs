@@ -187,9 +187,9 @@ impl TimeBase {
     }
 
     /// The same with the time of frames that are missing without a trace in the stamps: `skips` are the first frame after
-    /// each gap and the frames missing in it.
+    /// each gap and the frames missing in it; below 0, those that an earlier skip has too many.
     #[must_use]
-    pub fn with_skips(mut self, skips: &[(usize, usize)]) -> Self {
+    pub fn with_skips(mut self, skips: &[(usize, isize)]) -> Self {
         let Some(interval_s) = self.interval_s else {
             return self;
         };
@@ -197,7 +197,7 @@ impl TimeBase {
             for time in self.times_s.iter_mut().skip(frame) {
                 *time += missing as f64 * interval_s;
             }
-            self.skipped += missing;
+            self.skipped = self.skipped.saturating_add_signed(missing);
         }
         self
     }

@@ -7,9 +7,11 @@
 use super::av::{Decoder, DecoderSettings, Input, OpenFailure, Packet, Picture, StreamFacts};
 use super::encode::MAX_SIDE_PX;
 use super::error::FrameError;
-use super::pixels::{Orientation, PixelReader, Pixels, luma_range};
+use super::mixture::{ColourMix, chroma_grid};
+use super::orientation::Orientation;
+use super::pixels::{ColouredPlane, PixelReader, Pixels, luma_range};
 use super::stamps::StampClock;
-use super::{Coded, Frame, Luma, SourceInfo, SourceNote, StreamHealth};
+use super::{Coded, Frame, SourceInfo, SourceNote, StreamHealth};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -62,7 +64,7 @@ pub(super) trait PictureReader<P> {
     fn recycle(&mut self, pixels: P);
 }
 
-impl<R: PictureReader<Luma>> FrameSource for R {
+impl<R: PictureReader<ColouredPlane>> FrameSource for R {
     fn info(&self) -> &SourceInfo {
         self.info()
     }
@@ -76,7 +78,10 @@ impl<R: PictureReader<Luma>> FrameSource for R {
     }
 
     fn recycle(&mut self, frame: Frame) {
-        self.recycle(frame.luma);
+        self.recycle(ColouredPlane {
+            plane: frame.luma,
+            colour: None,
+        });
     }
 }
 
@@ -105,6 +110,11 @@ pub(super) struct VideoReader<P> {
 
 impl<P: Pixels> VideoReader<P> {
     pub(super) fn open(path: &Path) -> Result<Self, FrameError> {
+        Self::open_mixed(path, None)
+    }
+
+    /// The same with this in the place of luma.
+    pub(super) fn open_mixed(path: &Path, mix: Option<ColourMix>) -> Result<Self, FrameError> {
         let (input, file_bytes) = open_input(path)?;
         let facts = input.facts().clone();
         let (expected, index_end) = expectations(&input);
@@ -125,7 +135,7 @@ impl<P: Pixels> VideoReader<P> {
             info,
             facts,
             stream,
-            reader: PixelReader::upright(orientation),
+            reader: PixelReader::upright(orientation).mixing(mix),
             spare: Vec::new(),
             size,
             pictures: 0,
@@ -274,13 +284,14 @@ impl<P: Pixels> PictureReader<P> for VideoReader<P> {
     }
 }
 
-impl TimedPicture<Luma> {
+impl TimedPicture<ColouredPlane> {
     pub(super) fn into_frame(self) -> Frame {
         Frame {
             index: self.index,
             time_s: self.time_s,
-            luma: self.pixels,
+            luma: self.pixels.plane,
             coded: self.coded,
+            colour: self.pixels.colour,
         }
     }
 }
@@ -651,6 +662,8 @@ fn info(
         time_resolution_s: facts.time_base.positive().filter(|_| facts.has_stamps),
         row_order: orientation.row_order(),
         pixel_aspect,
+        chroma_grid: chroma_grid(first, orientation.transposed),
+        luma_shares: first.luma_shares(),
     }
 }
 

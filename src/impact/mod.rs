@@ -1,4 +1,4 @@
-//! An impact's angles, restitution, friction and spin; the distances x0 and x; both models' readings.
+//! An impact's angles, restitution, friction and spin; the distances x0 and x; the models' readings.
 //!
 //! With v before and v' after the impact, from the arcs at the time where they meet, along the floor's tangent t and its normal
 //! n. (A floor that rises by the angle s along x: t = (cos s, sin s), n = (−sin s, cos s) in x and z up.)
@@ -11,6 +11,7 @@
 
 mod bench_edge;
 mod bounces;
+pub mod compliant_reading;
 pub mod contact;
 mod distances;
 pub mod error_budget;
@@ -28,6 +29,7 @@ mod top_view;
 use crate::quantity::Quantity;
 use crate::rebound::model::BounceReading;
 use crate::rebound::{ModelName, Preferred, Regime};
+use compliant_reading::CompliantReading;
 
 /// Velocity of the centre just before or after an impact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -208,6 +210,8 @@ pub struct Readings {
     pub restitution: Option<Quantity>,
     /// Of each model that a single bounce tells something of, in the order of the list.
     pub models: Vec<(ModelName, BounceReading)>,
+    /// What the compliant model makes of it, where its stiffness ratio is known.
+    pub compliant: Option<CompliantReading>,
     /// The model that describes the recording's bounces better.
     pub preferred: Preferred,
 }

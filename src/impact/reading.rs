@@ -3,6 +3,7 @@
 //! Grip is beyond some models. Otherwise one bounce fits all of them, and two tell: under the right one both bounces have the same
 //! coefficient (friction under μ-e, tangential restitution under e-e).
 
+use super::compliant_reading::{self, KnownContact};
 use super::{Bounce, Readings};
 use crate::quantity::Quantity;
 use crate::rebound::model::{BounceNumbers, BounceReading, CoefficientChange};
@@ -20,9 +21,9 @@ const VAGUE_STD: f64 = 0.15;
 /// A coefficient that differs between two bounces by more standard uncertainties than this is not the same.
 const DIFFERENT_SIGMAS: f64 = 3.0;
 
-/// The models' readings of the first bounce; the later ones help to prefer a model. `None` without a restitution.
+/// The models' readings of the first bounce, with the compliant one's where its `contact` is known; the later ones help to prefer a model. `None` without a restitution.
 #[must_use]
-pub fn read(bounces: &[Bounce]) -> Option<Readings> {
+pub fn read(bounces: &[Bounce], contact: Option<KnownContact>) -> Option<Readings> {
     let first = bounces.first()?;
     first.restitution?;
     let numbers: Vec<BounceNumbers> = bounces.iter().map(numbers).collect();
@@ -32,6 +33,7 @@ pub fn read(bounces: &[Bounce]) -> Option<Readings> {
     Some(Readings {
         restitution: first.restitution,
         models,
+        compliant: contact.and_then(|contact| compliant_reading::read(bounces, contact)),
         preferred,
     })
 }
@@ -132,7 +134,7 @@ mod tests {
     #[test]
     fn regimes_follow_the_sign_of_e_x_and_its_uncertainty() {
         let regime = |e_x, std| {
-            let readings = read(&[bounce(0.1, e_x, std)]).unwrap();
+            let readings = read(&[bounce(0.1, e_x, std)], None).unwrap();
             readings.of(ModelName::EE).unwrap().regime
         };
         assert_eq!(regime(-0.5, 0.01), Some(Regime::Ordinary));
@@ -145,7 +147,7 @@ mod tests {
     #[test]
     fn friction_is_a_number_only_where_the_ball_slid() {
         let friction = |e_x| {
-            let readings = read(&[bounce(0.1, e_x, 0.01)]).unwrap();
+            let readings = read(&[bounce(0.1, e_x, 0.01)], None).unwrap();
             readings.of(ModelName::MuE).unwrap().quantity
         };
         assert!(friction(-0.5).is_some());
@@ -155,7 +157,7 @@ mod tests {
 
     #[test]
     fn two_bounces_tell_the_models_apart() {
-        let preferred = |a, b| read(&[a, b]).unwrap().preferred;
+        let preferred = |a, b| read(&[a, b], None).unwrap().preferred;
         assert_eq!(
             preferred(bounce(0.07, -0.6, 0.01), bounce(0.07, -0.3, 0.01)),
             Preferred::Model(ModelName::MuE)

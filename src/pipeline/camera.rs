@@ -8,6 +8,7 @@ use super::warnings::warning;
 use crate::calibration::{
     Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
 };
+use crate::detect::colour::ColourChoice;
 use crate::flight::Flight;
 use crate::flight::bend::CameraFacts;
 use crate::flight::distant_top_view::DistantTopView;
@@ -50,6 +51,10 @@ pub struct CalibratedCamera<'a> {
     pub stands_still: bool,
     /// How well it is known where a frame looks, the first one above all, whose pixels are those of the calibration, px; 0 where it stands still.
     pub shift_std_px: f64,
+    /// How well it is known where chroma lies against luma, as far as the ball is seen by it, px; 0 where it is seen by luma alone.
+    pub chroma_std_px: f64,
+    /// Part of the ball's contrast that is chroma's.
+    pub chroma_share: f64,
     /// When its rows are exposed.
     pub readout: Readout,
 }
@@ -71,6 +76,8 @@ impl<'a> CalibratedCamera<'a> {
             size_px,
             stands_still,
             shift_std_px: 0.0,
+            chroma_std_px: 0.0,
+            chroma_share: 0.0,
             readout: Readout::global(size_px, row_order).of(calibration.readout_s.unwrap_or(0.0), 0.0),
         })
     }
@@ -80,6 +87,16 @@ impl<'a> CalibratedCamera<'a> {
     pub fn with_shift_std(self, std_px: f64) -> Self {
         Self {
             shift_std_px: if std_px.is_finite() { std_px } else { 0.0 },
+            ..self
+        }
+    }
+
+    /// The same that sees the ball by what `colour` says.
+    #[must_use]
+    pub fn with_colour(self, colour: Option<&ColourChoice>) -> Self {
+        Self {
+            chroma_std_px: colour.map_or(0.0, |c| c.place_std_px.0.max(c.place_std_px.1)),
+            chroma_share: colour.map_or(0.0, |c| c.chroma_share),
             ..self
         }
     }

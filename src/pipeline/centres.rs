@@ -150,7 +150,13 @@ impl BallSearch<'_> {
             gain: s.registration.gain,
             contrast_grey: s.blob.contrast_grey,
         })?;
-        let centre = patch.affine.map_or(centre, |d| d.centre_in_frame(&centre));
+        let mut centre = patch.affine.map_or(centre, |d| d.centre_in_frame(&centre));
+        if let Some(colour) = &self.pictures.decoded.colour {
+            // A fit takes the noise of its pixels for independent.
+            for c in centre.covariance_px2.as_flattened_mut() {
+                *c *= colour.noise_area;
+            }
+        }
         Some(BallCentre::new(id, s, centre))
     }
 

@@ -449,7 +449,7 @@ impl Clocked {
 }
 
 /// The first frame after each gap, and the frames missing in it.
-fn pairs(skips: &[DroppedFrames]) -> Vec<(usize, usize)> {
+fn pairs(skips: &[DroppedFrames]) -> Vec<(usize, isize)> {
     skips.iter().map(|s| (s.frame, s.missing)).collect()
 }
 

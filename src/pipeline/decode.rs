@@ -7,16 +7,17 @@
 
 use super::error::MeasureError;
 use super::measurement::Warning;
+use super::scene_colours::SceneColours;
+use super::sighting_store::SightingStore;
 use super::warnings::of_file::of_file;
 use crate::calibration::Calibration;
 use crate::detect::background::{self, Background};
-use crate::detect::crop::Crop;
+use crate::detect::colour::{self, ColourChoice};
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
 use crate::frames::even_clock::{self, EvenClock};
 use crate::frames::{self, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth};
 use std::borrow::Cow;
-use std::collections::VecDeque;
 use std::path::Path;
 
 /// Everything seen in a recording.
@@ -42,6 +43,10 @@ pub struct Decoded {
     pub detector: Detector,
     /// What is odd about the file.
     pub warnings: Vec<Warning>,
+    /// The mixture of luma and chroma that was looked at in the place of luma, where luma hardly shows the ball.
+    pub colour: Option<ColourChoice>,
+    /// The empty scene's colours, for pictures; `None` for a grey recording.
+    pub scene_colours: Option<SceneColours>,
 }
 
 impl Decoded {
@@ -81,9 +86,8 @@ pub enum Progress {
 /// in one place never is the median.
 const SURVEY_FRAMES: usize = 15;
 
-/// Memory of all sightings together, bytes. With decoder, survey and frames in flight the whole stays below
-/// 300 MB at 1080p.
-const CROPS_BUDGET_BYTES: usize = 80 << 20;
+/// What changes by less than this part of a coloured ball's contrast is not the ball: encoders leave such traces of its chroma where it was.
+const LEAST_COLOUR_CHANGE: f64 = 0.1;
 
 /// Frames held at the opening, bytes, where there are no key frames to take the scene from.
 const OPENING_BYTES: usize = 64 << 20;
@@ -119,25 +123,67 @@ fn decode_all(
     progress(Progress::Survey);
     // It decodes its first frames while the survey does its own.
     let mut source = frames::ReadAhead::start(source)?;
+    let grid = source.info().chroma_grid;
     if let Some(survey) = frames::open_sparse_at_once(video, SURVEY_FRAMES)? {
-        return DecodingPass::new(background_of(video, &survey)?).whole(source, progress);
+        let survey: Vec<&Frame> = survey.iter().collect();
+        if let Some(choice) = colour::choose(&survey, grid) {
+            drop(source);
+            return decode_mixed(video, choice, &survey, progress);
+        }
+        let mut pass = DecodingPass::new(background_of(video, &survey)?);
+        pass.scene_colours = SceneColours::of(&survey, &pass.detector.background);
+        return pass.whole(source, progress);
     }
     let (opening, is_all) = opening(&mut source)?;
-    let mut pass = DecodingPass::new(background_of(video, &spread_over(&opening))?);
-    if !is_all {
+    let survey = spread_over(&opening);
+    if let Some(choice) = colour::choose(&survey, grid) {
+        drop(source);
+        return decode_mixed(video, choice, &survey, progress);
+    }
+    let mut pass = DecodingPass::new(background_of(video, &survey)?);
+    if is_all {
+        pass.scene_colours = SceneColours::of(&survey, &pass.detector.background);
+    } else {
         pass.provisional = Some(ProvisionalBackground {
             spread: EvenSample::new(SURVEY_FRAMES),
             next_check: 2 * opening.len(),
         });
     }
-    if let Some(seen) = pass.over(opening, source, progress)? {
-        return Ok(seen);
+    match pass.over(opening, source, progress)? {
+        PassEnd::Seen(seen) => return Ok(*seen),
+        PassEnd::NeedsColour(choice, spread) => {
+            let spread: Vec<&Frame> = spread.iter().collect();
+            return decode_mixed(video, choice, &spread, progress);
+        }
+        PassEnd::OtherScene => {}
     }
     progress(Progress::Survey);
     let survey = frames::open_sparse(video, SURVEY_FRAMES)?;
-    let pass = DecodingPass::new(background_of(video, &survey)?);
-    drop(survey);
+    let survey: Vec<&Frame> = survey.iter().collect();
+    if let Some(choice) = colour::choose(&survey, grid) {
+        return decode_mixed(video, choice, &survey, progress);
+    }
+    let mut pass = DecodingPass::new(background_of(video, &survey)?);
+    pass.scene_colours = SceneColours::of(&survey, &pass.detector.background);
     pass.whole(frames::ReadAhead::start(frames::open(video)?)?, progress)
+}
+
+/// The same on a mixture of luma and chroma, chosen by the frames of `survey`.
+fn decode_mixed(
+    video: &Path,
+    choice: ColourChoice,
+    survey: &[&Frame],
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Decoded, MeasureError> {
+    progress(Progress::Survey);
+    let mixed = frames::open_sparse_mixed(video, SURVEY_FRAMES, Some(choice.mix))?;
+    let scene = background_of(video, &mixed)?.with_least_change(LEAST_COLOUR_CHANGE * choice.contrast_grey);
+    let mut pass = DecodingPass::new(scene);
+    drop(mixed);
+    pass.colour = Some(choice);
+    pass.scene_colours = SceneColours::of_mixed(survey);
+    let source = frames::open_mixed(video, Some(choice.mix))?;
+    pass.whole(frames::ReadAhead::start(source)?, progress)
 }
 
 fn background_of(
@@ -159,7 +205,10 @@ fn opening(source: &mut frames::ReadAhead) -> Result<(Vec<Frame>, bool), Measure
     let mut opening = Vec::new();
     while opening.len() < most {
         match source.next_frame()? {
-            Some(frame) => opening.push(frame),
+            Some(mut frame) => {
+                frame.colour = frame.colour.map(|c| c.detached());
+                opening.push(frame);
+            }
             None => return Ok((opening, true)),
         }
     }
@@ -186,6 +235,18 @@ struct DecodingPass {
     registrations: Vec<Registration>,
     /// Where the scene of the whole is still to be found.
     provisional: Option<ProvisionalBackground>,
+    colour: Option<ColourChoice>,
+    scene_colours: Option<SceneColours>,
+}
+
+/// How a pass over the recording ends.
+enum PassEnd {
+    /// All is seen.
+    Seen(Box<Decoded>),
+    /// The scene it began with is not that of the whole.
+    OtherScene,
+    /// These frames from all over it show a ball that luma hardly shows.
+    NeedsColour(ColourChoice, Vec<Frame>),
 }
 
 /// What a scene taken from the opening is checked with.
@@ -205,6 +266,8 @@ impl DecodingPass {
             changes: Vec::new(),
             registrations: Vec::new(),
             provisional: None,
+            colour: None,
+            scene_colours: None,
         }
     }
 
@@ -214,19 +277,20 @@ impl DecodingPass {
         source: frames::ReadAhead,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Decoded, MeasureError> {
-        Ok(self
-            .over(Vec::new(), source, progress)?
-            .expect("only a provisional scene is given up"))
+        match self.over(Vec::new(), source, progress)? {
+            PassEnd::Seen(seen) => Ok(*seen),
+            _ => unreachable!("only a provisional scene is given up"),
+        }
     }
 
-    /// Over the frames of the `opening` and the rest of `source`; `None` where the scene is provisional and turns out not to
-    /// be that of the whole.
+    /// Over the frames of the `opening` and the rest of `source`; a provisional scene may turn out not to be that of the whole, or
+    /// not to be one for luma.
     fn over(
         mut self,
         opening: Vec<Frame>,
         mut source: frames::ReadAhead,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<Option<Decoded>, MeasureError> {
+    ) -> Result<PassEnd, MeasureError> {
         let mut opening = opening.into_iter();
         while let Some(frame) = opening
             .next()
@@ -238,17 +302,23 @@ impl DecodingPass {
             if let Some(p) = due {
                 p.next_check *= 2;
                 if !self.shows_its_scene() {
-                    return Ok(None);
+                    return Ok(PassEnd::OtherScene);
                 }
             }
         }
-        if self.provisional.is_some() {
+        if let Some(provisional) = &self.provisional {
+            let spread = provisional.spread.frames();
+            if let Some(choice) = colour::choose(&spread, source.info().chroma_grid) {
+                let spread = spread.into_iter().cloned().collect();
+                return Ok(PassEnd::NeedsColour(choice, spread));
+            }
             let Some((whole, light)) = self.scene_of_the_whole() else {
-                return Ok(None);
+                return Ok(PassEnd::OtherScene);
             };
+            self.scene_colours = SceneColours::of(&spread, &whole);
             self.adopt(whole, &light);
         }
-        Ok(Some(self.seen(&source)))
+        Ok(PassEnd::Seen(Box::new(self.seen(&source))))
     }
 
     fn seen(self, source: &frames::ReadAhead) -> Decoded {
@@ -271,16 +341,30 @@ impl DecodingPass {
             sightings,
             moving,
             detector: self.detector,
+            colour: self.colour,
+            scene_colours: self.scene_colours,
         }
     }
 
     /// Looks at `frame`, which goes back to `source` where it is not kept.
-    fn look(&mut self, frame: Frame, source: &mut frames::ReadAhead, progress: &mut dyn FnMut(Progress)) {
+    fn look(&mut self, mut frame: Frame, source: &mut frames::ReadAhead, progress: &mut dyn FnMut(Progress)) {
         progress(Progress::Frame {
             index: frame.index,
             expected: source.info().frames_expected,
         });
-        let reading = self.detector.look(&frame);
+        let mut reading = self.detector.look(&frame);
+        if let Some(colour) = frame.colour.take() {
+            // A picture shows balls only.
+            for s in reading.sightings.iter_mut().filter(|s| s.centre.is_some()) {
+                let crop = &s.blob.crop;
+                let (us, vs) = (
+                    crop.u..crop.u + crop.luma.width,
+                    crop.v..crop.v + crop.luma.height,
+                );
+                s.colours = Some(colour.cut(us, vs, self.colour.is_some()));
+            }
+            frame.colour = Some(colour);
+        }
         self.stamps_s.push(frame.time_s);
         self.changes.push(reading.change_grey);
         self.registrations.push(reading.registration);
@@ -289,6 +373,7 @@ impl DecodingPass {
             && shows_the_scene(&frame)
             && p.spread.wants_next()
         {
+            frame.colour = frame.colour.map(|c| c.detached());
             p.spread.add(frame);
         } else {
             source.recycle(frame);
@@ -333,93 +418,6 @@ impl DecodingPass {
             s.registration = s.registration.relative_to(light);
         }
     }
-}
-
-/// Sightings within the budget of memory. When that is spent what is no ball is forgotten, the oldest first; then round things
-/// lose their pixels, and keep what the first look made of them.
-#[derive(Default)]
-struct SightingStore {
-    sightings: Vec<Sighting>,
-    shapeless: VecDeque<usize>,
-    round: VecDeque<usize>,
-    /// Those of `sightings` that count no more.
-    forgotten: Vec<usize>,
-    bytes: usize,
-    /// How many there were in all.
-    seen: usize,
-}
-
-/// Forgotten sightings that are worth taking the list apart.
-const MOST_FORGOTTEN: usize = 4096;
-
-impl SightingStore {
-    fn add(&mut self, new: Vec<Sighting>) {
-        for s in new {
-            self.seen += 1;
-            self.bytes += bytes_of(&s);
-            let queue = if s.centre.is_some() {
-                &mut self.round
-            } else {
-                &mut self.shapeless
-            };
-            queue.push_back(self.sightings.len());
-            self.sightings.push(s);
-        }
-        while self.bytes > CROPS_BUDGET_BYTES {
-            if let Some(i) = self.shapeless.pop_front() {
-                self.bytes -= bytes_of(&self.sightings[i]);
-                let_go(&mut self.sightings[i]);
-                self.forgotten.push(i);
-            } else if let Some(i) = self.round.pop_front() {
-                let before = bytes_of(&self.sightings[i]);
-                let_go(&mut self.sightings[i]);
-                self.bytes -= before - bytes_of(&self.sightings[i]);
-            } else {
-                break;
-            }
-        }
-        if self.forgotten.len() > MOST_FORGOTTEN {
-            self.forget();
-        }
-    }
-
-    /// Takes what is forgotten out of the list.
-    fn forget(&mut self) {
-        self.forgotten.sort_unstable();
-        let forgotten = std::mem::take(&mut self.forgotten);
-        let mut index = 0;
-        self.sightings.retain(|_| {
-            index += 1;
-            forgotten.binary_search(&(index - 1)).is_err()
-        });
-        for i in self.shapeless.iter_mut().chain(&mut self.round) {
-            *i -= forgotten.partition_point(|f| f < i);
-        }
-    }
-
-    /// What is left, and how many sightings there were.
-    fn finished(mut self) -> (Vec<Sighting>, usize) {
-        self.forget();
-        (self.sightings, self.seen)
-    }
-}
-
-fn bytes_of(s: &Sighting) -> usize {
-    size_of::<Sighting>() + s.blob.crop.luma.data.len()
-}
-
-/// Without its pixels.
-fn let_go(s: &mut Sighting) {
-    let crop = &mut s.blob.crop;
-    *crop = Crop {
-        u: crop.u,
-        v: crop.v,
-        luma: Luma {
-            width: 0,
-            height: 0,
-            data: Vec::new(),
-        },
-    };
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use super::decode::Decoded;
 use super::in_metres::WorldFrame;
-use super::measurement::{ArcMotion, ArcSample, ArcTrace, PointUse, Strobe, StrobeBall};
+use super::measurement::{ArcMotion, ArcSample, ArcTrace, PointUse, Strobe, StrobeBall, UnusedReason};
 use super::spots::{BallCentre, with_id};
 use crate::calibration::Rectification;
 use crate::detect::crop::Crop;
@@ -73,16 +73,15 @@ pub fn residual(flight: &Flight, p: &FlightPoint, frame: &WorldFrame) -> Option<
     })
 }
 
-/// The use of a point in words.
+/// The use of a point, in metres.
 pub fn use_of(p: &FlightPoint, frame: &WorldFrame) -> PointUse {
     match p.use_ {
         SpotUse::Used(k) => PointUse::Used(k),
-        SpotUse::NotFree => PointUse::Unused("not in free flight".to_owned()),
-        SpotUse::Contact => PointUse::Unused("touches the floor".to_owned()),
-        SpotUse::Outlier(units) => PointUse::Unused(format!(
-            "off its arc by {:.2} mm",
-            1e3 * units * frame.metres_per_unit
-        )),
+        SpotUse::NotFree => PointUse::Unused(UnusedReason::NotFree),
+        SpotUse::Contact => PointUse::Unused(UnusedReason::Contact),
+        SpotUse::Outlier(units) => PointUse::Unused(UnusedReason::OffArc {
+            by_m: units * frame.metres_per_unit,
+        }),
     }
 }
 
@@ -103,7 +102,24 @@ pub fn strobe(mut strobe: Strobe, seen: &Decoded, found: &[BallCentre], flight: 
         if us.is_empty() || vs.is_empty() {
             continue;
         }
-        let part = Crop::of(&crop.luma, us.clone(), vs.clone());
+        let own_luma = s.colours.as_ref().and_then(|c| c.luma.as_ref());
+        let part = Crop::of(own_luma.unwrap_or(&crop.luma), us.clone(), vs.clone());
+        let chroma = s.colours.as_ref().filter(|_| strobe.chroma.is_some()).map(|cut| {
+            let shown = cut.chroma.stretched(seen.info.luma_range);
+            let (columns, rows) = (
+                crop.u + us.start..crop.u + us.end,
+                crop.v + vs.start..crop.v + vs.end,
+            );
+            let at = |u: usize, v: usize| {
+                shown.at(
+                    u.saturating_sub(2 * cut.first.0),
+                    v.saturating_sub(2 * cut.first.1),
+                )
+            };
+            rows.flat_map(|v| columns.clone().map(move |u| (u, v)))
+                .map(|(u, v)| at(u, v))
+                .collect()
+        });
         let centre = s.registration.reference_from_frame(disc.centre);
         // To the nearest pixel of the reference picture; the outline is drawn at the centre, which is exact.
         let moved = |x: f64| x.round() as i64;
@@ -114,6 +130,7 @@ pub fn strobe(mut strobe: Strobe, seen: &Decoded, found: &[BallCentre], flight: 
                 (crop.v + vs.start) as i64 - moved(s.registration.shift_v_px),
             ),
             luma: stretch(&part.luma, seen.info.luma_range),
+            chroma,
             centre,
             radius_px: disc.radius_px,
         });
@@ -130,9 +147,15 @@ fn span(centre: f64, reach: f64, corner: usize, size: usize) -> std::ops::Range<
 
 /// The empty scene alone.
 pub fn empty_strobe(seen: &Decoded) -> Strobe {
-    let background = stretch(&seen.detector.background.luma, seen.info.luma_range);
+    let colours = seen.scene_colours.as_ref();
+    let luma = colours
+        .and_then(|c| c.luma.as_ref())
+        .unwrap_or(&seen.detector.background.luma);
+    let chroma = colours.map(|c| Arc::new(c.chroma.stretched(seen.info.luma_range)));
     Strobe {
-        background: Arc::new(background),
+        background: Arc::new(stretch(luma, seen.info.luma_range)),
+        chroma,
+        luma_shares: seen.info.luma_shares,
         balls: Vec::new(),
     }
 }

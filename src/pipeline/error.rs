@@ -33,6 +33,14 @@ pub enum MeasureError {
         /// Frames read.
         frames: usize,
     },
+    /// What a person said of it does not fit.
+    #[error("{}: the edits name {found}", video.display())]
+    Edits {
+        /// The recording.
+        video: PathBuf,
+        /// What they name, and what there is.
+        found: String,
+    },
     /// Images without a clock.
     #[error(
         "{}: this has no time stamps, so times are unknown; give the capture rate as \"frame_rate_hz\" in {calibration}",

@@ -19,7 +19,7 @@ use super::result::{self, RecordingFacts};
 use super::spots::BallCentre;
 use super::warnings::{of_track, rejection};
 use crate::calibration::{Calibration, CalibrationError};
-use crate::detect::centre::{Centre, Disc};
+use crate::detect::centre::Centre;
 use crate::detect::registration::Registration;
 use crate::frames::timebase::TimeBase;
 use crate::frames::{Coded, RowOrder};
@@ -212,24 +212,18 @@ fn usual_step(given: &GivenPoints, pixels: &[PixelPoint]) -> f64 {
 }
 
 fn ball_centre(id: usize, point: &GivenPoint, centre: PixelPoint, radius_px: f64) -> BallCentre {
-    let variance = point.std_px.unwrap_or(LEAST_CENTRE_STD_PX).powi(2);
     BallCentre {
         id,
         frame: point.frame,
         coded: Coded::Whole,
         registration: Registration::IDENTITY,
-        centre: Centre {
-            disc: Disc {
-                centre,
-                radius_px,
-                swept_px: [0.0; 2],
-                bent_px: [0.0; 2],
-            },
-            covariance_px2: [[variance, 0.0], [0.0, variance]],
-            outline_used: 1.0,
-            residual_grey: 0.0,
-            contrast_grey: 100.0,
-        },
+        centre: Centre::told(
+            centre,
+            point.std_px.unwrap_or(LEAST_CENTRE_STD_PX),
+            radius_px,
+            100.0,
+        ),
+        is_chosen: false,
     }
 }
 

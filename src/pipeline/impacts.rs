@@ -1,4 +1,4 @@
-//! From the flight to metres: bounces, distances, gravity, "up", the floor, the bench, with what both models make of them.
+//! From the flight to metres: bounces, distances, gravity, "up", the floor, the bench, with what the models make of them.
 
 use super::ball_model::{self, BallModel};
 use super::calibration_uncertainty;
@@ -9,10 +9,11 @@ use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
 use super::rolling_shutter;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
-use crate::calibration::CalibrationError;
+use crate::calibration::{Calibration, CalibrationError};
 use crate::flight::planar::DRAG;
 use crate::flight::{Flight, shake};
-use crate::impact::error_budget::{LASTING_PART, PLACES_STD_PX};
+use crate::impact::compliant_reading::KnownContact;
+use crate::impact::error_budget::{CHROMA_COMMON_PART, CHROMA_PLACES_PART, LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
 use crate::impact::motion::{ImpactKind, MeasuredMotion};
 use crate::impact::spin_lift::SpinLift;
@@ -85,7 +86,10 @@ pub fn impacts(
         up: up(&motion, calibration.upright_std_rad()),
         floor: motion.floor(),
         launch: motion.bench_launch(),
-        readings: camera.falls().then(|| reading::read(&alone)).flatten(),
+        readings: camera
+            .falls()
+            .then(|| reading::read(&alone, known_contact(calibration)))
+            .flatten(),
         walls: walls.count(),
         distances: motion.distances(&bounces),
         bounces,
@@ -105,6 +109,14 @@ pub fn impacts(
     Ok(Impacts { warnings, ..impacts })
 }
 
+/// What the materials of ball and floor say of their contact.
+fn known_contact(calibration: &Calibration) -> Option<KnownContact> {
+    Some(KnownContact {
+        stiffness_ratio: calibration.stiffness_ratio()?,
+        inertia_factor: calibration.ball.inertia_factor,
+    })
+}
+
 /// What turns a flight into metres.
 struct Scaled<'a> {
     camera: &'a CalibratedCamera<'a>,
@@ -118,13 +130,17 @@ impl Scaled<'_> {
     fn motion<'f>(&'f self, flight: &'f Flight, lift: SpinLift) -> MeasuredMotion<'f> {
         let units_per_px = self.camera.units_per_px();
         let displaced_px = flight.displaced_std() / units_per_px;
+        let by_chroma_px = self.camera.chroma_share * displaced_px;
         let errors = ImagingErrors {
             units_per_px,
             common_std_px: ball_model::common_std_px(self.ball, displaced_px)
                 .hypot(self.misfit_of_size_px())
-                .hypot(self.camera.shift_std_px),
+                .hypot(self.camera.shift_std_px)
+                .hypot(self.camera.chroma_std_px)
+                .hypot(CHROMA_COMMON_PART * by_chroma_px),
             places_std_px: PLACES_STD_PX
                 .hypot(LASTING_PART * displaced_px)
+                .hypot(CHROMA_PLACES_PART * by_chroma_px)
                 .hypot(self.camera.shift_std_px),
             steady: self.camera.stands_still,
         };

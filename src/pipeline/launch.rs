@@ -26,6 +26,8 @@ pub struct LaunchMeasurement<'a> {
     pub centres: &'a [BallCentre],
     /// The centre method asked for.
     pub accuracy: Accuracy,
+    /// Times at which a person says that there is no impact, s.
+    pub not_impacts_s: &'a [f64],
 }
 
 /// A launch, measured.
@@ -102,17 +104,12 @@ impl MeasuredLaunches {
 }
 
 impl<'a> LaunchMeasurement<'a> {
-    /// By `camera`, of what was `seen`: pixels and first centres, with the centre method asked for.
-    pub fn new(
-        camera: &'a CalibratedCamera<'a>,
-        (decoded, centres, accuracy): (&'a Decoded, &'a [BallCentre], Accuracy),
-    ) -> Self {
-        Self {
-            camera,
-            decoded,
-            centres,
-            accuracy,
-        }
+    /// The same, by another `camera`.
+    pub fn by<'b>(self, camera: &'b CalibratedCamera<'b>) -> LaunchMeasurement<'b>
+    where
+        'a: 'b,
+    {
+        LaunchMeasurement { camera, ..self }
     }
 
     /// All launches of those `found` by `clock` that bounce, in time order; without one the flight with the most evidence. A
@@ -154,7 +151,9 @@ impl<'a> LaunchMeasurement<'a> {
         let tracked = if moved {
             self.tracked(clock, frames, launch.tracked.optics)
         } else {
-            Ok(launches::only_within(launch.tracked.clone(), frames))
+            let mut tracked = launches::only_within(launch.tracked.clone(), frames);
+            tracked.flight.deny_impacts(self.not_impacts_s);
+            Ok(tracked)
         };
         let first = tracked
             .and_then(|tracked| self.refined(clock, tracked, frames))
@@ -206,7 +205,10 @@ impl<'a> LaunchMeasurement<'a> {
         optics: Option<Optics>,
     ) -> Result<Tracked, NoFlight> {
         let own = self.centres.iter().filter(|c| frames.contains(&c.frame));
-        track::tracked(self.camera, clock, &own.copied().collect::<Vec<_>>(), optics)
+        let own: Vec<BallCentre> = own.copied().collect();
+        let mut tracked = track::tracked(self.camera, clock, &own, optics)?;
+        tracked.flight.deny_impacts(self.not_impacts_s);
+        Ok(tracked)
     }
 
     fn refined(&self, clock: &Clocked, tracked: Tracked, within: &Range<usize>) -> Result<Refined, NoFlight> {
@@ -216,6 +218,7 @@ impl<'a> LaunchMeasurement<'a> {
             clocked: clock,
             accuracy: self.accuracy,
             within,
+            not_impacts_s: self.not_impacts_s,
         };
         refine::refined(&recording, tracked)
     }

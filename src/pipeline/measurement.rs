@@ -1,10 +1,12 @@
 //! What a measurement of one recording consists of, launch by launch: the shapes that `measure` fills and `report` writes.
 
 pub use crate::calibration::View;
-use crate::frames::{Luma, digest};
+use crate::edits::Edits;
+use crate::frames::{Chroma, Luma, digest};
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -33,8 +35,10 @@ pub struct Measurement {
     pub bounces: Vec<Bounce>,
     /// x0 and x.
     pub distances: Distances,
-    /// What both models make of the first bounce.
+    /// What the models make of the first bounce.
     pub readings: Option<Readings>,
+    /// What a person said of the recording, where somebody did.
+    pub edits: Option<Edits>,
     /// What the user has to know, in order of appearance.
     pub warnings: Vec<Warning>,
     /// The fitted arcs.
@@ -191,12 +195,69 @@ pub struct TrackPoint {
 }
 
 /// Whether a point entered a fit.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PointUse {
     /// Used for the arc with this index.
     Used(usize),
-    /// Not used, and why (a short phrase: "in contact with the floor").
-    Unused(String),
+    /// Not used, and why.
+    Unused(UnusedReason),
+}
+
+/// Why a point entered no fit. As text, a short phrase with its number: "off its arc by 2.31 mm".
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum UnusedReason {
+    /// On the bench, in a hand, or after the flights that were measured.
+    NotFree,
+    /// The ball touches the floor, or may.
+    Contact,
+    /// Off its arc by more than its scatter allows.
+    OffArc {
+        /// How far, m.
+        by_m: f64,
+    },
+    /// A person said that the frame is not to be used.
+    Excluded,
+}
+
+impl UnusedReason {
+    /// A word without numbers, the same from version to version.
+    #[must_use]
+    pub const fn code(self) -> &'static str {
+        match self {
+            Self::NotFree => "not_free",
+            Self::Contact => "contact",
+            Self::OffArc { .. } => "off_arc",
+            Self::Excluded => "excluded",
+        }
+    }
+
+    /// The same for people, without numbers.
+    #[must_use]
+    pub const fn phrase(self) -> &'static str {
+        match self {
+            Self::NotFree => "not in free flight",
+            Self::Contact => "touches the floor",
+            Self::OffArc { .. } => "off its arc",
+            Self::Excluded => "excluded by a person",
+        }
+    }
+
+    /// How far the point is off its arc, where that is why, m.
+    #[must_use]
+    pub const fn off_arc_m(self) -> Option<f64> {
+        match self {
+            Self::OffArc { by_m } => Some(by_m),
+            Self::NotFree | Self::Contact | Self::Excluded => None,
+        }
+    }
+}
+
+impl fmt::Display for UnusedReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.phrase())?;
+        self.off_arc_m()
+            .map_or(Ok(()), |by_m| write!(f, " by {:.2} mm", 1e3 * by_m))
+    }
 }
 
 /// A fitted arc: its motion at one time, from which gravity and drag draw the rest, and a fine polyline (24 points or more), ready to draw.
@@ -246,6 +307,10 @@ pub struct Warning {
 pub struct Strobe {
     /// The scene without anything that moves, code values stretched to 0..=255; all launches share it.
     pub background: Arc<Luma>,
+    /// Its chroma, code values stretched to 0..=255 around 128; `None` for a grey recording.
+    pub chroma: Option<Arc<Chroma>>,
+    /// The shares of red and blue in luma.
+    pub luma_shares: (f64, f64),
     /// Cut-outs of used points, in time order.
     pub balls: Vec<StrobeBall>,
 }
@@ -259,6 +324,8 @@ pub struct StrobeBall {
     pub corner_px: (i64, i64),
     /// The cut-out, stretched like the background.
     pub luma: Luma,
+    /// Chroma [U, V] of each of its pixels, stretched like the background; `None` where there is none.
+    pub chroma: Option<Vec<[u8; 2]>>,
     /// Centre in the background's picture.
     pub centre: PixelPoint,
     /// Ball radius, px.

@@ -19,17 +19,21 @@ mod centres;
 mod clock;
 mod decode;
 mod drawing;
+mod edited;
 mod error;
 mod given;
 mod impacts;
 mod in_metres;
 mod launch;
 mod launches;
+mod look_through;
 mod measurement;
 mod readout;
 mod refine;
 mod result;
 mod rolling_shutter;
+mod scene_colours;
+mod sighting_store;
 mod spots;
 mod track;
 mod warnings;
@@ -37,16 +41,18 @@ mod warnings;
 pub use decode::Progress;
 pub use error::MeasureError;
 pub use given::measure_points;
+pub use look_through::{LookedThrough, RoundThing, look_through};
 pub use measurement::*;
 
 use crate::calibration::{Calibration, CalibrationError};
 use crate::detect::centre::Accuracy;
+use crate::edits::Edits;
 use crate::frames::FrameSource;
 use camera::CalibratedCamera;
 use launch::{LaunchMeasurement, MeasuredLaunch, MeasuredLaunches, NotMeasured};
 use result::RecordingFacts;
 use std::path::Path;
-use warnings::{of_launches, rejection};
+use warnings::{of_file, of_launches, rejection};
 
 /// Measures `video`. `calibration_name` is what messages call the calibration.
 ///
@@ -61,6 +67,28 @@ pub fn measure(
     accuracy: Accuracy,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Measurement, MeasureError> {
+    measure_edited(
+        video,
+        calibration,
+        calibration_name,
+        accuracy,
+        &Edits::default(),
+        progress,
+    )
+}
+
+/// Measures `video` as [`measure`] does, with what a person said of it.
+///
+/// # Errors
+/// Those of [`measure`], and [`MeasureError::Edits`] where the edits name what is not in the recording.
+pub fn measure_edited(
+    video: &Path,
+    calibration: &Calibration,
+    calibration_name: &str,
+    accuracy: Accuracy,
+    edits: &Edits,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Measurement, MeasureError> {
     let misfit = |source| MeasureError::Calibration {
         name: calibration_name.to_owned(),
         video: video.display().to_string(),
@@ -68,33 +96,45 @@ pub fn measure(
     };
     calibration.rectification().map_err(misfit)?;
     let source = opened(video, calibration, calibration_name, misfit)?;
-    let decoded = decode::decode(video, source, progress)?;
+    let mut decoded = decode::decode(video, source, progress)?;
+    let excluded = edited::apply(&mut decoded, edits, video)?;
     progress(Progress::Fit);
     let calibration = decoded.calibration_of_reference(calibration);
     let size_px = (decoded.info.width_px, decoded.info.height_px);
     let row_order = decoded.info.row_order;
     let camera = CalibratedCamera::new(&calibration, size_px, row_order, decoded.camera_stands_still());
     let shift_std_px = decoded.detector.background.shift_std_px;
-    let camera = &camera.map_err(misfit)?.with_shift_std(shift_std_px);
+    let camera = camera.map_err(misfit)?.with_shift_std(shift_std_px);
+    let camera = &camera.with_colour(decoded.colour.as_ref());
 
-    let centres = spots::first_centres(&decoded.sightings);
+    let mut centres = spots::first_centres(&decoded.sightings);
     let optics = camera.optics(camera.metres_per_unit_before_flight());
-    let clock = clock::clocked(camera, &decoded, &centres, optics);
+    let mut clock = clock::clocked(camera, &decoded, &centres, optics);
+    if let Some(range_s) = edits.time_range_s {
+        edited::keep_times(&mut decoded, range_s, &clock.base.times_s);
+        centres = spots::first_centres(&decoded.sightings);
+        clock = clock::clocked(camera, &decoded, &centres, optics);
+    }
+    edited::mark_chosen(&mut centres, edits, &clock.duplicates);
     let interval_s = clock.base.interval_s;
-    let seen = (&decoded, &centres[..], accuracy);
+    let seen = LaunchMeasurement {
+        camera,
+        decoded: &decoded,
+        centres: &centres,
+        accuracy,
+        not_impacts_s: &edits.not_impacts_s,
+    };
     let launches_by = |camera: &CalibratedCamera<'_>| {
         let mut clock = clock.clone();
         let found = launches::tracked(camera, &clock, &centres, optics);
         let found = found.map_err(NotMeasured::NoFlight);
-        let measured = found.and_then(|found| LaunchMeasurement::new(camera, seen).each(&mut clock, &found));
+        let measured = found.and_then(|found| seen.by(camera).each(&mut clock, &found));
         (clock, measured)
     };
     let (mut clocked, mut measured) = launches_by(camera);
     // The arcs may show that rows have times of their own: then once more by those.
     let rolling = {
-        let by_rows = |rolling: &CalibratedCamera<'_>| {
-            LaunchMeasurement::new(rolling, seen).most_evident(&clocked, optics)
-        };
+        let by_rows = |rolling: &CalibratedCamera<'_>| seen.by(rolling).most_evident(&clocked, optics);
         let first = measured.as_ref().ok().map(|m| &m.first.refined);
         rolling_shutter::found(camera, first, interval_s, by_rows)
     };
@@ -105,14 +145,21 @@ pub fn measure(
 
     let frames = decoded.health.frames_read;
     let facts = RecordingFacts::new((video, frames), calibration_name, camera, &clocked);
-    let before = [&decoded.warnings[..], &clocked.warnings, &camera.warnings()].concat();
+    let by_colour = decoded.colour.as_ref().map(of_file::by_colour);
+    let before = [
+        &decoded.warnings[..],
+        by_colour.as_slice(),
+        &clocked.warnings,
+        &camera.warnings(),
+    ]
+    .concat();
     let empty = drawing::empty_strobe(&decoded);
     let put_together = |launch: MeasuredLaunch| {
         let MeasuredLaunch { refined, impacts } = launch;
         let strobe = drawing::strobe(empty.clone(), &decoded, &refined.tracked.centres, &impacts.flight);
         result::measured(&facts, camera, &refined, impacts, Some(strobe), &before)
     };
-    match measured {
+    let mut measurement = match measured {
         Ok(MeasuredLaunches {
             first,
             later,
@@ -121,9 +168,9 @@ pub fn measure(
             let cuts = of_launches::cut_out(&first, &later, (&decoded, &clocked.base), camera);
             let before = [&before[..], cuts.as_slice()].concat();
             let later = later.into_iter().map(put_together).collect();
-            Ok(result::of_launches(put_together(first), later, left_out, before))
+            result::of_launches(put_together(first), later, left_out, before)
         }
-        Err(NotMeasured::NoScale(source)) => Err(misfit(source)),
+        Err(NotMeasured::NoScale(source)) => return Err(misfit(source)),
         Err(NotMeasured::NoFlight(reason)) => {
             let seen = rejection::SeenThings {
                 frames: decoded.stamps_s.len(),
@@ -131,16 +178,12 @@ pub fn measure(
                 what: "moving regions",
             };
             let reason = rejection::no_flight(&reason, seen, &clocked.base, &calibration);
-            Ok(result::rejected(
-                facts,
-                camera,
-                accuracy.method().words().description,
-                reason,
-                Some(empty),
-                before,
-            ))
+            let method = accuracy.method().words().description;
+            result::rejected(facts, camera, method, reason, Some(empty), before)
         }
-    }
+    };
+    edited::note(&mut measurement, edits, &excluded, &clocked.base.times_s);
+    Ok(measurement)
 }
 
 /// The recording, where nothing speaks against it before it is decoded.

@@ -62,6 +62,8 @@ pub struct Refinement<'a> {
     pub accuracy: Accuracy,
     /// The frames in which the flight is looked for: those of its launch.
     pub within: &'a Range<usize>,
+    /// Times at which a person says that there is no impact, s.
+    pub not_impacts_s: &'a [f64],
 }
 
 /// The flight of `first` with the best centres that the pixels give.
@@ -135,7 +137,10 @@ impl Refinement<'_> {
             let optics = camera.optics(scale);
             let model = camera.motion_model(Some(&now.flight), scale);
             let spots = spots_of(camera, clocked, &centres, optics);
-            let flight = flight::find_again(&spots, &now.flight, &*model);
+            let mut flight = flight::find_again(&spots, &now.flight, &*model);
+            if let Some(flight) = &mut flight {
+                flight.deny_impacts(self.not_impacts_s);
+            }
             let kept = kept_part(&centres, &first.flight);
             match flight {
                 Some(flight) if kept >= KEPT_PART && is_as_full(&flight, &first.flight) => {
@@ -208,13 +213,16 @@ impl Refinement<'_> {
         all.dedup_by_key(|c| c.id);
         let spots = spots_of(self.camera, self.clocked, &all, optics);
         match flight::find(&LinkedSpots::new(spots), model) {
-            Ok(longer) if longer.used() >= flight.used() => Tracked {
-                flight: longer,
-                centres: all,
-                optics,
-                first_look,
-                others,
-            },
+            Ok(mut longer) if longer.used() >= flight.used() => {
+                longer.deny_impacts(self.not_impacts_s);
+                Tracked {
+                    flight: longer,
+                    centres: all,
+                    optics,
+                    first_look,
+                    others,
+                }
+            }
             _ => Tracked {
                 flight,
                 centres: inside,

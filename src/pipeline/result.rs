@@ -106,6 +106,7 @@ pub fn measured(
         bounces: impacts.bounces.into_iter().map(|(_, b)| b).collect(),
         arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame),
         drag_per_m: impacts.drag_per_m,
+        edits: None,
         strobe,
         warnings: [new, refined.warnings.clone()].concat(),
         launches: Vec::new(),
@@ -145,6 +146,7 @@ pub fn rejected(
         warnings,
         arcs: Vec::new(),
         drag_per_m: None,
+        edits: None,
         strobe,
         launches: Vec::new(),
     }

@@ -28,6 +28,8 @@ pub struct BallCentre {
     pub registration: Registration,
     /// The centre in that frame.
     pub centre: Centre,
+    /// Whether a person says that it is the ball.
+    pub is_chosen: bool,
 }
 
 impl BallCentre {
@@ -39,6 +41,7 @@ impl BallCentre {
             coded: sighting.coded,
             registration: sighting.registration,
             centre,
+            is_chosen: false,
         }
     }
 

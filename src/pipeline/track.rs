@@ -51,11 +51,13 @@ pub fn tracked(
 ) -> Result<Tracked, NoFlight> {
     let mut linked = LinkedSpots::new(first_spots(camera, centres, clocked.frames(), optics));
     let model = camera.motion_model(None, None);
-    let mut flight = flight::find(&linked, &*model)?;
+    let chosen = centres.iter().find(|c| c.is_chosen).map(|c| c.id);
+    let mut flight = flight::find_through(&linked, &*model, chosen)?;
     // Linked anew without it: a ball and its shadow beside it may be taken for each other from frame to frame.
     let mut others = flight::others(&without(&linked, &flight), &flight, &*model);
-    // What was found may be the shadow of the ball.
-    for _ in 0..MOST_SHADOWS {
+    // What was found may be the shadow of the ball, where no person says which it is.
+    let shadows = if chosen.is_some() { 0 } else { MOST_SHADOWS };
+    for _ in 0..shadows {
         let mut contrasts: Vec<f64> = flight.used_points().map(|p| p.spot.contrast_grey).collect();
         let own = median(&mut contrasts).unwrap_or(0.0);
         let casts = |o: &OtherFlight| o.moves_along && is_shadow_of(own, o.contrast_grey);

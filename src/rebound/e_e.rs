@@ -133,6 +133,7 @@ const FACTS: ModelFacts = ModelFacts {
     ],
     friction_limit: FrictionLimit::Never,
     special_cases: &[],
+    parameters: &[Parameter::Restitution, Parameter::TangentialRestitution],
 };
 
 /// The e-e model, whatever its coefficients.
@@ -143,7 +144,7 @@ impl ReboundModel for EEModel {
         &FACTS
     }
 
-    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+    fn without(&self, parameter: Parameter) -> Option<&'static str> {
         match parameter {
             Parameter::Friction => Some("the e_e model has no friction"),
             Parameter::StaticFriction => Some("the e_e model has no static friction of its own"),
@@ -179,9 +180,7 @@ impl ReboundModel for EEModel {
                 "e_x above 0: the contact gripped and sprang back sideways, as a superball does; the ball leaves \
                  spinning faster than it would roll"
             }
-            None => {
-                "the uncertainty of e_x does not tell its sign (or the spin before the bounce is not known)"
-            }
+            _ => "the uncertainty of e_x does not tell its sign (or the spin before the bounce is not known)",
         }
     }
 

@@ -109,6 +109,11 @@ const FACTS: ModelFacts = ModelFacts {
     friction_limit: FrictionLimit::AtFriction,
     // e_x = 0; friction never reached.
     special_cases: &["mu_e", "e_e"],
+    parameters: &[
+        Parameter::Restitution,
+        Parameter::Friction,
+        Parameter::TangentialRestitution,
+    ],
 };
 
 /// The grip-slide model, whatever its coefficients.
@@ -119,7 +124,7 @@ impl ReboundModel for GripSlideModel {
         &FACTS
     }
 
-    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+    fn without(&self, parameter: Parameter) -> Option<&'static str> {
         (parameter == Parameter::StaticFriction)
             .then_some("the grip_slide model has no static friction of its own")
     }

@@ -53,6 +53,10 @@ pub enum Regime {
     Ordinary,
     /// e_x > 0: slip is reversed, R ω_y > v_x (superball).
     Grip,
+    /// Compliant contact: slides at the touch, sticks, slides again before it leaves.
+    SlipStickSlip,
+    /// Compliant contact: sticks at the touch, slides before it leaves.
+    StickSlip,
 }
 
 impl Regime {
@@ -64,6 +68,8 @@ impl Regime {
             Self::Nonsliding => "nonsliding",
             Self::Ordinary => "ordinary",
             Self::Grip => "grip",
+            Self::SlipStickSlip => "slip_stick_slip",
+            Self::StickSlip => "stick_slip",
         }
     }
 }

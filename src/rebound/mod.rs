@@ -19,16 +19,18 @@
 //! R ω_x = R ω_ox + P_y / k      R ω_y = R ω_oy − P_x / k      ω_z unchanged
 //! ```
 //!
-//! Each model is one file and says what P is, or what becomes of the slip: [`mu_e`], [`e_e`], [`grip_slide`]. Besides, each
+//! Each model is one file and says what P is, or what becomes of the slip: [`mu_e`], [`e_e`], [`grip_slide`],
+//! [`compliant`]. Besides, each
 //! answers what the fits, reports and scenes ask of it ([`model::ReboundModel`], [`model::ReboundLaw`]); [`models`] is the
 //! list, and the only place that names them all. A new model is a file of its own, its lines in the list, and, where it
 //! has a new parameter, lines in [`parameter`].
 //!
 //! # Limits
 //!
-//! Coefficients are constants and the normal force passes through the centre, as in the paper. Real balls have a
-//! tangential elastic compliance (Maw, Barber, Fawcett 1976) and an offset normal force (Cross 2002).
+//! Coefficients are constants and the normal force passes through the centre, as in the paper. Real balls have an offset normal force
+//! (Cross 2002).
 
+pub mod compliant;
 pub mod e_e;
 pub mod fit;
 pub mod grip_slide;

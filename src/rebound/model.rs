@@ -18,8 +18,26 @@ pub trait ReboundLaw {
     /// e.
     fn restitution(&self) -> f64;
 
+    /// How the contact goes on while ball and floor touch; `None` of a model in which they do so for no time.
+    fn contact_path(&self, _incoming: &RigidMotion, _inertia_factor: f64) -> Option<Vec<ContactMoment>> {
+        None
+    }
+
     /// Incident angle above which the ball slides, rad; `None` of a model, or with a friction, that never lets it.
     fn transition_rad(&self, spin_ratio: f64, inertia_factor: f64) -> Option<f64>;
+}
+
+/// A moment of a contact, in units of the greatest compression d of an elastic impact and of d over the speed at the touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactMoment {
+    /// Since the touch.
+    pub time: f64,
+    /// How far the two are pressed together.
+    pub compression: f64,
+    /// Its rate: 1 at the touch, −e at the end.
+    pub rate: f64,
+    /// Share of the whole tangential impulse that was given so far; it may exceed 1 on the way.
+    pub tangential_share: f64,
 }
 
 /// Of a coefficient of restitution.
@@ -118,6 +136,8 @@ pub struct Incidence {
     pub normal_m_s: f64,
     /// s = k / (1 + k).
     pub slip_share: f64,
+    /// κ, where it is given and not fitted.
+    pub stiffness_ratio: Option<f64>,
 }
 
 /// A tangential impulse per mass against the slip, m/s, with its derivatives.
@@ -181,6 +201,8 @@ pub struct ModelFacts {
     pub friction_limit: FrictionLimit,
     /// The names of the models that it holds as special cases.
     pub special_cases: &'static [&'static str],
+    /// Its own parameters; the spin before a bounce is of any.
+    pub parameters: &'static [Parameter],
 }
 
 /// A rebound model, whatever its coefficients.
@@ -189,11 +211,36 @@ pub trait ReboundModel: Sync {
     fn facts(&self) -> &'static ModelFacts;
 
     /// Why it does not have a parameter; `None` where it does.
-    fn lacks(&self, parameter: Parameter) -> Option<&'static str>;
+    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+        let has = parameter == Parameter::SpinRatio || self.facts().parameters.contains(&parameter);
+        (!has).then(|| self.without(parameter).unwrap_or(parameter.absent()))
+    }
+
+    /// Why it does not have a parameter, where it has better words for it than any model.
+    fn without(&self, _parameter: Parameter) -> Option<&'static str> {
+        None
+    }
 
     /// The parameters that results tell of, also to say that the model lacks them.
     fn reported(&self) -> &'static [Parameter] {
         &Parameter::ALL
+    }
+
+    /// Whether [`Self::grip`] is in proportion to the slip, so that one step finds the nearest motion to a row.
+    fn grip_is_linear(&self) -> bool {
+        true
+    }
+
+    /// Whether the ball slides throughout under [`Self::grip`]: with a limit of friction it never does, as it is beyond the
+    /// limit then.
+    fn slides_within_grip(&self, _at: &Incidence, _theta: &Theta) -> bool {
+        false
+    }
+
+    /// For a model without a limit of friction that lets a ball slide all the same: tan θ |1 − R ω_oy/u_o| beyond which it
+    /// does; k comes as s.
+    fn sliding_tangent(&self, _theta: &Theta, _slip_share: f64) -> Option<f64> {
+        None
     }
 
     /// The impulse below the limit of friction: s (1 + e_x) c, unless the model has another.

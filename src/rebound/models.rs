@@ -1,9 +1,11 @@
 //! The list of the rebound models, and the only place that names them all: a new model gets its lines here.
 
 use super::impulse::{Regime, RigidMotion};
-use super::model::{Contradiction, FittedCoefficients, FrictionLimit, ModelFacts, ReboundLaw, ReboundModel};
+use super::model::{
+    ContactMoment, Contradiction, FittedCoefficients, FrictionLimit, ModelFacts, ReboundLaw, ReboundModel,
+};
 use super::parameter::{PARAMETERS, RATIO, SEARCHED};
-use super::{e_e, grip_slide, mu_e};
+use super::{compliant, e_e, grip_slide, mu_e};
 
 /// A rebound model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -14,6 +16,8 @@ pub enum ModelName {
     EE,
     /// e_x up to the limit of friction, sliding beyond.
     GripSlide,
+    /// A contact that gives way sideways.
+    Compliant,
 }
 
 /// A rebound model with its coefficients.
@@ -25,6 +29,8 @@ pub enum Contact {
     EE(e_e::Parameters),
     /// Grip until the friction limit.
     GripSlide(grip_slide::Parameters),
+    /// A contact that gives way sideways.
+    Compliant(compliant::Parameters),
 }
 
 /// Which model is preferred.
@@ -49,7 +55,7 @@ impl Preferred {
 
 impl ModelName {
     /// All of them, in the order of the results.
-    pub const ALL: [Self; 3] = [Self::MuE, Self::EE, Self::GripSlide];
+    pub const ALL: [Self; 4] = [Self::MuE, Self::EE, Self::GripSlide, Self::Compliant];
 
     /// The model.
     #[must_use]
@@ -58,6 +64,7 @@ impl ModelName {
             Self::MuE => &mu_e::MuEModel,
             Self::EE => &e_e::EEModel,
             Self::GripSlide => &grip_slide::GripSlideModel,
+            Self::Compliant => &compliant::CompliantModel,
         }
     }
 
@@ -71,6 +78,7 @@ impl ModelName {
             Self::MuE => Contact::MuE(mu_e::Parameters::from_scene(first(values))?),
             Self::EE => Contact::EE(e_e::Parameters::from_scene(first(values))),
             Self::GripSlide => Contact::GripSlide(grip_slide::Parameters::from_scene(first(values))),
+            Self::Compliant => Contact::Compliant(compliant::Parameters::from_scene(first(values))),
         })
     }
 
@@ -81,6 +89,7 @@ impl ModelName {
             Self::MuE => Contact::MuE(mu_e::Parameters::from_fit(fitted)),
             Self::EE => Contact::EE(e_e::Parameters::from_fit(fitted)),
             Self::GripSlide => Contact::GripSlide(grip_slide::Parameters::from_fit(fitted)),
+            Self::Compliant => Contact::Compliant(compliant::Parameters::from_fit(fitted)),
         }
     }
 
@@ -135,6 +144,7 @@ impl Contact {
             Self::MuE(parameters) => parameters,
             Self::EE(parameters) => parameters,
             Self::GripSlide(parameters) => parameters,
+            Self::Compliant(parameters) => parameters,
         }
     }
 
@@ -142,6 +152,12 @@ impl Contact {
     #[must_use]
     pub fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime) {
         self.law().impact(incoming, inertia_factor)
+    }
+
+    /// How the contact goes on while ball and floor touch; `None` of a model in which they do so for no time.
+    #[must_use]
+    pub fn contact_path(&self, incoming: &RigidMotion, inertia_factor: f64) -> Option<Vec<ContactMoment>> {
+        self.law().contact_path(incoming, inertia_factor)
     }
 
     /// e.
@@ -163,7 +179,7 @@ mod tests {
     use super::*;
     use crate::rebound::impulse::{SOLID_SPHERE, slip_share};
     use crate::rebound::model::Incidence;
-    use crate::rebound::parameter::{E, E_X, MU, Theta};
+    use crate::rebound::parameter::{E, E_X, KAPPA, MU, Theta};
     use nalgebra::Vector3;
 
     #[test]
@@ -190,6 +206,13 @@ mod tests {
             let mut theta: Theta = [0.0; PARAMETERS];
             (theta[E], theta[MU]) = (0.8, 5.0);
             theta[E_X] = if name.searched(false)[E_X] { 0.3 } else { 0.0 };
+            theta[KAPPA] = 0.85;
+            // A model whose fits interpolate what its law works out.
+            let within = if name.model().grip_is_linear() {
+                1e-12
+            } else {
+                1e-3
+            };
             let incoming = RigidMotion {
                 velocity_m_s: Vector3::new(1.0, 0.0, -2.0),
                 surface_spin_m_s: Vector3::new(0.0, 0.2, 0.0),
@@ -207,6 +230,7 @@ mod tests {
                         slip_m_s,
                         normal_m_s,
                         slip_share,
+                        stiffness_ratio: None,
                     },
                     theta,
                 )
@@ -214,7 +238,7 @@ mod tests {
             let here = at(0.8, 2.0, &theta);
             let lost = incoming.velocity_m_s.x - after.velocity_m_s.x;
             assert!(
-                (here.value - lost).abs() < 1e-12,
+                (here.value - lost).abs() < within,
                 "{name:?}: {} {lost}",
                 here.value
             );
@@ -227,14 +251,14 @@ mod tests {
                 at(0.8, 2.0 + STEP, &theta).value,
                 at(0.8, 2.0 - STEP, &theta).value,
             );
-            assert!((by_slip - here.by_slip).abs() < 1e-8 && (by_normal - here.by_normal).abs() < 1e-8);
+            assert!((by_slip - here.by_slip).abs() < 1e-7 && (by_normal - here.by_normal).abs() < 1e-7);
             for j in 0..PARAMETERS {
                 let moved = |by: f64| {
                     let mut theta = theta;
                     theta[j] += by;
                     at(0.8, 2.0, &theta).value
                 };
-                assert!((slope(moved(STEP), moved(-STEP)) - here.by_parameter[j]).abs() < 1e-8);
+                assert!((slope(moved(STEP), moved(-STEP)) - here.by_parameter[j]).abs() < 1e-7);
             }
         }
     }

@@ -145,6 +145,11 @@ const FACTS: ModelFacts = ModelFacts {
     ],
     friction_limit: FrictionLimit::AtStaticFriction,
     special_cases: &[],
+    parameters: &[
+        Parameter::Restitution,
+        Parameter::Friction,
+        Parameter::StaticFriction,
+    ],
 };
 
 /// The μ-e model, whatever its coefficients.
@@ -155,7 +160,7 @@ impl ReboundModel for MuEModel {
         &FACTS
     }
 
-    fn lacks(&self, parameter: Parameter) -> Option<&'static str> {
+    fn without(&self, parameter: Parameter) -> Option<&'static str> {
         (parameter == Parameter::TangentialRestitution)
             .then_some("the mu_e model has none: a ball that does not slide leaves rolling, which is e_x = 0")
     }
@@ -176,7 +181,7 @@ impl ReboundModel for MuEModel {
                 Some(Regime::Ordinary | Regime::Sliding) => Some(Regime::Sliding),
                 Some(Regime::Nonsliding) => Some(Regime::Nonsliding),
                 // More tangential impulse than stops the slip: Coulomb friction cannot give it.
-                Some(Regime::Grip) | None => None,
+                _ => None,
             },
         })
     }

@@ -11,6 +11,8 @@ pub enum Parameter {
     StaticFriction,
     /// e_x.
     TangentialRestitution,
+    /// κ.
+    StiffnessRatio,
     /// R ω_oy / v_ox of the rows whose spin before is not known.
     SpinRatio,
 }
@@ -28,11 +30,12 @@ pub struct Bounds {
 
 impl Parameter {
     /// All of them, in the order of the results.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Restitution,
         Self::Friction,
         Self::StaticFriction,
         Self::TangentialRestitution,
+        Self::StiffnessRatio,
         Self::SpinRatio,
     ];
 
@@ -44,6 +47,7 @@ impl Parameter {
             Self::Friction => "friction",
             Self::StaticFriction => "static_friction",
             Self::TangentialRestitution => "tangential_restitution",
+            Self::StiffnessRatio => "stiffness_ratio",
             Self::SpinRatio => "spin_ratio",
         }
     }
@@ -56,6 +60,7 @@ impl Parameter {
             Self::Friction => "friction",
             Self::StaticFriction => "static friction",
             Self::TangentialRestitution => "tang. restitution",
+            Self::StiffnessRatio => "stiffness ratio",
             Self::SpinRatio => "spin before, fitted",
         }
     }
@@ -68,7 +73,21 @@ impl Parameter {
             Self::Friction => "μ",
             Self::StaticFriction => "μ_o",
             Self::TangentialRestitution => "e_x",
+            Self::StiffnessRatio => "κ",
             Self::SpinRatio => "spin before",
+        }
+    }
+
+    /// That a model does not have it.
+    #[must_use]
+    pub fn absent(self) -> &'static str {
+        match self {
+            Self::Restitution => "the model has no restitution",
+            Self::Friction => "the model has no friction",
+            Self::StaticFriction => "the model has no static friction of its own",
+            Self::TangentialRestitution => "the model has no tangential restitution of its own",
+            Self::StiffnessRatio => "the model takes the contact as rigid sideways",
+            Self::SpinRatio => "the rows give the spin before the bounce",
         }
     }
 
@@ -79,6 +98,7 @@ impl Parameter {
             Self::Restitution => (0.0, 1.0, "no ball rebounds faster than it came"),
             Self::TangentialRestitution => (-1.0, 1.0, "e_x lies between -1 and 1"),
             Self::Friction | Self::StaticFriction => (0.0, f64::INFINITY, "friction does not push"),
+            Self::StiffnessRatio => (0.0, f64::INFINITY, "a contact resists being moved sideways"),
             Self::SpinRatio => return None,
         };
         Some(Bounds { least, most, why })
@@ -91,13 +111,14 @@ impl Parameter {
         match self {
             Self::Restitution | Self::Friction | Self::StaticFriction => 0.3,
             Self::TangentialRestitution => 0.6,
+            Self::StiffnessRatio => 0.6,
             Self::SpinRatio => 1.0,
         }
     }
 }
 
 /// How many parameters a search moves.
-pub const PARAMETERS: usize = 4;
+pub const PARAMETERS: usize = 5;
 
 /// The parameters that a search moves, in the order of [`Theta`]. (Static friction is found along the order of the rows.)
 pub const SEARCHED: [Parameter; PARAMETERS] = [
@@ -105,6 +126,7 @@ pub const SEARCHED: [Parameter; PARAMETERS] = [
     Parameter::TangentialRestitution,
     Parameter::Friction,
     Parameter::SpinRatio,
+    Parameter::StiffnessRatio,
 ];
 
 /// A value for each of [`SEARCHED`].
@@ -118,3 +140,5 @@ pub const E_X: usize = 1;
 pub const MU: usize = 2;
 /// Index of ρ = R ω_oy / v_ox of the rows whose spin is not known.
 pub const RATIO: usize = 3;
+/// Index of κ.
+pub const KAPPA: usize = 4;

@@ -1,5 +1,6 @@
 //! What pictures of a board gave, as a table for people.
 
+use super::escape::on_one_line;
 use super::table::format_quantity;
 use crate::calibration::Calibration;
 use crate::calibration::board::{BoardLens, BoardView, COVERAGE_CELLS, Coverage, MotionPlane, ViewUse};
@@ -117,7 +118,7 @@ fn plane_rows(text: &mut String, plane: &MotionPlane) {
         text,
         "plane",
         &format!(
-            "{:.3} m away, turned by {:.2}° from square; its upright edge leans by {:.2}° in the picture",
+            "{:.3} m away along the line of sight, turned by {:.2}° from square; its upright edge leans by {:.2}° in the picture",
             plane.distance_m,
             plane.tilt_rad.to_degrees(),
             plane.lean_rad.to_degrees()
@@ -134,27 +135,28 @@ fn plane_rows(text: &mut String, plane: &MotionPlane) {
 fn view_rows(text: &mut String, views: &[BoardView]) {
     let width = views
         .iter()
-        .map(|v| v.name.chars().count())
+        .map(|v| on_one_line(&v.name).chars().count())
         .max()
         .unwrap_or(0)
         .clamp(7, 48);
     let _ = writeln!(text, "{:<width$}  corners  misfit px  turned", "picture");
     for view in views {
+        let name = on_one_line(&view.name);
         match &view.use_ {
             ViewUse::Used { rms_px, tilt_rad } => {
                 let _ = writeln!(
                     text,
                     "{:<width$}  {:>7}  {rms_px:>9.3}  {:>5.0}°",
-                    view.name,
+                    name,
                     view.corners(),
                     tilt_rad.to_degrees()
                 );
             }
             ViewUse::Found => {
-                let _ = writeln!(text, "{:<width$}  {:>7}", view.name, view.corners());
+                let _ = writeln!(text, "{name:<width$}  {:>7}", view.corners());
             }
             ViewUse::Aside(reason) => {
-                let _ = writeln!(text, "{:<width$}  set aside: {reason}", view.name);
+                let _ = writeln!(text, "{name:<width$}  set aside: {}", on_one_line(reason));
             }
         }
     }

@@ -44,17 +44,26 @@ function up() {
 
 // ---- the file ----
 
+// What stands in a field: null for nothing, NaN for what is no number. A decimal comma is a point; where a comma may as well part
+// thousands, the writer has to say.
+const AMBIGUOUS = /^[+-]?[1-9]\d{0,2},\d{3}$/;
 const number = (id) => {
   const text = el(id).value.trim();
-  return text === "" ? null : Number(text);
+  if (text === "") return null;
+  if (AMBIGUOUS.test(text) || !/^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i.test(text)) return NaN;
+  return Number(text.replace(",", "."));
 };
 const rounded = (p) => p.map((x) => Math.round(100 * x) / 100);
 
 function problems() {
   const found = [];
   const positive = (id, what) => {
-    const x = number(id);
-    if (x !== null && !(x > 0)) found.push(`${what} must be above 0.`);
+    const x = number(id), text = el(id).value.trim();
+    if (AMBIGUOUS.test(text)) {
+      found.push(`${what}: "${text}" may be ${text.replace(",", ".")} or ${text.replace(",", "")}; write one of them.`);
+    } else if (Number.isNaN(x)) {
+      found.push(`${what}: "${text}" is no number; write it as 2.32 or 2,32.`);
+    } else if (x !== null && !(x > 0)) found.push(`${what} must be above 0.`);
     return x;
   };
   if (state.scale === "ruler") {
@@ -119,6 +128,96 @@ function make(tag, attributes, parent) {
   return node;
 }
 
+// ---- the part of the picture that is shown ----
+
+const view = { u: -0.5, v: -0.5, width };
+const MOST_ZOOM = 40;
+
+// Shows the part with this corner and width; the whole picture at most, and nothing beside it.
+function look(u, v, wide) {
+  view.width = Math.min(Math.max(wide, width / MOST_ZOOM), width);
+  const part = view.width / width, whole = part > 0.999;
+  view.u = Math.min(Math.max(u, -0.5), width - 0.5 - view.width);
+  view.v = Math.min(Math.max(v, -0.5), height - 0.5 - part * height);
+  const stage = el("stage");
+  stage.setAttribute("viewBox", `${view.u} ${view.v} ${view.width} ${part * height}`);
+  // A finger on the whole picture scrolls the page; on a part of it, it pans.
+  stage.style.touchAction = whole ? "pan-y" : "none";
+  stage.classList.toggle("near", !whole);
+  el("zoom-out").disabled = el("zoom-all").disabled = whole;
+  el("zoom-in").disabled = view.width <= width / MOST_ZOOM;
+  draw();
+}
+
+// Nearer by a factor, with one pixel of the picture staying where it is on the screen.
+function zoom(factor, [u, v]) {
+  const wide = Math.min(Math.max(view.width / factor, width / MOST_ZOOM), width), kept = wide / view.width;
+  look(u - (u - view.u) * kept, v - (v - view.v) * kept, wide);
+}
+
+// The pixel about which keys and buttons zoom: the mark that was last in hand, else the middle.
+let lastMark = null;
+const aim = () =>
+  lastMark && shown(lastMark) ? state[lastMark] : [view.u + view.width / 2, view.v + (view.width * height) / width / 2];
+
+function pixelAt({ clientX, clientY }) {
+  const at = new DOMPoint(clientX, clientY).matrixTransform(el("stage").getScreenCTM().inverse());
+  return [at.x, at.y];
+}
+
+function listenToStage() {
+  const stage = el("stage"), fingers = new Map();
+  const middle = () => {
+    const all = [...fingers.values()];
+    return [0, 1].map((i) => all.reduce((sum, p) => sum + p[i], 0) / all.length);
+  };
+  const spread = () => {
+    const [a, b] = [...fingers.values()];
+    return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
+  };
+  stage.addEventListener("wheel", (event) => {
+    const farther = event.deltaY > 0;
+    // At the whole picture the wheel scrolls the page on.
+    if (farther && view.width >= 0.999 * width) return;
+    event.preventDefault();
+    zoom(farther ? 1 / 1.25 : 1.25, pixelAt(event));
+  }, { passive: false });
+  stage.addEventListener("pointerdown", (event) => {
+    if (event.target.closest("[data-mark]")) return;
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    try {
+      stage.setPointerCapture(event.pointerId);
+    } catch (error) {
+      // A pointer that is gone already.
+    }
+  });
+  stage.addEventListener("pointermove", (event) => {
+    if (!fingers.has(event.pointerId)) return;
+    const [before, apartBefore] = [middle(), spread()];
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+    const [after, apartAfter] = [middle(), spread()];
+    const s = unit();
+    look(view.u - (after[0] - before[0]) * s, view.v - (after[1] - before[1]) * s, view.width);
+    if (apartBefore > 0 && apartAfter > 0) zoom(apartAfter / apartBefore, pixelAt({ clientX: after[0], clientY: after[1] }));
+  });
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    stage.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  }
+  stage.addEventListener("keydown", (event) => {
+    const factor = { "+": 1.5, "=": 1.5, "-": 1 / 1.5 }[event.key];
+    if (factor) zoom(factor, aim());
+    else if (event.key === "0") look(0, 0, width);
+    else if (event.target === stage && event.key.startsWith("Arrow")) {
+      const step = 0.1 * view.width, way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      look(view.u + step * way[0], view.v + step * way[1], view.width);
+    } else return;
+    event.preventDefault();
+  });
+  el("zoom-in").addEventListener("click", () => zoom(1.5, aim()));
+  el("zoom-out").addEventListener("click", () => zoom(1 / 1.5, aim()));
+  el("zoom-all").addEventListener("click", () => look(0, 0, width));
+}
+
 // A screen pixel in pixels of the picture.
 const unit = () => {
   const matrix = el("stage").getScreenCTM();
@@ -130,7 +229,6 @@ const lines = {};
 
 function build() {
   const stage = el("stage"), marks = el("marks");
-  stage.setAttribute("viewBox", `-0.5 -0.5 ${width} ${height}`);
   for (const name of ["ruler", "line", "floor", "edge"]) {
     const of = { ruler: "from", line: "lineFrom" }[name] || name;
     lines[name] = [make("polyline", { class: "line under" }, marks), make("polyline", { class: `line ${of}` }, marks)];
@@ -164,7 +262,7 @@ function draw() {
     const r = 11 * s, gap = 4 * s;
     const ring = `M${-r} 0a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0M${-r} 0H${-gap}M${gap} 0H${r}M0 ${-r}V${-gap}M0 ${gap}V${r}`;
     group.rings.forEach((ringNode) => ringNode.setAttribute("d", ring));
-    const leftwards = u > 0.85 * width;
+    const leftwards = u - view.u > 0.85 * view.width;
     group.label.setAttribute("x", (leftwards ? -14 : 14) * s);
     group.label.setAttribute("y", -12 * s);
     group.label.setAttribute("text-anchor", leftwards ? "end" : "start");
@@ -223,7 +321,8 @@ function loupe(name) {
     context.rect(middle - 0.5, middle - 0.5, 1, 1);
     context.stroke();
   }
-  canvas.classList.toggle("left", u > width / 2);
+  // Beside the mark, not over it: in the other half (on a narrow screen it has a place of its own).
+  canvas.classList.toggle("left", u - view.u > view.width / 2);
   canvas.style.visibility = "visible";
 }
 
@@ -239,13 +338,8 @@ function move(name, u, v) {
 
 function listen(group, name) {
   let grip = null;
-  const place = (event) => {
-    const stage = el("stage");
-    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(stage.getScreenCTM().inverse());
-    return [at.x, at.y];
-  };
   group.addEventListener("pointerdown", (event) => {
-    const [u, v] = place(event);
+    const [u, v] = pixelAt(event);
     // Where the mark was taken hold of, so that it does not jump.
     grip = [state[name][0] - u, state[name][1] - v];
     try {
@@ -260,7 +354,7 @@ function listen(group, name) {
   });
   group.addEventListener("pointermove", (event) => {
     if (!grip) return;
-    const [u, v] = place(event);
+    const [u, v] = pixelAt(event);
     move(name, u + grip[0], v + grip[1]);
   });
   for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
@@ -276,7 +370,10 @@ function listen(group, name) {
     event.preventDefault();
     move(name, state[name][0] + step * way[0], state[name][1] + step * way[1]);
   });
-  group.addEventListener("focus", () => loupe(name));
+  group.addEventListener("focus", () => {
+    lastMark = name;
+    loupe(name);
+  });
   group.addEventListener("blur", () => loupe(null));
 }
 
@@ -310,6 +407,19 @@ function showFrame(index) {
   el("frame-name").textContent = frame.name;
 }
 
+// How the ruler of the file stood, where its "up" and the uncertainty of that are those of the ruler's marks. With a lens "up" is that of
+// the undistorted picture, so that they agree roughly only.
+function standOfFile() {
+  if (!ruler.from_px || !file.up_px || !file.up_std_deg || !ruler.point_std_px) return "";
+  const length = apart(ruler.from_px, ruler.to_px), size = Math.hypot(...file.up_px);
+  const [near, alike] = file.lens ? [0.02, 0.03] : [1e-6, 1e-6];
+  const std = ((Math.SQRT2 * ruler.point_std_px) / length) * (180 / Math.PI);
+  if (!(Math.abs(std / file.up_std_deg - 1) < alike)) return "";
+  const [du, dv] = [0, 1].map((i) => (ruler.to_px[i] - ruler.from_px[i]) / length), [a, b] = file.up_px.map((x) => x / size);
+  if (Math.abs(du * b - dv * a) < near) return "upright";
+  return Math.abs(du * a + dv * b) < near ? "level" : "";
+}
+
 function begin() {
   const frame = el("frame");
   [["x", -0.5], ["y", -0.5], ["width", width], ["height", height]].forEach(([k, v]) => frame.setAttribute(k, v));
@@ -331,7 +441,10 @@ function begin() {
   el("floor-on").checked = state.floorOn;
   el("edge-on").checked = state.edgeOn;
   el("line-on").checked = state.lineOn;
+  el("held").value = standOfFile();
   build();
+  listenToStage();
+  look(0, 0, width);
   el("form").addEventListener("input", () => {
     state.scale = el("form").elements.scale.value;
     state.floorOn = el("floor-on").checked;

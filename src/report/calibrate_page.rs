@@ -4,10 +4,11 @@
 //! save where they are (schema `track.marks/1`); `track calibrate ruler --marks` makes the calibration of them.
 
 use super::escape::escape;
-use super::jpeg;
-use super::page::STYLE;
+use super::page::{STYLE, filled, script_data};
+use super::photograph::Photograph;
 use crate::calibration::Calibration;
-use crate::frames::Luma;
+use crate::config::made_by::PAGE_MARK;
+use crate::frames::{FrameError, Yuv420};
 use crate::geometry::{PixelPoint, PlanePoint};
 use base64::Engine as _;
 use serde_json::{Value, json};
@@ -19,8 +20,10 @@ const SCRIPT: &str = include_str!("calibrate_page.js");
 
 /// Frames are made no wider than this, px: the loupe shows single pixels up to here.
 const MAX_WIDTH_PX: usize = 1920;
-/// And no larger than this each, bytes.
-const MAX_JPEG_BYTES: usize = 900_000;
+/// All of them together take about this much, bytes: a page that a browser opens at once.
+const ALL_JPEG_BYTES: usize = 10_000_000;
+/// And each no more than this.
+const MAX_JPEG_BYTES: usize = 700_000;
 
 /// Why the page could not be made.
 #[derive(Debug, Error)]
@@ -28,6 +31,9 @@ pub enum CalibratePageError {
     /// There is nothing to put marks on.
     #[error("the recording has no frame to show")]
     NoFrame,
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] FrameError),
     /// OpenCV could not encode a frame.
     #[error("a frame could not be encoded as JPEG")]
     Encode(#[from] opencv::Error),
@@ -38,8 +44,17 @@ pub enum CalibratePageError {
 pub struct PageFrame {
     /// What the page calls it.
     pub name: String,
-    /// The picture, full range.
-    pub luma: Luma,
+    /// Its picture.
+    pub photograph: Photograph,
+}
+
+/// A frame as the page holds it, one of so many.
+///
+/// # Errors
+/// [`CalibratePageError::Encode`].
+pub fn photograph(picture: &Yuv420, count: usize) -> Result<Photograph, CalibratePageError> {
+    let most = (ALL_JPEG_BYTES / count.max(1)).min(MAX_JPEG_BYTES);
+    Ok(Photograph::of(picture, MAX_WIDTH_PX, most)?)
 }
 
 /// What the page is about, by its files' names.
@@ -66,12 +81,11 @@ pub fn calibrate_html(
     let shown = frames
         .iter()
         .map(|frame| {
-            let jpeg = jpeg::jpeg(&frame.luma, MAX_WIDTH_PX, MAX_JPEG_BYTES)?;
-            let text = base64::engine::general_purpose::STANDARD.encode(jpeg);
-            Ok(json!({"name": frame.name, "jpeg": format!("data:image/jpeg;base64,{text}")}))
+            let text = base64::engine::general_purpose::STANDARD.encode(&frame.photograph.jpeg);
+            json!({"name": frame.name, "jpeg": format!("data:image/jpeg;base64,{text}")})
         })
-        .collect::<Result<Vec<_>, CalibratePageError>>()?;
-    let (width, height) = (first.luma.width, first.luma.height);
+        .collect::<Vec<_>>();
+    let (width, height) = first.photograph.size_px;
     let data = json!({
         "image_size_px": [width, height],
         "marks_name": names.marks,
@@ -79,23 +93,17 @@ pub fn calibrate_html(
         "start": start(calib.map(|(_, calibration)| calibration), (width as f64, height as f64)),
         "frames": shown,
     });
-    // In a script element only "<" could end what it holds.
-    let data = data.to_string().replace('<', "\\u003c");
-    // One pass over the template: a name that looks like a place holder stays a name.
-    let mut page = String::with_capacity(TEMPLATE.len() + data.len() + SCRIPT.len());
-    for (i, part) in TEMPLATE.split('@').enumerate() {
-        match part {
-            _ if i % 2 == 0 => page.push_str(part),
-            "NAME" => page.push_str(&escape(names.video)),
-            "CALIB" => page.push_str(&escape(names.calib)),
-            "MARKS" => page.push_str(&escape(names.marks)),
-            "STYLE" => [STYLE, OWN_STYLE].iter().for_each(|s| page.push_str(s)),
-            "DATA" => page.push_str(&data),
-            "SCRIPT" => page.push_str(SCRIPT),
-            other => page.push_str(other),
-        }
-    }
-    Ok(page)
+    let value = |name: &str| match name {
+        "NAME" => Some(escape(names.video)),
+        "GENERATOR" => Some([PAGE_MARK, env!("CARGO_PKG_VERSION"), "\">"].concat()),
+        "CALIB" => Some(escape(names.calib)),
+        "MARKS" => Some(escape(names.marks)),
+        "STYLE" => Some([STYLE, OWN_STYLE].concat()),
+        "DATA" => Some(script_data(&data)),
+        "SCRIPT" => Some(SCRIPT.to_owned()),
+        _ => None,
+    };
+    Ok(filled(TEMPLATE, value))
 }
 
 /// Where the page begins: marks of floor and edge beside the calibration's origin, so that both can be taken hold of, and
@@ -131,6 +139,7 @@ fn start(calibration: Option<&Calibration>, (width, height): (f64, f64)) -> Valu
 mod tests {
     use super::*;
     use crate::calibration::Scale;
+    use crate::config::made_by;
 
     fn names(video: &str) -> PageNames<'_> {
         PageNames {
@@ -143,11 +152,7 @@ mod tests {
     fn frame(width: usize, height: usize) -> PageFrame {
         PageFrame {
             name: "1".into(),
-            luma: Luma {
-                width,
-                height,
-                data: vec![90; width * height],
-            },
+            photograph: photograph(&Yuv420::black(width, height), 1).unwrap(),
         }
     }
 
@@ -161,6 +166,10 @@ mod tests {
         let outward = page.replace("http://www.w3.org/2000/svg", "");
         assert!(!outward.contains("http:") && !outward.contains("https:") && !outward.contains("src=\""));
         assert!(page.contains("data:image/jpeg;base64,"));
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.show.html");
+        std::fs::write(&path, page).unwrap();
+        assert!(made_by::foreign(&path, std::slice::from_ref(&path)).is_empty());
     }
 
     #[test]

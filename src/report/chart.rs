@@ -24,6 +24,8 @@ pub(super) enum LineStyle {
     Dashed,
     /// Broad and light, so that a thin one on top of it shows.
     Broad,
+    /// Dots.
+    Dotted,
     /// Fine dashes, for what is not a curve of the ordinate: a transition.
     Fine,
 }
@@ -174,6 +176,7 @@ fn draw_curve(panel: &mut Panel<'_, '_>, stroke: LineStyle, points: &[(f64, f64)
         LineStyle::Solid => Dashes::style(None, ARC, 12),
         LineStyle::Broad => Dashes::style(None, GREY, 50),
         LineStyle::Dashed => Dashes::style(Some(Dashes::Wide), INK, 13),
+        LineStyle::Dotted => Dashes::style(Some(Dashes::Dotted), INK, 16),
         LineStyle::Fine => Dashes::style(Some(Dashes::Fine), IMPACT, 11),
     };
     panel.draw_series(LineSeries::new(points.iter().copied(), style))?;

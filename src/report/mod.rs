@@ -6,6 +6,7 @@
 //! | [`documents`] | the JSON documents as types: `track.result/1`, `track.fit/1`, `track.board/1`, `track.cost/1` |
 //! | [`write`](mod@write) | files that appear whole or not at all |
 //! | [`table`], [`series_table`], [`board`], [`cost_table`] | the tables for people on stdout |
+//! | [`escape`] | names and words from outside as they may stand on a line or a page |
 //! | `words` | numbers with their uncertainties, and findings, in words |
 //! | [`page`] | what every page shares |
 //! | [`recording_page`] | `<stem>.report.html`: picture, numbers and plots in one file |
@@ -17,6 +18,7 @@
 //! | [`cost_csv`] | `cost.csv` |
 //! | [`overlay`] | the drawing on each frame of `<stem>.overlay.mp4` |
 //! | [`calibrate_page`] | the page on which a calibration's marks are dragged |
+//! | [`photograph`] | a frame in its colours, for a page |
 //! | [`marked_frame`] | a frame with the marks of a calibration drawn in |
 
 pub mod batch_page;
@@ -28,14 +30,16 @@ pub mod cost_page;
 pub mod cost_table;
 pub mod documents;
 mod drawing_geometry;
-mod escape;
+pub mod escape;
 pub mod figure;
 pub mod formats;
 mod jpeg;
 pub mod marked_frame;
 pub mod overlay;
 pub mod page;
+pub mod photograph;
 pub mod recording_page;
+pub mod review_page;
 mod series_figures;
 pub mod series_page;
 mod series_rows;

@@ -63,6 +63,22 @@ pub(super) fn warning(code: &str, message: impl maud::Render) -> Markup {
     html! { p.warning { code { "⚠ " (code) } br; (message) } }
 }
 
+/// A page that a script runs, of its `template`: what stands there between two `@` is a name, for which `part` gives what comes in its place.
+/// One pass: a value that looks like a place holder stays what it is.
+pub(super) fn filled(template: &str, part: impl Fn(&str) -> Option<String>) -> String {
+    let parts = template.split('@').enumerate();
+    parts.fold(String::new(), |mut page, (i, text)| {
+        let value = if i % 2 == 0 { None } else { part(text) };
+        page.push_str(value.as_deref().unwrap_or(text));
+        page
+    })
+}
+
+/// `data` for a script element, in which only "<" could end what it holds.
+pub(super) fn script_data(data: &serde_json::Value) -> String {
+    data.to_string().replace('<', "\\u003c")
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;

@@ -4,7 +4,7 @@ use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
 use super::figure::span;
 use crate::numeric::robust::{commonest, median};
 use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
-use crate::rebound::fit::{GroupFit, ModelFit, ModelName, RowRegime, Series};
+use crate::rebound::fit::{GroupFit, ModelFit, ModelName, Parameter, RowRegime, Series};
 use crate::rebound::{Contact, SOLID_SPHERE};
 use std::f64::consts::FRAC_PI_2;
 
@@ -23,18 +23,35 @@ pub(super) enum SeriesFigure {
     Distances,
     /// R ω / u_o against θ.
     Spin,
+    /// v_x / v_ox against θ.
+    Kept,
+    /// R ω_y / v_o against θ.
+    SpinOverSpeed,
+    /// ψ₂ against ψ₁, with κ/μ of the compliant model.
+    Master,
     /// Spin before against θ: where a ball grips and where it slides.
     Regimes,
 }
 
 impl SeriesFigure {
-    pub const ALL: [Self; 4] = [Self::Angles, Self::Distances, Self::Spin, Self::Regimes];
+    pub const ALL: [Self; 7] = [
+        Self::Angles,
+        Self::Distances,
+        Self::Spin,
+        Self::Kept,
+        Self::SpinOverSpeed,
+        Self::Master,
+        Self::Regimes,
+    ];
 
     fn labels(self) -> (&'static str, &'static str) {
         match self {
             Self::Angles => ("tan θ", "tan φ"),
             Self::Distances => ("x₀ / m", "x / x₀"),
             Self::Spin => ("θ / degrees", "Rω / u₀"),
+            Self::Kept => ("θ / degrees", "v_x / v_0x"),
+            Self::SpinOverSpeed => ("θ / degrees", "Rω / v₀"),
+            Self::Master => ("ψ₁ = κ slip / (μ v_z) before", "ψ₂ after"),
             Self::Regimes => ("θ / degrees", "Rω₀ / u₀ before"),
         }
     }
@@ -45,11 +62,15 @@ impl SeriesFigure {
             Self::Angles => "Rebound against incidence",
             Self::Distances => "Distances",
             Self::Spin => "Spin after the bounce",
+            Self::Kept => "What is left of the speed along the floor",
+            Self::SpinOverSpeed => "Spin after the bounce, over the speed before",
+            Self::Master => "The compliant contact's master curve: slip after against slip before",
             Self::Regimes => "Where the ball grips and where it slides",
         }
     }
 
-    fn place(self, c: &Coordinates) -> Option<(Mark, Mark)> {
+    /// `unit` is κ/μ, for the figure that needs it.
+    fn place(self, c: &Coordinates, unit: Option<f64>) -> Option<(Mark, Mark)> {
         let degrees = |mark: Mark| Mark {
             value: mark.value.to_degrees(),
             std: mark.std.map(f64::to_degrees),
@@ -58,15 +79,28 @@ impl SeriesFigure {
             Self::Angles => Some((c.incident_tangent, c.rebound_tangent?)),
             Self::Distances => Some((c.x0_m?, c.distance_ratio?)),
             Self::Spin => Some((degrees(c.incident_rad), c.spin_after_ratio?)),
+            Self::Kept => Some((degrees(c.incident_rad), c.tangential_ratio?)),
+            Self::SpinOverSpeed => Some((degrees(c.incident_rad), c.spin_over_speed?)),
+            Self::Master => {
+                let unit = unit?;
+                let scaled = |mark: Mark| Mark {
+                    value: unit * mark.value,
+                    std: mark.std.map(|std| unit * std),
+                };
+                Some((scaled(c.slip_before?), scaled(c.slip_after?)))
+            }
             Self::Regimes => Some((degrees(c.incident_rad), c.spin_ratio?)),
         }
     }
 
-    fn predicted(self, p: &Prediction) -> Option<f64> {
+    fn predicted(self, p: &Prediction, unit: Option<f64>) -> Option<f64> {
         match self {
             Self::Angles => Some(p.rebound_tangent),
             Self::Distances => Some(p.distance_ratio),
             Self::Spin => Some(p.spin_after_ratio),
+            Self::Kept => Some(p.tangential_ratio),
+            Self::SpinOverSpeed => Some(p.spin_over_speed),
+            Self::Master => Some(unit? * p.slip_after),
             Self::Regimes => None,
         }
     }
@@ -89,6 +123,8 @@ pub(super) struct GroupDrawing<'a> {
     inertia_factor: f64,
     /// tan θ times x_o: u_o²/g, the same for all launches at one speed.
     reach_m: Option<f64>,
+    /// κ/μ of the compliant model; `None` where the rows do not tell both.
+    psi_unit: Option<f64>,
     /// Every how many-th row is drawn.
     pub every: usize,
 }
@@ -152,6 +188,7 @@ impl<'a> GroupDrawing<'a> {
             spin_ratio: commonest(&mut spins, SAME_SPIN).unwrap_or(0.0),
             inertia_factor: middle(&|d| Some(d.inertia_factor)).unwrap_or(SOLID_SPHERE),
             reach_m: middle(&|d| Some(d.coordinates.x0_m?.value * d.coordinates.incident_tangent.value)),
+            psi_unit: psi_unit(group),
             group,
             rows,
             every,
@@ -170,7 +207,11 @@ impl<'a> GroupDrawing<'a> {
     /// The figure; `None` where the rows hold no such numbers.
     pub fn figure(&self, figure: SeriesFigure) -> Option<Chart> {
         let shown = self.group.shown()?;
-        let dots: Vec<PlotPoint> = self.rows.iter().filter_map(|row| dot(figure, row)).collect();
+        let dots: Vec<PlotPoint> = self
+            .rows
+            .iter()
+            .filter_map(|row| dot(figure, row, self.psi_unit))
+            .collect();
         let used = || dots.iter().filter(|dot| dot.marker != PointMarker::Cross);
         used().next()?;
         let (x_label, y_label) = figure.labels();
@@ -227,10 +268,11 @@ impl<'a> GroupDrawing<'a> {
             let tangent = match figure {
                 SeriesFigure::Angles => abscissa,
                 SeriesFigure::Distances => self.reach_m? / abscissa,
+                SeriesFigure::Master => abscissa / (self.psi_unit? * (1.0 - self.spin_ratio).abs()),
                 _ => abscissa.to_radians().tan(),
             };
             let p = fit.curve.predict(tangent, self.spin_ratio, self.inertia_factor)?;
-            Some((abscissa, figure.predicted(&p)?))
+            Some((abscissa, figure.predicted(&p, self.psi_unit)?))
         };
         let mut places: Vec<f64> = (0..=STEPS)
             .map(|i| x.start + (x.end - x.start) * (i as f64 + 1e-6) / STEPS as f64)
@@ -266,7 +308,8 @@ impl<'a> GroupDrawing<'a> {
         match figure {
             SeriesFigure::Angles => Some(angle.tan()),
             SeriesFigure::Distances => Some(self.reach_m? / angle.tan()),
-            SeriesFigure::Spin => Some(angle.to_degrees()),
+            SeriesFigure::Spin | SeriesFigure::Kept | SeriesFigure::SpinOverSpeed => Some(angle.to_degrees()),
+            SeriesFigure::Master => Some(self.psi_unit? * angle.tan() * (1.0 - self.spin_ratio).abs()),
             SeriesFigure::Regimes => None,
         }
     }
@@ -281,19 +324,27 @@ impl<'a> GroupDrawing<'a> {
     }
 
     fn residual(&self, figure: SeriesFigure, row: &DrawnRow, fit: &ModelFit) -> Option<PlotPoint> {
-        let place = dot(figure, row)?;
+        let place = dot(figure, row, self.psi_unit)?;
         let spin = row.coordinates.spin_ratio.map_or(self.spin_ratio, |m| m.value);
         let tangent = row.coordinates.incident_tangent.value;
         let p = fit.curve.predict(tangent, spin, row.inertia_factor)?;
         Some(PlotPoint {
-            y: place.y - figure.predicted(&p)?,
+            y: place.y - figure.predicted(&p, self.psi_unit)?,
             ..place
         })
     }
 }
 
-fn dot(figure: SeriesFigure, row: &DrawnRow) -> Option<PlotPoint> {
-    let (x, y) = figure.place(&row.coordinates)?;
+/// κ/μ of a group's compliant fit.
+fn psi_unit(group: &GroupFit) -> Option<f64> {
+    let fit = group.model(ModelName::Compliant)?;
+    let value = |parameter| Some(fit.parameter(parameter).quantity()?.value);
+    let unit = value(Parameter::StiffnessRatio)? / value(Parameter::Friction)?;
+    unit.is_finite().then_some(unit)
+}
+
+fn dot(figure: SeriesFigure, row: &DrawnRow, psi_unit: Option<f64>) -> Option<PlotPoint> {
+    let (x, y) = figure.place(&row.coordinates, psi_unit)?;
     Some(PlotPoint {
         x: x.value,
         y: y.value,
@@ -309,7 +360,12 @@ fn dot(figure: SeriesFigure, row: &DrawnRow) -> Option<PlotPoint> {
 
 /// Lines that are told apart without colour, in the order of the models.
 pub(super) fn stroke(name: ModelName) -> LineStyle {
-    const STYLES: [LineStyle; 3] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Broad];
+    const STYLES: [LineStyle; 4] = [
+        LineStyle::Solid,
+        LineStyle::Dashed,
+        LineStyle::Broad,
+        LineStyle::Dotted,
+    ];
     STYLES[name as usize % STYLES.len()]
 }
 
@@ -327,7 +383,7 @@ fn axis(
     let range = span(ends, 0.06)?;
     let start = if least >= 0.0 { 0.0 } else { range.start.max(-90.0) };
     let end = match figure {
-        SeriesFigure::Spin => range.end.min(90.0),
+        SeriesFigure::Spin | SeriesFigure::Kept | SeriesFigure::SpinOverSpeed => range.end.min(90.0),
         SeriesFigure::Regimes => 90.0,
         _ => range.end,
     };
@@ -363,10 +419,13 @@ pub(super) fn overview(drawings: &[GroupDrawing<'_>], figure: SeriesFigure) -> O
     let mut dots = Vec::new();
     for (i, drawing) in drawings.iter().enumerate() {
         let used = drawing.rows.iter().filter(|row| row.regime.is_some());
-        dots.extend(used.filter_map(|row| dot(figure, row)).map(|d| PlotPoint {
-            marker: group_marker(i),
-            ..d
-        }));
+        dots.extend(
+            used.filter_map(|row| dot(figure, row, drawing.psi_unit))
+                .map(|d| PlotPoint {
+                    marker: group_marker(i),
+                    ..d
+                }),
+        );
     }
     let x = axis(dots.iter().map(|d| (d.x, d.x_std)), figure)?;
     let y = span(dots.iter().map(|d| d.y), 0.08)?;

@@ -28,6 +28,18 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
     Ok(document(name, "", &body))
 }
 
+/// So many groups are shown unfolded; of more, the overview and a line each.
+const OPEN_GROUPS: usize = 3;
+
+/// What a folded group says of itself.
+fn in_short(group: &GroupFit) -> String {
+    let used = counted(group.rows_used.len() as u64, "row");
+    match group.preferred {
+        Preferred::Model(model) => format!("{used}, preferred: {}", model.name()),
+        Preferred::Undetermined => format!("{used}, no model preferred"),
+    }
+}
+
 /// Everything between the head of the page and its foot.
 pub(super) fn sections(series: &Series, fit: &SeriesFit) -> Result<Markup, PageError> {
     let drawings = fit.groups.iter().map(|group| GroupDrawing::new(series, group));
@@ -41,14 +53,21 @@ pub(super) fn sections(series: &Series, fit: &SeriesFit) -> Result<Markup, PageE
         }
         @if several { (overview(fit, &drawings)?) }
         @for (group, drawing) in fit.groups.iter().zip(&drawings) {
-            section {
-                h2 { @if several { "Group " (group.name) } @else { "The fit" } }
+            @let content = html! {
                 (verdict(group))
                 @if !group.models.is_empty() {
                     (models_table(group))
                     (figures(drawing)?)
                 }
                 (rows_table(series, fit, group))
+            };
+            @if several {
+                details.group open[fit.groups.len() <= OPEN_GROUPS] {
+                    summary { h2 { "Group " (group.name) " " span.soft { "— " (in_short(group)) } } }
+                    (content)
+                }
+            } @else {
+                section { h2 { "The fit" } (content) }
             }
         }
         (to_copy(fit))
@@ -206,6 +225,17 @@ fn sentence(text: &str) -> String {
         .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
+/// Words with their symbols as symbols: "if μ_o = μ".
+fn typeset(words: &str) -> Markup {
+    let is_symbol = |word: &str| word.contains('_') || word == "μ";
+    html! {
+        @for (i, word) in words.split(' ').enumerate() {
+            @if i > 0 { " " }
+            @if is_symbol(word) { (symbol_html(word)) } @else { (word) }
+        }
+    }
+}
+
 fn models_table(group: &GroupFit) -> Markup {
     let preferred = |name| group.preferred == Preferred::Model(name);
     html! {
@@ -222,7 +252,7 @@ fn models_table(group: &GroupFit) -> Markup {
                 tbody {
                     @for (name, symbol, cell) in model_rows(group) {
                         tr {
-                            th scope="row" { (name.trim()) }
+                            th scope="row" { (typeset(name.trim())) }
                             td.symbol { (symbol_or_words(symbol)) }
                             @for fit in &group.models { td.symbol { (cell(fit)) } }
                         }
@@ -283,6 +313,10 @@ fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDra
                 " The rows differ in spin before the bounce: curves are for the commonest, residuals for each its own."
             }
         }
+        @if figure == SeriesFigure::Master {
+            " κ and μ are those of the compliant model. It is meant for like, elastic bodies: for rubber and hollow balls κ is what fits, \
+             not a number of the material."
+        }
         @if drawing.every > 1 { " One row in " (drawing.every) " is drawn." }
     }
 }
@@ -311,6 +345,7 @@ fn stroke_key(stroke: LineStyle) -> Markup {
         LineStyle::Solid => ("#2660b0", "1.6", None),
         LineStyle::Dashed => ("#222", "1.6", Some("9 5")),
         LineStyle::Broad => ("#bababa", "5", None),
+        LineStyle::Dotted => ("#222", "1.8", Some("3 4")),
         LineStyle::Fine => ("#9c1c1c", "1.4", Some("2 4")),
     };
     html! {
@@ -353,6 +388,7 @@ mod tests {
         let fit = fit::fit(
             &series,
             &Options {
+                stiffness_ratio: None,
                 court_temperature_c: Some(20.0),
             },
         );
@@ -390,6 +426,7 @@ mod tests {
             "Rebound against incidence",
             "Spin after the bounce",
             "Where the ball grips and where it slides",
+            "if <i>μ</i><span class=\"sub\">o</span> = <i>μ</i>",
             "All groups",
             "Group a",
             "Parameters, to copy",
@@ -406,7 +443,23 @@ mod tests {
         // Angles hold no distances.
         assert!(!page.contains("<h3>Distances"));
         let shown = page.matches("class=\"plot\"").count();
-        assert_eq!(shown, 2 + 2 * 3, "two of all groups, three of each");
+        assert_eq!(shown, 2 + 2 * 5, "two of all groups, five of each");
+    }
+
+    #[test]
+    fn many_groups_are_folded() {
+        for (names, folded) in [(&["a", "b"][..], 0), (&["a", "b", "c", "d"], 4), (&["a"], 0)] {
+            let (series, fit) = made(names);
+            let page = report_html(&series, &fit).unwrap();
+            assert_well_formed(&page);
+            assert_eq!(
+                page.matches("<details class=\"group\">").count(),
+                folded,
+                "{names:?}"
+            );
+            let all = if names.len() > 1 { names.len() } else { 0 };
+            assert_eq!(page.matches("<details class=\"group\"").count(), all, "{names:?}");
+        }
     }
 
     #[test]

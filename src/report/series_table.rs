@@ -1,6 +1,7 @@
 //! The table of a fit for people on stdout.
 
 use super::documents::fit::pace_name;
+use super::escape::on_one_line;
 use super::table::line;
 use super::words::{self, NO_VALUE, counted, format_quantity};
 use crate::rebound::fit::{CourtPace, Fitted, GroupFit, ModelFit, Parameter, Preferred, SeriesFit, Weights};
@@ -16,7 +17,7 @@ const MOST_ROWS: usize = 12;
 #[must_use]
 pub fn fit_table(fit: &SeriesFit) -> String {
     let mut text = String::new();
-    line(&mut text, "series", &fit.name);
+    line(&mut text, "series", &on_one_line(&fit.name));
     let rows: usize = fit.groups.iter().map(|group| group.rows).sum();
     let weights = match fit.weights {
         Weights::Stated => "weighted by their standard deviations",
@@ -42,7 +43,7 @@ fn group_lines(text: &mut String, group: &GroupFit) {
     let _ = writeln!(
         text,
         "\ngroup       {}: {}, {} in the fit",
-        group.name,
+        on_one_line(&group.name),
         counted(group.rows as u64, "row"),
         group.rows_used.len()
     );

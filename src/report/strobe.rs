@@ -6,7 +6,7 @@
 use super::drawing_geometry::{self, ImpactMark};
 use super::jpeg;
 use super::words;
-use crate::frames::Luma;
+use crate::frames::{Chroma, Luma};
 use crate::geometry::PixelPoint;
 use crate::pipeline::{ArcTrace, Measurement, PointUse, Strobe, StrobeBall};
 use base64::Engine as _;
@@ -84,7 +84,12 @@ pub fn strobe_picture(
     let choice = choose(&flashes(measurement, strobe), &impacts);
     let photograph = composite(strobe, &choice.balls);
     let most_bytes = MAX_JPEG_BYTES.min(MAX_PAGE_BYTES / pictures.max(1));
-    let jpeg = jpeg::jpeg(&photograph, MAX_WIDTH_PX, most_bytes)?;
+    let chroma = strobe
+        .chroma
+        .as_ref()
+        .map(|scene| composite_chroma(strobe, scene, &choice.balls));
+    let colour = chroma.as_ref().map(|chroma| (chroma, strobe.luma_shares));
+    let jpeg = jpeg::jpeg(&photograph, colour, MAX_WIDTH_PX, most_bytes)?;
     Ok(Some(StrobePicture {
         svg: svg(measurement, &jpeg, &impacts),
         shown: choice.balls.len(),
@@ -261,14 +266,47 @@ fn lay_in(picture: &mut Luma, ball: &StrobeBall) {
             if u_index >= picture.width || v_index >= picture.height {
                 continue;
             }
-            let from_centre = (u as f64 - ball.centre.u_px).hypot(v as f64 - ball.centre.v_px);
-            // Full inside, gone within the last 1.5 px: a seam would look like an outline that is not in the data.
-            let share = ((ball.radius_px + RIM_PX - from_centre) / 1.5 + 0.5).clamp(0.0, 1.0);
+            let share = ball_share(ball, u, v);
             let old = &mut picture.data[v_index * picture.width + u_index];
             let new = f64::from(cut.data[row * cut.width + column]);
             *old = (share * new + (1.0 - share) * f64::from(*old)).round() as u8;
         }
     }
+}
+
+/// The chroma of the same picture, at half its columns and rows: that of the pixel at the top left of each sample's four.
+fn composite_chroma(strobe: &Strobe, scene: &Chroma, balls: &[usize]) -> Chroma {
+    let mut picture = scene.clone();
+    let width = picture.u.width;
+    for ball in balls.iter().filter_map(|&index| strobe.balls.get(index)) {
+        let Some(colours) = ball.chroma.as_ref().filter(|c| c.len() == ball.luma.data.len()) else {
+            continue;
+        };
+        for (i, colour) in colours.iter().enumerate() {
+            let (column, row) = (i % ball.luma.width, i / ball.luma.width);
+            let (u, v) = (ball.corner_px.0 + column as i64, ball.corner_px.1 + row as i64);
+            let (Ok(x), Ok(y)) = (usize::try_from(u), usize::try_from(v)) else {
+                continue;
+            };
+            if x % 2 == 1 || y % 2 == 1 || x / 2 >= width || y / 2 >= picture.u.height {
+                continue;
+            }
+            let share = ball_share(ball, u, v);
+            let planes = [&mut picture.u, &mut picture.v];
+            for (plane, new) in planes.into_iter().zip(colour) {
+                let old = &mut plane.data[y / 2 * width + x / 2];
+                *old = (share * f64::from(*new) + (1.0 - share) * f64::from(*old)).round() as u8;
+            }
+        }
+    }
+    picture
+}
+
+/// How much of a pixel of the picture is a ball's cut-out: full inside, gone within the last 1.5 px, for a seam would look like an outline
+/// that is not in the data.
+fn ball_share(ball: &StrobeBall, u: i64, v: i64) -> f64 {
+    let from_centre = (u as f64 - ball.centre.u_px).hypot(v as f64 - ball.centre.v_px);
+    ((ball.radius_px + RIM_PX - from_centre) / 1.5 + 0.5).clamp(0.0, 1.0)
 }
 
 /// The photograph with its drawing. One unit is a pixel of the recording; (0, 0) is the centre of the first.

@@ -2,7 +2,9 @@
 
 pub use super::words::format_quantity;
 
+use super::escape::on_one_line;
 use super::words;
+use crate::impact::compliant_reading::CompliantReading;
 use crate::impact::{Bounce, Distances, Readings};
 use crate::pipeline::{Measurement, Outcome};
 use crate::quantity::Quantity;
@@ -113,7 +115,7 @@ fn file_lines(text: &mut String, measurement: &Measurement) {
         || "rate unknown".to_owned(),
         |hz| format!("{} Hz", words::trimmed(hz, 3)),
     );
-    line(text, "file", &video.path.display().to_string());
+    line(text, "file", &on_one_line(&video.path.display().to_string()));
     line(
         text,
         "",
@@ -246,7 +248,33 @@ fn reading_lines(text: &mut String, readings: &Readings) {
             &format!("{regime}: {}", model.regime_words(reading.regime)),
         );
     }
+    if let Some(reading) = &readings.compliant {
+        compliant_lines(text, reading);
+    }
     line(text, "preferred", words::preferred(readings.preferred));
+}
+
+fn compliant_lines(text: &mut String, reading: &CompliantReading) {
+    let kappa = words::trimmed(reading.stiffness_ratio, 3);
+    let friction = format_quantity(reading.friction, "");
+    line(text, "compliant", &format!("κ = {kappa},  μ = {friction}"));
+    line(text, "", &words::compliant(reading));
+    for (symbol, unit, foretold) in [
+        ("e_x", "", &reading.tangential_restitution),
+        ("v_t after", "m/s", &reading.tangential_m_s),
+        ("Rω after", "m/s", &reading.spin_out_m_s),
+    ] {
+        let (predicted, measured) = (
+            format_quantity(foretold.predicted, unit),
+            format_quantity(foretold.measured, unit),
+        );
+        let off = words::sigmas(foretold.sigmas());
+        line(
+            text,
+            "",
+            &format!("{symbol}: predicted {predicted}, measured {measured}, off by {off}"),
+        );
+    }
 }
 
 /// Columns of the names at the left, and of the symbols beside them.

@@ -9,7 +9,7 @@ use crate::impact::{
 };
 use crate::pipeline::{
     ArcMotion, ArcSample, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, Strobe, StrobeBall,
-    TimeSource, Track, TrackPoint, UpSource, UpTilt, VideoFacts, View, Warning,
+    TimeSource, Track, TrackPoint, UnusedReason, UpSource, UpTilt, VideoFacts, View, Warning,
 };
 use crate::quantity::Quantity;
 use crate::rebound::model::BounceReading;
@@ -115,11 +115,13 @@ fn track_points() -> Vec<TrackPoint> {
             }
             let clean = pixel(x, z);
             let use_ = if time_s < flights[0].time_s {
-                PointUse::Unused("not yet in free flight".to_owned())
+                PointUse::Unused(UnusedReason::NotFree)
             } else if contact {
-                PointUse::Unused("in contact with the floor".to_owned())
+                PointUse::Unused(UnusedReason::Contact)
             } else if outlier {
-                PointUse::Unused("18 standard deviations off its arc".to_owned())
+                PointUse::Unused(UnusedReason::OffArc {
+                    by_m: 0.9 * METRES_PER_PIXEL,
+                })
             } else {
                 PointUse::Used(arc)
             };
@@ -269,6 +271,7 @@ fn ball_at(frame: usize, centre: PixelPoint) -> StrobeBall {
             height: side,
             data,
         },
+        chroma: None,
         centre,
         radius_px: RADIUS_PX,
     }
@@ -304,6 +307,7 @@ pub fn two_bounces() -> Measurement {
             frame_rate_hz: None,
         },
         drag_per_m: q(0.01, 0.002),
+        edits: None,
         view: View::Side,
         outcome: Outcome::Measured,
         gravity_m_s2: q(9.806, 0.011),
@@ -348,6 +352,7 @@ pub fn two_bounces() -> Measurement {
                     },
                 ),
             ],
+            compliant: None,
             preferred: Preferred::Model(ModelName::MuE),
         }),
         track: Track {
@@ -367,6 +372,8 @@ pub fn two_bounces() -> Measurement {
         arcs: arcs(),
         strobe: Some(Strobe {
             background: std::sync::Arc::new(background()),
+            chroma: None,
+            luma_shares: (0.299, 0.114),
             balls,
         }),
         launches: Vec::new(),
@@ -466,7 +473,7 @@ pub fn rejected() -> Measurement {
     m.strobe = None;
     m.track.centre_std_px = None;
     for point in &mut m.track.points {
-        point.use_ = PointUse::Unused("moves, but does not fall freely".to_owned());
+        point.use_ = PointUse::Unused(UnusedReason::NotFree);
         point.residual_m = None;
     }
     m

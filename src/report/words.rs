@@ -1,5 +1,6 @@
 //! Numbers and findings in words, shared by the table and the page.
 
+use crate::impact::compliant_reading::{CompliantReading, FrictionSource};
 use crate::impact::{BenchLaunch, FloorSource, XSource};
 use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
@@ -149,6 +150,37 @@ pub(super) fn regime_name(regime: Option<Regime>) -> &'static str {
     regime.map_or("undetermined", Regime::name)
 }
 
+/// For whom the compliant model is.
+pub(super) const COMPLIANT_IS_FOR: &str = "The model is meant for like, elastic bodies. Rubber loses energy sideways as well, a hollow ball bends: \
+     the ratio of their stiffnesses is no number of the material, but one to be fitted from a series (track fit)";
+
+/// What the compliant model makes of a bounce, in words, without a full stop.
+pub(super) fn compliant(reading: &CompliantReading) -> String {
+    let regime = match reading.regime {
+        Some(Regime::Sliding) => "by it, the ball slid throughout",
+        Some(Regime::SlipStickSlip) => {
+            "by it, the ball slid at the touch, stuck, and slid again before it left"
+        }
+        Some(Regime::StickSlip) => "by it, the ball stuck first and slid before it left",
+        _ => "its regime is not determined",
+    };
+    let friction = match reading.source {
+        FrictionSource::OtherBounces => {
+            "friction is that of the recording's other bounces, so this one tests the model"
+        }
+        FrictionSource::ThisBounce => {
+            "friction was chosen to suit this bounce, as no other tells it: only a rebound that no friction gives would \
+             speak against the model"
+        }
+    };
+    format!("{regime}; {friction}")
+}
+
+/// A difference in standard uncertainties.
+pub(super) fn sigmas(sigmas: Option<f64>) -> String {
+    sigmas.map_or_else(|| NO_VALUE.to_owned(), |sigmas| format!("{sigmas:+.1} σ"))
+}
+
 /// What the contact point did, in a word: where the slip is only slowed, it slid.
 pub(super) fn slip(slip: Option<Regime>) -> &'static str {
     regime_name(slip.map(|slip| match slip {
@@ -274,16 +306,19 @@ pub(super) fn seen_flying(launch: &Measurement) -> String {
 }
 
 /// How many points were used, and how many were not for each reason, the most frequent first.
-pub(super) fn point_counts(measurement: &Measurement) -> (usize, Vec<(&str, usize)>) {
+pub(super) fn point_counts(measurement: &Measurement) -> (usize, Vec<(&'static str, usize)>) {
     let mut used = 0;
-    let mut reasons: Vec<(&str, usize)> = Vec::new();
+    let mut reasons: Vec<(&'static str, usize)> = Vec::new();
     for point in &measurement.track.points {
         match &point.use_ {
             PointUse::Used(_) => used += 1,
-            PointUse::Unused(reason) => match reasons.iter_mut().find(|(known, _)| known == reason) {
-                Some((_, count)) => *count += 1,
-                None => reasons.push((reason, 1)),
-            },
+            PointUse::Unused(reason) => {
+                let phrase = reason.phrase();
+                match reasons.iter_mut().find(|(known, _)| *known == phrase) {
+                    Some((_, count)) => *count += 1,
+                    None => reasons.push((phrase, 1)),
+                }
+            }
         }
     }
     reasons.sort_by_key(|&(_, count)| std::cmp::Reverse(count));

@@ -4,10 +4,11 @@
 //! old file or the new one, never half of one, and a failure leaves nothing behind.
 
 use crate::frames::RecodeError;
+use crate::frames::temporary::{PREFIX, file_beside, folder_of};
 use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use tempfile::{NamedTempFile, TempPath};
+use tempfile::TempPath;
 use thiserror::Error;
 
 /// Why an output could not be written: where, what happened, what to try.
@@ -132,7 +133,7 @@ pub fn check_output_dir(dir: &Path) -> Result<NewFolders, WriteError> {
     made.reverse();
     let folders = NewFolders { made };
     fs::create_dir_all(dir).map_err(refused)?;
-    let mut proof = temporary_in(dir).map_err(refused)?;
+    let mut proof = file_beside(&dir.join("proof"), SUFFIX).map_err(refused)?;
     // More than the few bytes that some file systems keep beside the name, and forced out: a full disk shows now.
     proof
         .write_all(&[0; 1 << 16])
@@ -202,7 +203,7 @@ pub fn clear_temporary_files(dir: &Path) -> Result<(), WriteError> {
         let entry = entry.map_err(refused)?;
         let name = entry.file_name();
         let name = name.as_encoded_bytes();
-        if name.starts_with(TEMPORARY.0.as_bytes()) && name.ends_with(TEMPORARY.1.as_bytes()) {
+        if name.starts_with(PREFIX.as_bytes()) && name.ends_with(SUFFIX.as_bytes()) {
             fs::remove_file(entry.path()).map_err(refused)?;
         }
     }
@@ -237,7 +238,7 @@ pub(super) type StagedFile = (TempPath, PathBuf);
 pub(super) fn stage(path: PathBuf, bytes: &[u8]) -> Result<StagedFile, WriteError> {
     refuse_folder(&path)?;
     let refused = |source| WriteError::new(&path, source);
-    let mut temporary = temporary_in(folder_of(&path)).map_err(refused)?;
+    let mut temporary = file_beside(&path, SUFFIX).map_err(refused)?;
     temporary.write_all(bytes).map_err(refused)?;
     temporary.as_file().sync_all().map_err(refused)?;
     Ok((temporary.into_temp_path(), path))
@@ -248,8 +249,7 @@ pub(super) fn stage_video(
     path: PathBuf,
     recode: impl FnOnce(&Path) -> Result<(), RecodeError>,
 ) -> Result<StagedFile, WriteError> {
-    let temporary =
-        temporary_in(folder_of(&path)).map_err(|source| WriteError::new(folder_of(&path), source))?;
+    let temporary = file_beside(&path, SUFFIX).map_err(|source| WriteError::new(folder_of(&path), source))?;
     let temporary = temporary.into_temp_path();
     match recode(&temporary) {
         Ok(()) => refuse_folder(&path).map(|()| (temporary, path)),
@@ -266,28 +266,8 @@ fn refuse_folder(path: &Path) -> Result<(), WriteError> {
     Ok(())
 }
 
-/// The folder that `path` lies in; of a bare file name that is the current one.
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    }
-}
-
-/// What temporary names begin and end with.
-const TEMPORARY: (&str, &str) = (".track-", ".tmp");
-
-fn temporary_in(dir: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // As any file that the user creates (the umask takes its part), not closed to others as temporaries are.
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(dir)
-}
+/// What temporary names end with.
+const SUFFIX: &str = ".tmp";
 
 /// Makes the names last through a power cut, where the system lets a folder be synced. The files are whole without it.
 fn sync_folder(dir: &Path) {

@@ -6,6 +6,7 @@
 //! Same scene, same seed: same bytes of frames.
 
 pub mod camera;
+mod colour;
 mod coverage;
 pub mod effects;
 pub mod flight;
@@ -18,14 +19,15 @@ pub mod truth;
 mod write;
 
 use crate::config::FileProblem;
-use crate::frames::Luma;
+use crate::frames::{Luma, Yuv420};
+use colour::ChromaRenderer;
 use effects::{Decision, Ideal, StoredFrame};
 use flight::Trajectory;
 use render::Renderer;
 pub use scene::{EffectsChoice, Scene, SceneError};
 pub use scene_schema::SceneKeys;
 use truth::Truth;
-pub use write::{SimulatedFiles, SimulationWriteError, calibration, write};
+pub use write::{SimulatedFiles, SimulationWriteError, calibration, files_of, write};
 
 /// A scene with its flight computed, ready to be rendered.
 pub struct SimulatedRecording {
@@ -33,6 +35,7 @@ pub struct SimulatedRecording {
     decisions: Vec<Decision>,
     trajectory: Trajectory,
     renderer: Renderer,
+    chroma: Option<ChromaRenderer>,
     lossy_crf: Option<u8>,
     clock: Option<scene::SceneClock>,
 }
@@ -58,6 +61,7 @@ impl SimulatedRecording {
             .transpose()?;
         let recording = Self {
             scene: scene.clone(),
+            chroma: ChromaRenderer::new(scene, &decisions, &trajectory)?,
             decisions,
             lossy_crf: chosen.lossy_crf.as_ref().map(|crf| *crf.apply()),
             clock: chosen.clock.as_ref().map(|clock| clock.apply().clone()),
@@ -109,6 +113,13 @@ impl SimulatedRecording {
     #[must_use]
     pub fn frame(&self, index: usize) -> Luma {
         self.renderer.frame(&self.trajectory, index)
+    }
+
+    /// The same in its colours; `None` where the scene has none.
+    #[must_use]
+    pub fn colour_frame(&self, index: usize) -> Option<Yuv420> {
+        let chroma = self.chroma.as_ref()?;
+        Some(chroma.coloured(self.frame(index), &self.trajectory, index))
     }
 
     /// All frames in order, as the camera takes them.

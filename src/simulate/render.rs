@@ -344,7 +344,7 @@ impl Renderer {
     }
 
     /// The light on each pixel in frame `index`, grey, without noise or rounding.
-    fn light(&self, trajectory: &Trajectory, index: usize) -> Vec<f32> {
+    pub(super) fn light(&self, trajectory: &Trajectory, index: usize) -> Vec<f32> {
         let time_s = index as f64 / self.scene.camera.frame_rate_hz;
         let exposure_s = self.exposure_s.as_ref().map_or(0.0, |e| *e.apply());
         let blur_px = self.blur_px.as_ref().map_or(0.0, |b| *b.apply());
@@ -753,7 +753,7 @@ impl CellWeights {
 }
 
 /// 65536 equally likely values of a standard normal variable, at the middles of their shares.
-fn normal_table() -> &'static [f32] {
+pub(super) fn normal_table() -> &'static [f32] {
     static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
     TABLE.get_or_init(|| {
         (0..=u16::MAX)

@@ -7,6 +7,7 @@ use crate::config::{
     Closeness, Document, FINITE, FileError, FileKind, FileProblem, NumberRange, POSITIVE, Section, array,
     nearest, read_bytes,
 };
+use crate::frames::ChromaSiting;
 use crate::rebound::{Contact, ModelName};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
@@ -259,6 +260,8 @@ pub struct Camera {
     pub electrons_per_grey: Option<f64>,
     /// Storage.
     pub codec: Codec,
+    /// Where a coloured recording's samples of chroma lie.
+    pub chroma_siting: ChromaSiting,
 }
 
 /// How table and camera swing after an impact: amplitude · sin(2π f t) exp(−t/τ).
@@ -322,6 +325,12 @@ pub struct SceneLook {
     pub shading: f64,
     /// Height of the specular highlight, grey.
     pub highlight_grey: f64,
+    /// Chroma [U, V] of the ball where it is brightest, from that of grey, code values.
+    pub ball_colour: [f64; 2],
+    /// The same behind the ball.
+    pub background_colour: [f64; 2],
+    /// The same below the floor line.
+    pub floor_colour: [f64; 2],
     /// Standard deviation of the background's texture, grey.
     pub texture_grey: f64,
     /// Share of the ball's light that the floor mirrors.
@@ -336,6 +345,15 @@ pub struct SceneLook {
     pub flicker: f64,
     /// Its frequency, Hz.
     pub flicker_hz: f64,
+}
+
+impl SceneLook {
+    /// Whether something in it is not grey.
+    #[must_use]
+    pub fn is_coloured(&self) -> bool {
+        let colours = [self.ball_colour, self.background_colour, self.floor_colour];
+        colours.as_flattened().iter().any(|c| *c != 0.0)
+    }
 }
 
 /// When the recording ends: `tail_s` after impact number `bounces`, or after the ball has come to rest.
@@ -410,6 +428,11 @@ const NOT_NEGATIVE: NumberRange = NumberRange {
     accepted: "0 or a positive number (to 1e15)",
     holds: |x| (0.0..=1e15).contains(&x),
     hint: "give 0 to leave it out",
+};
+const CHROMA: NumberRange = NumberRange {
+    accepted: "numbers from -127 to 127",
+    holds: |x| (-127.0..=127.0).contains(&x),
+    hint: "chroma U and V from that of grey, which is [0, 0]; a green ball has about [-40, -45]",
 };
 const FACTOR: NumberRange = NumberRange {
     accepted: "a number from 0 to 10",
@@ -948,6 +971,7 @@ fn read_camera(top: &Section<'_>) -> Camera {
         "electrons_per_grey",
         "codec",
         "crf",
+        "chroma_siting",
     ];
     let s = top.section_or_empty("camera", &keys);
     let [width_px, height_px] = s
@@ -996,6 +1020,10 @@ fn read_camera(top: &Section<'_>) -> Camera {
             Codec::Lossless
         } else {
             Codec::H264 { crf: crf as u8 }
+        },
+        chroma_siting: {
+            let sitings = [("left", ChromaSiting::Left), ("centre", ChromaSiting::Centre)];
+            s.choice("chroma_siting", &sitings, words).unwrap_or_default()
         },
     }
 }
@@ -1120,6 +1148,9 @@ fn read_look(top: &Section<'_>) -> SceneLook {
         "background_grey",
         "floor_grey",
         "ball_grey",
+        "ball_colour",
+        "background_colour",
+        "floor_colour",
         "shading",
         "highlight_grey",
         "texture_grey",
@@ -1134,10 +1165,15 @@ fn read_look(top: &Section<'_>) -> SceneLook {
     let shading = s.number("shading", FRACTION).unwrap_or(0.5);
     let background_grey = s.number("background_grey", GREY).unwrap_or(60.0);
     let share = |key: &str| s.number(key, FRACTION).unwrap_or(0.0);
+    let colour = |key: &str| s.numbers(key, CHROMA, "a list of 2 numbers");
+    let background_colour = colour("background_colour").unwrap_or([0.0; 2]);
     SceneLook {
         background_grey,
         floor_grey: s.number("floor_grey", GREY).unwrap_or(background_grey),
         ball_grey: s.number("ball_grey", GREY).unwrap_or(200.0),
+        ball_colour: colour("ball_colour").unwrap_or([0.0; 2]),
+        background_colour,
+        floor_colour: colour("floor_colour").unwrap_or(background_colour),
         shading,
         // A flat ball has no highlight; a shaded one looks painted without it.
         highlight_grey: s.number("highlight_grey", GREY).unwrap_or(80.0 * shading),
@@ -1191,7 +1227,7 @@ fn read_effects(top: &Section<'_>) -> EffectsChoice {
 
 /// `auto`, `all` or `none`, as the scene and `--effects` say it.
 #[must_use]
-pub fn parse_effects_word(word: &str) -> Option<EffectsChoice> {
+fn parse_effects_word(word: &str) -> Option<EffectsChoice> {
     match word {
         "auto" => Some(EffectsChoice::all(Switch::Auto)),
         "all" => Some(EffectsChoice::all(Switch::On)),

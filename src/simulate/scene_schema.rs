@@ -177,6 +177,9 @@ pub struct SceneCameraKeys {
     /// Constant rate factor of H.264; 14.
     #[schemars(range(min = 0, max = 51))]
     pub crf: Option<u8>,
+    /// Where the samples of chroma lie in a coloured recording: at the left of two columns (H.264's custom) or between them (JPEG's); left.
+    #[schemars(extend("enum" = ["left", "centre", null]))]
+    pub chroma_siting: Option<String>,
 }
 
 /// amplitude · sin(2π f t) exp(−t/τ) after an impact.
@@ -280,6 +283,12 @@ pub struct SceneLookKeys {
     /// The ball where it is brightest, without highlight; 200.
     #[schemars(range(min = 0, max = 255))]
     pub ball_grey: Option<f64>,
+    /// Chroma [U, V] of the ball where it is brightest, from that of grey, code values from -127 to 127; [0, 0], grey.
+    pub ball_colour: Option<[f64; 2]>,
+    /// The same behind the ball; [0, 0].
+    pub background_colour: Option<[f64; 2]>,
+    /// The same below the floor line; as the background.
+    pub floor_colour: Option<[f64; 2]>,
     /// 0 flat, 1 black on the side away from the light; 0.5.
     #[schemars(range(min = 0, max = 1))]
     pub shading: Option<f64>,

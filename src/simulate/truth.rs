@@ -23,8 +23,9 @@ use super::render::{OtherBall, Renderer};
 use super::scene::Scene;
 use super::{SimulatedRecording, frame_times_s};
 use crate::Build;
+use crate::config::made_by::MadeBy;
 use crate::geometry::PixelPoint;
-use crate::rebound::{Regime, azimuth_rad};
+use crate::rebound::azimuth_rad;
 use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -57,6 +58,9 @@ pub struct Truth {
     /// The other ball in the picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_ball: Option<SecondBallTruth>,
+    /// In the file: that the program wrote it, and the digest of the video, so that it may replace them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub made_by: Option<MadeBy>,
 }
 
 /// Another ball, by the clock and in the place of the first.
@@ -206,6 +210,7 @@ impl Truth {
                 .renderer()
                 .second()
                 .map(|other| second_ball(recording, other)),
+            made_by: None,
         }
     }
 }
@@ -296,12 +301,7 @@ fn bounce(impact: &Impact, floor: &Plane, scene: &Scene) -> BounceTruth {
         spin_in_m_s: spin_in,
         spin_out_m_s: spin_out,
         azimuth_deg: azimuth_rad(&incident, &rebound).map(f64::to_degrees),
-        regime: match impact.regime {
-            Regime::Sliding => "sliding",
-            Regime::Nonsliding => "nonsliding",
-            Regime::Ordinary => "ordinary",
-            Regime::Grip => "grip",
-        },
+        regime: impact.regime.name(),
         contact_s: impact.contact_s,
         arcs_meet_s: impact.time_s
             + meeting_s(

@@ -4,8 +4,9 @@ use super::SimulatedRecording;
 use super::camera::{axis_m, axis_px, origin_m, rolled};
 use super::flight::Impact;
 use super::scene::{SceneError, View};
-use crate::frames::Luma;
+use crate::config::made_by;
 use crate::frames::encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
+use crate::frames::{Luma, Yuv420, digest, temporary};
 use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -48,6 +49,43 @@ pub struct SimulatedFiles {
 const KEY_FRAMES: u32 = 48;
 const B_FRAMES: u32 = 2;
 
+/// What [`write()`] calls the files of `recording` in `out_dir`, before it has written any.
+#[must_use]
+pub fn files_of(recording: &SimulatedRecording, stem: &str, out_dir: &Path) -> SimulatedFiles {
+    let extension = match coding(recording) {
+        Coding::H264 { .. } => "mp4",
+        Coding::Lossless | Coding::LosslessColour => "mkv",
+    };
+    let file = |ending: &str| out_dir.join(format!("{stem}.{ending}"));
+    SimulatedFiles {
+        video: file(extension),
+        truth: file("truth.json"),
+        calib: file("calib.json"),
+        frames: recording.stored_frames().len(),
+    }
+}
+
+impl SimulatedFiles {
+    /// Those that are there already, but were not made by this program, or were changed since.
+    #[must_use]
+    pub fn foreign(&self) -> Vec<PathBuf> {
+        let all = [&self.video, &self.truth, &self.calib].map(Clone::clone);
+        made_by::foreign(&self.truth, &all)
+    }
+}
+
+fn coding(recording: &SimulatedRecording) -> Coding {
+    match recording.lossy_crf() {
+        Some(crf) => Coding::H264 {
+            crf,
+            gop: KEY_FRAMES,
+            b_frames: B_FRAMES,
+        },
+        None if recording.scene().look.is_coloured() => Coding::LosslessColour,
+        None => Coding::Lossless,
+    }
+}
+
 /// Renders `recording` into `<stem>.mp4` (`.mkv` when lossless), `<stem>.truth.json` and `<stem>.calib.json` in
 /// `out_dir`, which is made if need be. `on_frame` hears the number of frames done after each.
 ///
@@ -63,75 +101,70 @@ pub fn write(
         path: out_dir.to_owned(),
         source,
     })?;
-    let (coding, extension) = match recording.lossy_crf() {
-        Some(crf) => (
-            Coding::H264 {
-                crf,
-                gop: KEY_FRAMES,
-                b_frames: B_FRAMES,
-            },
-            "mp4",
-        ),
-        None => (Coding::Lossless, "mkv"),
-    };
-    let file = |ending: &str| out_dir.join(format!("{stem}.{ending}"));
-    let written = SimulatedFiles {
-        video: file(extension),
-        truth: file("truth.json"),
-        calib: file("calib.json"),
-        frames: recording.stored_frames().len(),
-    };
+    let written = files_of(recording, stem, out_dir);
     let camera = &recording.scene().camera;
     let clock = recording.clock.as_ref();
     let rate_hz = clock.map_or(camera.frame_rate_hz, |c| c.stamped_hz(camera.frame_rate_hz));
     let is_cut = clock.is_some_and(|c| c.stamp_step_s.is_some());
-    let mut options = VideoOptions::new(rate_hz, coding);
+    let mut options = VideoOptions::new(rate_hz, coding(recording));
     if is_cut {
         options.timing = Timing::Stamped;
     }
+    if recording.scene().look.is_coloured() {
+        options.chroma_siting = Some(camera.chroma_siting);
+    }
     let mut video = VideoWriter::create_with(&written.video, camera.width_px, camera.height_px, &options)?;
-    let mut shown: Option<(usize, Luma)> = None;
+    let mut shown: Option<(usize, SimulatedPicture)> = None;
     for (stored, done) in recording.stored_frames().into_iter().zip(1..) {
         // Repeats are the same picture, made once.
         let frame = match shown.take() {
             Some((shows, frame)) if shows == stored.shows => frame,
-            _ => recording.frame(stored.shows),
+            _ => SimulatedPicture::of(recording, stored.shows),
         };
-        if is_cut {
-            video.write_at(&frame, stored.stamp_s)?;
-        } else {
-            video.write(&frame)?;
+        match (&frame, is_cut) {
+            (SimulatedPicture::Grey(luma), true) => video.write_at(luma, stored.stamp_s)?,
+            (SimulatedPicture::Grey(luma), false) => video.write(luma)?,
+            (SimulatedPicture::Coloured(yuv), true) => video.write_yuv_at(yuv, stored.stamp_s)?,
+            (SimulatedPicture::Coloured(yuv), false) => video.write_yuv(yuv)?,
         }
         shown = Some((stored.shows, frame));
         on_frame(done);
     }
-    write_json(&written.truth, &recording.truth())?;
-    write_json(&written.calib, &calibration(recording))?;
     video.finish()?;
+    let unwritten = |path: &Path, source: std::io::Error| SimulationWriteError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let digest = digest::of_file(&written.video).map_err(|e| unwritten(&written.video, e))?;
+    let name = written.video.file_name().unwrap_or_default().to_string_lossy();
+    let truth = serde_json::to_value(recording.truth()).map_err(|e| unwritten(&written.truth, e.into()))?;
+    let truth = made_by::signed(truth, &[(name.into_owned(), digest)]);
+    write_json(&written.truth, &truth).map_err(|e| unwritten(&written.truth, e))?;
+    let calib = made_by::signed(calibration(recording), &[]);
+    write_json(&written.calib, &calib).map_err(|e| unwritten(&written.calib, e))?;
     Ok(written)
 }
 
-fn write_json(path: &Path, content: &impl serde::Serialize) -> Result<(), SimulationWriteError> {
-    let attempt = || -> std::io::Result<()> {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        let mut temporary = tempfile::Builder::new()
-            .permissions(rw_by_umask())
-            .tempfile_in(folder)?;
-        serde_json::to_writer_pretty(&mut temporary, content)?;
-        temporary.write_all(b"\n")?;
-        temporary.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    attempt().map_err(|source| SimulationWriteError::Io {
-        path: path.to_owned(),
-        source,
-    })
+/// A frame as it is written.
+enum SimulatedPicture {
+    Grey(Luma),
+    Coloured(Yuv420),
 }
 
-/// As for a file made the usual way: the system takes the umask off. (A temporary file is private by default.)
-fn rw_by_umask() -> std::fs::Permissions {
-    use std::os::unix::fs::PermissionsExt;
-    std::fs::Permissions::from_mode(0o666)
+impl SimulatedPicture {
+    fn of(recording: &SimulatedRecording, index: usize) -> Self {
+        recording
+            .colour_frame(index)
+            .map_or_else(|| Self::Grey(recording.frame(index)), Self::Coloured)
+    }
+}
+
+fn write_json(path: &Path, content: &Value) -> std::io::Result<()> {
+    let mut file = temporary::file_beside(path, ".tmp")?;
+    serde_json::to_writer_pretty(&mut file, content)?;
+    file.write_all(b"\n")?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
 }
 
 /// `calib.json` for the recording: what a careful experimenter would know. The time base is the file's own. That the camera is

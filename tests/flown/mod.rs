@@ -266,7 +266,7 @@ fn of_flight(flight: Flight, calibration: &Calibration, metres_per_unit: f64) ->
     let distances = scene.distances(&indexed);
     let gravity_m_s2 = scene.gravity_m_s2();
     let bounces: Vec<Bounce> = indexed.into_iter().map(|(_, b)| b).collect();
-    let readings = reading::read(&bounces);
+    let readings = reading::read(&bounces, None);
     Measured {
         gravity_m_s2,
         distances,

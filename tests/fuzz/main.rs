@@ -298,6 +298,7 @@ fn series_holds(bytes: &[u8]) -> bool {
     let fitted = fit::fit(
         &series,
         &Options {
+            stiffness_ratio: None,
             court_temperature_c: Some(21.0),
         },
     );

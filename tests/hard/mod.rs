@@ -539,7 +539,7 @@ fn named(slip: Option<Regime>) -> Option<&'static str> {
         Some(Regime::Ordinary | Regime::Sliding) => Some("sliding"),
         Some(Regime::Nonsliding) => Some("nonsliding"),
         Some(Regime::Grip) => Some("grip"),
-        None => None,
+        Some(Regime::SlipStickSlip | Regime::StickSlip) | None => None,
     }
 }
 

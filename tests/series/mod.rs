@@ -9,7 +9,7 @@ pub use noise::Noise;
 use track::rebound::fit::{
     self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series,
 };
-use track::rebound::{RigidMotion, SOLID_SPHERE, e_e, grip_slide, mu_e};
+use track::rebound::{RigidMotion, SOLID_SPHERE, compliant, e_e, grip_slide, mu_e};
 
 pub const G: f64 = 9.81;
 
@@ -19,6 +19,7 @@ pub enum Truth {
     MuE(mu_e::Parameters),
     EE(e_e::Parameters),
     GripSlide(grip_slide::Parameters),
+    Compliant(compliant::Parameters),
 }
 
 pub fn mu_e(restitution: f64, friction: f64, static_friction: f64) -> Truth {
@@ -45,12 +46,21 @@ pub fn grip_slide(restitution: f64, e_x: f64, friction: f64) -> Truth {
     })
 }
 
+pub fn compliant(restitution: f64, friction: f64, stiffness_ratio: f64) -> Truth {
+    Truth::Compliant(compliant::Parameters {
+        restitution,
+        friction,
+        stiffness_ratio,
+    })
+}
+
 impl Truth {
     pub fn impact(&self, incoming: &RigidMotion, k: f64) -> RigidMotion {
         match self {
             Self::MuE(p) => mu_e::impact(incoming, p, k).0,
             Self::EE(p) => e_e::impact(incoming, p, k).0,
             Self::GripSlide(p) => grip_slide::impact(incoming, p, k).0,
+            Self::Compliant(p) => compliant::impact(incoming, p, k).0,
         }
     }
 }

@@ -131,6 +131,14 @@ impl LensFit {
         self.joint.get(index)
     }
 
+    /// The standard uncertainty of a corner's own that makes it scatter `times` as much as its noise `std_px` and what all corners share
+    /// would let it, px.
+    pub fn scattered_std_px(&self, std_px: f64, times: f64) -> f64 {
+        (times * times * (self.common_px2 + std_px * std_px) - self.common_px2)
+            .max(0.0)
+            .sqrt()
+    }
+
     /// Residuals of a view's corners: px, and over the expected deviation of such a distance.
     pub fn residuals(&self, index: usize, view: &[CornerObservation]) -> Vec<(f64, f64)> {
         view.iter()

@@ -1,4 +1,8 @@
-//! Which views and corners serve: fit, set aside what does not belong, fit again.
+//! Which views and corners serve, and for how much: fit, weigh, set aside what does not belong, fit again.
+//!
+//! How far the corners of a sound picture miss is not the same for all (a board farther away, turned further, less light): one that
+//! misses by several times the middle one's is weighed by its own scatter, which costs nothing of what it tells. Only where that would
+//! leave it next to no weight it is no picture of the same flat board, and is set aside with its reason.
 
 use super::error::BoardError;
 use super::lens_fit::{self, LensFit};
@@ -8,8 +12,10 @@ use crate::numeric::robust::median;
 
 /// Fewer views than this do not fix a lens.
 const LEAST_VIEWS: usize = 3;
-/// A view that misses by this many times the middle one's is no view of the same flat board.
-const OUTLYING: f64 = 3.0;
+/// A view that misses by this many times the middle one's is weighed by its own scatter.
+const UNEVEN: f64 = 3.0;
+/// One that misses by this many times the middle one's would count for a hundredth of it: it is no view of the same flat board.
+const OUTLYING: f64 = 10.0;
 /// A corner that misses by this many times all corners' is a speck of dust or a reflection: 5 standard deviations of a
 /// coordinate, over √2.
 const STRAY: f64 = 3.5;
@@ -24,8 +30,9 @@ pub(super) fn fit_without_outliers(
 ) -> Result<LensFit, BoardError> {
     for _ in 0..ROUNDS {
         let fit = fit_of(views, used, size)?;
-        let clean = !drop_strays(views, used, &fit) & !drop_views(views, used, &fit);
-        if clean {
+        let changed = drop_strays(views, used, &fit)
+            | (drop_views(views, used, &fit) || weigh_views(views, used, &fit));
+        if !changed {
             return Ok(fit);
         }
     }
@@ -69,6 +76,21 @@ fn drop_views(views: &mut BoardViews, used: &mut Vec<usize>, fit: &LensFit) -> b
         }
         None => false,
     }
+}
+
+/// Gives the corners of uneven views the scatter that they have; whether there were any.
+fn weigh_views(views: &mut BoardViews, used: &[usize], fit: &LensFit) -> bool {
+    let middle = median(&mut fit.view_reduced_chi.clone()).unwrap_or(f64::NAN);
+    let mut any = false;
+    for (&i, &reduced) in used.iter().zip(&fit.view_reduced_chi) {
+        if reduced > UNEVEN * middle {
+            for seen in &mut views.views[i].seen {
+                seen.std_px = fit.scattered_std_px(seen.std_px, reduced);
+            }
+            any = true;
+        }
+    }
+    any
 }
 
 /// One fit of the views `used`.

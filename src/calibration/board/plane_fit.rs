@@ -50,7 +50,8 @@ pub struct MotionPlane {
     pub tilt_rad: f64,
     /// Angle between the board's upright edge and `up_px` in the picture, rad; clockwise positive.
     pub lean_rad: f64,
-    /// From the camera to the nearest point of the plane's foot, m: along the board's normal.
+    /// From the camera along its optical axis to the plane, m: what [`Calibration::distance_m`](crate::calibration::Calibration::distance_m)
+    /// is.
     pub distance_m: f64,
     /// How lens and homography may be off together.
     pub deviations: Vec<Deviation>,
@@ -120,7 +121,8 @@ impl MotionPlane {
             homography,
             tilt_rad: pose.tilt_rad(),
             lean_rad,
-            distance_m: normal.dot(&pose.shift_m).abs(),
+            // Along the board's normal it is n · t; the axis meets the plane 1/n_z further on.
+            distance_m: (normal.dot(&pose.shift_m) / normal.z).abs(),
             deviations,
         })
     }

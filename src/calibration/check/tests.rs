@@ -19,6 +19,8 @@ fn recording() -> SourceInfo {
         time_resolution_s: None,
         row_order: crate::frames::RowOrder::Down,
         pixel_aspect: 1.0,
+        chroma_grid: None,
+        luma_shares: (0.299, 0.114),
     }
 }
 

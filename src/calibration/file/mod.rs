@@ -1,6 +1,7 @@
 //! The keys of `calib.json`, one by one.
 
 mod lens;
+mod material;
 mod schema;
 mod write;
 
@@ -11,12 +12,14 @@ use super::experiment::ROLLING;
 use super::rectification::{HINT_UP, Rectification};
 use super::{Ball, Calibration, Floor, FloorLine, Launch, SCHEMA, Scale, View};
 use crate::config::{
-    Document, FINITE, FileError, FileKind, FileProblem, NumberRange, POSITIVE, Section, array, read_bytes,
-    text,
+    Document, FINITE, FileError, FileKind, FileProblem, NumberRange, POSITIVE, Section, array, made_by,
+    read_bytes, text,
 };
 use crate::geometry::PixelPoint;
 use lens::{LENS_KEYS, deviations, lens, lens_std};
+use material::material;
 use serde_json::Value;
+use std::f64::consts::PI;
 use std::path::Path;
 
 /// A calibration, for messages about a file.
@@ -31,7 +34,7 @@ const LARGEST_FILE_BYTES: u64 = 1_000_000;
 /// Larger than any camera's picture.
 const LARGEST_SIDE_PX: u64 = 100_000;
 
-const TOP_KEYS: [&str; 19] = [
+const TOP_KEYS: [&str; 20] = [
     "schema",
     "view",
     "image_size_px",
@@ -51,11 +54,27 @@ const TOP_KEYS: [&str; 19] = [
     "ball",
     "launch",
     "floor",
+    made_by::KEY,
 ];
 const CAMERA_KEYS: [&str; 1] = ["readout_s"];
-const BALL_KEYS: [&str; 4] = ["radius_m", "radius_std_m", "mass_kg", "inertia_factor"];
+const BALL_KEYS: [&str; 7] = [
+    "radius_m",
+    "radius_std_m",
+    "mass_kg",
+    "inertia_factor",
+    "density_kg_m3",
+    "youngs_modulus_pa",
+    "poisson_ratio",
+];
 const LAUNCH_KEYS: [&str; 3] = ["edge_x_m", "spin_ratio", "track_width_m"];
-const FLOOR_KEYS: [&str; 4] = ["slope_deg", "std_deg", "line_px", "line_std_px"];
+const FLOOR_KEYS: [&str; 6] = [
+    "slope_deg",
+    "std_deg",
+    "line_px",
+    "line_std_px",
+    "youngs_modulus_pa",
+    "poisson_ratio",
+];
 
 /// Where a key that stands in the wrong place belongs, or what it is called here.
 pub(super) fn home_of(name: &str) -> Option<String> {
@@ -335,6 +354,11 @@ fn ball(top: &Section<'_>, scale: Option<&Scale>) -> Ball {
         if let Some(factor) = section.number("inertia_factor", INERTIA) {
             ball.inertia_factor = factor.min(2.0 / 3.0);
         }
+        ball.material = material(section);
+        let density = section.number("density_kg_m3", POSITIVE.or_try("give kg/m³, or leave it out"));
+        if let (None, Some(density), Some(radius_m)) = (ball.mass_kg, density, ball.radius_m) {
+            ball.mass_kg = Some(density * 4.0 / 3.0 * PI * radius_m.powi(3));
+        }
     }
     let given = section.is_some_and(|s| s.get("radius_m").is_some());
     if scale.is_some_and(Scale::rests_on_ball) && !given {
@@ -472,6 +496,7 @@ fn floor(top: &Section<'_>) -> Floor {
         std_rad: std_deg.map_or(default.std_rad, f64::to_radians),
         given: slope_deg.is_some() || std_deg.is_some(),
         line: floor_line(&section),
+        material: material(&section),
     }
 }
 

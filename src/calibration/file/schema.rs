@@ -1,5 +1,6 @@
 //! The keys of `calib.json` as types, for its JSON Schema (see [`crate::config::schema`]).
 
+use crate::config::made_by::MadeBy;
 use crate::config::schema::{Positive, True};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 
@@ -47,6 +48,8 @@ pub struct CalibrationKeys {
     pub launch: Option<LaunchKeys>,
     /// The floor.
     pub floor: Option<FloorKeys>,
+    /// That the program wrote the file: it may then replace it. Not read.
+    pub made_by: Option<MadeBy>,
 }
 
 /// One of: metres_per_pixel; from_px, to_px and length_m; ball; gravity; world_from_pixel.
@@ -126,6 +129,13 @@ pub struct BallKeys {
     /// I / (m R²): 0.4 for a solid ball, 2/3 for a thin shell.
     #[schemars(extend("maximum" = 0.667))]
     pub inertia_factor: Option<Positive>,
+    /// Mass over volume, where the mass is not given, kg/m³.
+    pub density_kg_m3: Option<Positive>,
+    /// Young's modulus, Pa; only with `poisson_ratio`.
+    pub youngs_modulus_pa: Option<Positive>,
+    /// Poisson's ratio; only with `youngs_modulus_pa`.
+    #[schemars(range(min = -0.9, max = 0.5))]
+    pub poisson_ratio: Option<f64>,
 }
 
 /// The launch.
@@ -154,6 +164,11 @@ pub struct FloorKeys {
     pub line_px: Option<[[f64; 2]; 2]>,
     /// Standard uncertainty of each of them across the line.
     pub line_std_px: Option<Positive>,
+    /// Young's modulus, Pa; only with `poisson_ratio`.
+    pub youngs_modulus_pa: Option<Positive>,
+    /// Poisson's ratio; only with `youngs_modulus_pa`.
+    #[schemars(range(min = -0.9, max = 0.5))]
+    pub poisson_ratio: Option<f64>,
 }
 
 fn spin_ratio(_: &mut SchemaGenerator) -> Schema {

@@ -3,6 +3,7 @@
 use crate::calibration::experiment::ROLLING;
 use crate::calibration::json::{object, point, rows};
 use crate::calibration::{Calibration, Deviation, SCHEMA, View};
+use crate::rebound::compliant::stiffness::Material;
 use serde_json::{Value, json};
 
 /// The keys in the order of the contract; what is not known is left out, but for the nulls that mean something.
@@ -23,11 +24,15 @@ pub(super) fn to_json(c: &Calibration) -> Value {
             ("distortion_std", given(&c.lens_std[4..])),
         ])
     });
+    let modulus = |of: Option<Material>| of.map(|m| m.youngs_modulus_pa.into());
+    let poisson = |of: Option<Material>| of.map(|m| m.poisson_ratio.into());
     let ball = object([
         ("radius_m", c.ball.radius_m.map(Value::from)),
         ("radius_std_m", c.ball.radius_std_m.map(Value::from)),
         ("mass_kg", c.ball.mass_kg.map(Value::from)),
         ("inertia_factor", Some(c.ball.inertia_factor.into())),
+        ("youngs_modulus_pa", modulus(c.ball.material)),
+        ("poisson_ratio", poisson(c.ball.material)),
     ]);
     let launch = object([
         (
@@ -56,8 +61,10 @@ pub(super) fn to_json(c: &Calibration) -> Value {
             floor.line.map(|line| json!([point(line.from), point(line.to)])),
         ),
         ("line_std_px", floor.line.map(|line| line.std_px.into())),
+        ("youngs_modulus_pa", modulus(floor.material)),
+        ("poisson_ratio", poisson(floor.material)),
     ]);
-    let says_floor = c.floor.given || c.floor.line.is_some();
+    let says_floor = c.floor.given || c.floor.line.is_some() || c.floor.material.is_some();
     object([
         ("schema", Some(SCHEMA.into())),
         ("view", Some(view.into())),

@@ -1,11 +1,12 @@
 //! `track calibrate board IMAGE... --pattern 9x6 --square-m 0.025 [--plane IMAGE] [--out CALIB]`.
 
-use super::{CalibrationWay, KnownArgs, MadeCalibration, StillFrame, direction, pixel, positive, say};
+use super::{CalibrationWay, KnownArgs, MadeCalibration, StillFrame, direction, pixel, positive};
 use crate::calibration::board::{
     BoardLens, BoardSearch, BoardView, BoardViews, Corners, MotionPlane, Pattern, PlaneMarks, ViewUse,
     plane_with_lens,
 };
 use crate::calibration::{Calibration, Rectification};
+use crate::cli::messages::{detail, progress_bar, say};
 use crate::frames;
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::report::board::{BoardReport, table, warnings};
@@ -14,7 +15,6 @@ use crate::report::documents::board::BoardDocument;
 use crate::report::marked_frame::{MarkColour, MarkShape, marks_png};
 use anyhow::{Context, bail};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -62,6 +62,9 @@ pub(super) struct BoardArgs {
     /// Write the calibration here, and beside it the marked picture of the plane.
     #[arg(long, value_name = "CALIB")]
     out: Option<PathBuf>,
+    /// Replace a calibration there that this program did not make, or that was changed since.
+    #[arg(long)]
+    force: bool,
     /// Print everything as one JSON document.
     #[arg(long)]
     json: bool,
@@ -82,6 +85,10 @@ impl CalibrationWay for BoardArgs {
 
     fn json(&self) -> bool {
         self.json
+    }
+
+    fn force(&self) -> bool {
+        self.force
     }
 
     fn make(&self) -> anyhow::Result<MadeCalibration> {
@@ -212,15 +219,17 @@ const FRAMES: usize = 40;
 /// Looks for the board in every picture, several at a time; that of the plane has its own turn.
 fn look_at_all(args: &BoardArgs, pattern: &Pattern, views: &mut BoardViews) -> anyhow::Result<()> {
     let sources = sources(&args.images, args.plane.as_deref())?;
-    let bar = ProgressBar::new(sources.len() as u64).with_style(ProgressStyle::with_template(
+    let bar = progress_bar(
+        Some(sources.len() as u64),
         "looking for the board {wide_bar} {pos}/{len}",
-    )?);
+    );
     let next = AtomicUsize::new(0);
     let work = || {
         let mut done = Vec::new();
         while let Some(path) = sources.get(next.fetch_add(1, Ordering::Relaxed)) {
             done.push((path, look_at(path, pattern)));
             bar.inc(1);
+            bar.suspend(|| detail(|| format!("looked at {}", path.display())));
         }
         done
     };

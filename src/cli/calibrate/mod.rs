@@ -9,10 +9,11 @@ mod ruler;
 mod show;
 mod tracker;
 
-use super::{Status, answer, say};
+use super::{Status, answer, note, refuse_foreign, say};
 use crate::calibration::check::findings as check_findings;
 use crate::calibration::{Calibration, Scale, Severity, View};
-use crate::frames::{self, Luma, SourceInfo};
+use crate::config::made_by;
+use crate::frames::{self, Luma, SourceInfo, digest};
 use crate::geometry::PixelPoint;
 use crate::report::{documents, write};
 use anyhow::{Context, bail};
@@ -62,6 +63,9 @@ trait CalibrationWay {
     /// Whether JSON is wanted in place of the table.
     fn json(&self) -> bool;
 
+    /// Whether files of other origin may be replaced.
+    fn force(&self) -> bool;
+
     /// Makes the calibration.
     fn make(&self) -> anyhow::Result<MadeCalibration>;
 }
@@ -84,6 +88,9 @@ struct MadeCalibration {
 /// Makes a calibration, and shows or writes it.
 fn calibrate_by(way: &impl CalibrationWay) -> anyhow::Result<Status> {
     let _folders = way.out().map(check_folder).transpose()?;
+    if let (Some(out), false) = (way.out(), way.force()) {
+        refuse_foreign(&made_by::foreign(out, &[beside(out, MARKS), out.to_owned()]))?;
+    }
     let made = way.make()?;
     if !way.json() {
         for warning in &made.warnings {
@@ -102,7 +109,9 @@ fn calibrate_by(way: &impl CalibrationWay) -> anyhow::Result<Status> {
     } else if way.out().is_some() {
         answer(&made.table)?;
     } else {
-        say(made.table.trim_end());
+        for line in made.table.trim_end().lines() {
+            say(line);
+        }
         answer(&documents::calib_text(&made.calibration.to_json())?)?;
     }
     Ok(Status::Done)
@@ -227,6 +236,13 @@ fn facts(path: &Path) -> anyhow::Result<SourceInfo> {
     Ok(frames::open(path)?.info().clone())
 }
 
+/// What the picture of the marks ends in.
+const MARKS: &str = "marks.png";
+
+fn file_name(path: &Path) -> Option<String> {
+    Some(path.file_name()?.to_string_lossy().into_owned())
+}
+
 /// `<name>.calib.json` (or `<name>.json`, or anything) with another ending.
 fn beside(calib: &Path, ending: &str) -> PathBuf {
     let name = calib
@@ -257,9 +273,12 @@ fn check_folder(path: &Path) -> anyhow::Result<write::NewFolders> {
 
 /// Writes the calibration and a picture of its marks, both or none, and says so.
 fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) -> anyhow::Result<()> {
-    let text =
-        documents::calib_text(&calibration.to_json()).context("the calibration could not be put together")?;
-    let picture = beside(out, "marks.png");
+    let picture = beside(out, MARKS);
+    let named = marks
+        .as_ref()
+        .and_then(|bytes| Some((file_name(&picture)?, digest::of_bytes(bytes))));
+    let signed = made_by::signed(calibration.to_json(), named.as_slice());
+    let text = documents::calib_text(&signed).context("the calibration could not be put together")?;
     let mut files: Vec<(&Path, &[u8])> = Vec::new();
     if let Some(marks) = &marks {
         files.push((&picture, marks));
@@ -267,7 +286,7 @@ fn write_files(out: &Path, calibration: &Calibration, marks: Option<Vec<u8>>) ->
     files.push((out, text.as_bytes()));
     write::write_together(&files)?;
     for (path, _) in files {
-        say(&format!("wrote {}", path.display()));
+        note(&format!("wrote {}", path.display()));
     }
     Ok(())
 }

@@ -76,6 +76,9 @@ pub(super) struct RulerArgs {
     /// Write the calibration here, and beside it the frame with the marks drawn in.
     #[arg(long, value_name = "CALIB")]
     out: Option<PathBuf>,
+    /// Replace files there that this program did not make, or that were changed since.
+    #[arg(long)]
+    force: bool,
     /// Print the calibration as JSON in place of the table.
     #[arg(long)]
     json: bool,
@@ -97,6 +100,10 @@ impl CalibrationWay for RulerArgs {
 
     fn json(&self) -> bool {
         self.json
+    }
+
+    fn force(&self) -> bool {
+        self.force
     }
 
     fn make(&self) -> anyhow::Result<MadeCalibration> {

@@ -1,10 +1,12 @@
 //! `track calibrate show CALIB VIDEO [--out PAGE]`.
 
-use super::{Status, answer, beside, check_folder};
+use super::{Status, answer, beside, check_folder, note, refuse_foreign};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::config::FileError;
-use crate::frames;
-use crate::report::calibrate_page::{PageFrame, PageNames, calibrate_html};
+use crate::config::made_by;
+use crate::frames::stills::stills;
+use crate::report::calibrate_page::{PageFrame, PageNames, calibrate_html, photograph};
+use crate::report::escape::on_one_line;
 use crate::report::write;
 use anyhow::{Context, bail};
 use clap::Args;
@@ -21,10 +23,13 @@ pub(super) struct ShowArgs {
     /// Where the page goes; by default beside the calibration, as <name>.show.html.
     #[arg(long, value_name = "PAGE")]
     out: Option<PathBuf>,
+    /// Frames to choose from on the page, evenly spread (all of a recording that has no more).
+    #[arg(long, value_name = "N", default_value = "120", value_parser = clap::value_parser!(u64).range(1..=2000))]
+    frames: u64,
+    /// Replace a page there that this program did not make.
+    #[arg(long)]
+    force: bool,
 }
-
-/// Frames to choose from on the page.
-const FRAMES: usize = 7;
 
 pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
     let out = args
@@ -32,20 +37,25 @@ pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
         .clone()
         .unwrap_or_else(|| beside(&args.calib, "show.html"));
     let _folders = check_folder(&out)?;
+    if !args.force {
+        refuse_foreign(&made_by::foreign(&out, std::slice::from_ref(&out)))?;
+    }
     let calib = content(&args.calib)?;
     let facts = super::facts(&args.video)?;
-    let shown: Vec<PageFrame> = frames::open_sparse(&args.video, FRAMES)?
-        .iter()
-        .map(|frame| PageFrame {
+    // At most 2000, by the option.
+    let count = args.frames as usize;
+    let shown: Vec<PageFrame> = stills(&args.video, count, |picture| photograph(picture, count))?
+        .into_iter()
+        .map(|still| PageFrame {
             name: if facts.has_time_base {
-                format!("at {:.2} s", frame.time_s)
+                format!("{}, at {:.3} s", still.index, still.time_s)
             } else {
-                format!("picture {}", frame.index)
+                still.index.to_string()
             },
-            luma: facts.luma_range.stretched(&frame.luma),
+            photograph: still.picture,
         })
         .collect();
-    let size = shown.first().map(|f| (f.luma.width, f.luma.height));
+    let size = shown.first().map(|f| f.photograph.size_px);
     check_size(calib.as_ref().map(|(_, c)| c), size, args)?;
     let name = |path: &Path| {
         path.file_name()
@@ -59,8 +69,8 @@ pub(super) fn run(args: &ShowArgs) -> anyhow::Result<Status> {
     let page = calibrate_html(names, calib.as_ref(), &shown)
         .with_context(|| format!("{}: the page could not be made", args.video.display()))?;
     write::write_together(&[(&out, page.as_bytes())])?;
-    answer(&format!("{}\n", out.display()))?;
-    super::say(
+    answer(&format!("{}\n", on_one_line(&out.display().to_string())))?;
+    note(
         "open that page in a browser, drag the marks, and save them; the page shows the command that makes the calibration",
     );
     Ok(Status::Done)

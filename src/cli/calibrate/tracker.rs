@@ -2,7 +2,7 @@
 
 use super::{CalibrationWay, KnownArgs, MadeCalibration};
 use crate::calibration::{Calibration, MetresPerPixel, Scale};
-use crate::cli::say;
+use crate::cli::{note, refuse_foreign};
 use crate::points::tracker::{self, TrackerFile};
 use crate::report::write;
 use anyhow::bail;
@@ -23,6 +23,9 @@ pub(super) struct TrackerArgs {
     /// Write the point masses here, a table that track points reads.
     #[arg(long, value_name = "CSV")]
     points: Option<PathBuf>,
+    /// Replace files there that this program did not make, or that were changed since.
+    #[arg(long)]
+    force: bool,
     /// Print the calibration as JSON in place of the table.
     #[arg(long)]
     json: bool,
@@ -43,6 +46,10 @@ impl CalibrationWay for TrackerArgs {
         self.json
     }
 
+    fn force(&self) -> bool {
+        self.force
+    }
+
     fn make(&self) -> anyhow::Result<MadeCalibration> {
         let file = tracker::read(&self.file)?;
         let (calibration, warnings) = self.calibration(&file)?;
@@ -53,8 +60,14 @@ impl CalibrationWay for TrackerArgs {
                     self.file.display()
                 );
             }
-            write::write_together(&[(path.as_path(), file.table().as_bytes())])?;
-            say(&format!("wrote {}", path.display()));
+            let table = file.table();
+            // A table says nothing of who made it: it is ours where it is the same.
+            let same = std::fs::read(path).is_ok_and(|there| there == table.as_bytes());
+            if !self.force && !same && path.exists() {
+                refuse_foreign(std::slice::from_ref(path))?;
+            }
+            write::write_together(&[(path.as_path(), table.as_bytes())])?;
+            note(&format!("wrote {}", path.display()));
         }
         Ok(MadeCalibration {
             table: table(&file, &calibration),

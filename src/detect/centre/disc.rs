@@ -46,6 +46,24 @@ pub struct Centre {
 }
 
 impl Centre {
+    /// One that was not fitted but told, to `std_px` in each coordinate, of a ball at rest.
+    #[must_use]
+    pub fn told(centre: PixelPoint, std_px: f64, radius_px: f64, contrast_grey: f64) -> Self {
+        let variance = std_px * std_px;
+        Self {
+            disc: Disc {
+                centre,
+                radius_px,
+                swept_px: [0.0; 2],
+                bent_px: [0.0; 2],
+            },
+            covariance_px2: [[variance, 0.0], [0.0, variance]],
+            outline_used: 1.0,
+            residual_grey: 0.0,
+            contrast_grey,
+        }
+    }
+
     /// Root mean square of the two coordinates' standard uncertainties, px.
     #[must_use]
     pub fn std_px(&self) -> f64 {

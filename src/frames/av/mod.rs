@@ -273,6 +273,17 @@ pub(super) struct ComponentLayout {
     pub big_endian: bool,
 }
 
+/// How the three components of a colour picture lie in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ColourLayout {
+    /// Luma, blue-yellow, red-cyan; or red, green, blue.
+    pub components: [ComponentLayout; 3],
+    /// Whether they are red, green and blue.
+    pub is_rgb: bool,
+    /// Binary logarithms of the columns and rows of pixels that share a sample of chroma.
+    pub chroma_shift: (u32, u32),
+}
+
 /// What kind of picture a pixel format holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PictureKind {
@@ -287,6 +298,8 @@ pub(super) struct Picture(*mut ffi::AVFrame);
 
 // SAFETY: a frame is plain data with one owner; its buffers are reference-counted atomically.
 unsafe impl Send for Picture {}
+// SAFETY: through a shared reference a frame is only read; whatever changes it takes `&mut self`.
+unsafe impl Sync for Picture {}
 
 impl Picture {
     pub(super) fn new() -> Result<Self, AvError> {
@@ -447,6 +460,86 @@ impl Picture {
             ffi::AVColorRange::AVCOL_RANGE_JPEG => true,
             ffi::AVColorRange::AVCOL_RANGE_MPEG => false,
             _ => grey || self.format_name().starts_with("yuvj"),
+        }
+    }
+
+    /// Where the three components of a colour picture are; `None` for a grey one, and for palettes and the like.
+    pub(super) fn colour(&self) -> Option<ColourLayout> {
+        let d = self.descriptor()?;
+        let refused = [
+            ffi::AV_PIX_FMT_FLAG_PAL,
+            ffi::AV_PIX_FMT_FLAG_BITSTREAM,
+            ffi::AV_PIX_FMT_FLAG_HWACCEL,
+            ffi::AV_PIX_FMT_FLAG_BAYER,
+            ffi::AV_PIX_FMT_FLAG_FLOAT,
+        ];
+        if d.nb_components < 3
+            || refused.iter().any(|&bit| d.flags & flag(bit) != 0)
+            || self.format_name().starts_with("xyz")
+        {
+            return None;
+        }
+        let big_endian = d.flags & flag(ffi::AV_PIX_FMT_FLAG_BE) != 0;
+        let layout = |i: usize| {
+            let c = d.comp[i];
+            let layout = ComponentLayout {
+                plane: usize::try_from(c.plane).ok()?,
+                step: usize::try_from(c.step).ok()?,
+                offset: usize::try_from(c.offset).ok()?,
+                shift: u32::try_from(c.shift).ok()?,
+                depth: u32::try_from(c.depth).ok()?,
+                big_endian,
+            };
+            let plain = layout.step >= 1
+                && (8..=16).contains(&layout.depth)
+                && (layout.depth > 8 || layout.shift == 0);
+            plain.then_some(layout)
+        };
+        Some(ColourLayout {
+            components: [layout(0)?, layout(1)?, layout(2)?],
+            is_rgb: d.flags & flag(ffi::AV_PIX_FMT_FLAG_RGB) != 0,
+            chroma_shift: (u32::from(d.log2_chroma_w), u32::from(d.log2_chroma_h)),
+        })
+    }
+
+    /// Where the first sample of chroma lies among the pixels that share it, as parts of the way from the first to the last of
+    /// them, along columns and rows; `None` where the stream does not say.
+    pub(super) fn chroma_place(&self) -> Option<(f64, f64)> {
+        // SAFETY: owned and not null.
+        match unsafe { (*self.0).chroma_location } {
+            ffi::AVChromaLocation::AVCHROMA_LOC_LEFT => Some((0.0, 0.5)),
+            ffi::AVChromaLocation::AVCHROMA_LOC_CENTER => Some((0.5, 0.5)),
+            ffi::AVChromaLocation::AVCHROMA_LOC_TOPLEFT => Some((0.0, 0.0)),
+            ffi::AVChromaLocation::AVCHROMA_LOC_TOP => Some((0.5, 0.0)),
+            ffi::AVChromaLocation::AVCHROMA_LOC_BOTTOMLEFT => Some((0.0, 1.0)),
+            ffi::AVChromaLocation::AVCHROMA_LOC_BOTTOM => Some((0.5, 1.0)),
+            _ => None,
+        }
+    }
+
+    /// The shares of red and blue in luma; those of BT.709 for a large picture that does not say, of BT.601 for a small one.
+    pub(super) fn luma_shares(&self) -> (f64, f64) {
+        const BT601: (f64, f64) = (0.299, 0.114);
+        const BT709: (f64, f64) = (0.2126, 0.0722);
+        // SAFETY: owned and not null.
+        match unsafe { (*self.0).colorspace } {
+            ffi::AVColorSpace::AVCOL_SPC_BT709 => BT709,
+            ffi::AVColorSpace::AVCOL_SPC_BT2020_NCL | ffi::AVColorSpace::AVCOL_SPC_BT2020_CL => {
+                (0.2627, 0.0593)
+            }
+            ffi::AVColorSpace::AVCOL_SPC_UNSPECIFIED if self.height() >= 720 => BT709,
+            _ => BT601,
+        }
+    }
+
+    /// The same picture once more: its pixels are shared, not copied.
+    pub(super) fn share(&self) -> Result<Self, AvError> {
+        // SAFETY: owned and not null; gives a frame of its own, or null, which is checked.
+        let frame = unsafe { ffi::av_frame_clone(self.0) };
+        if frame.is_null() {
+            Err(AvError::out_of_memory())
+        } else {
+            Ok(Self(frame))
         }
     }
 

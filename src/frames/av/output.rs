@@ -1,6 +1,7 @@
 //! Coding and muxing into a file that Rust opened, so that a full disk is Rust's own error.
 
 use super::{AvError, DictionaryOptions, Packet, Picture, PixelFormat, Rational, check, ffi};
+use crate::frames::encode::ChromaSiting;
 use std::ffi::{CString, c_int, c_void};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -15,6 +16,7 @@ pub(in crate::frames) struct EncoderSettings<'a> {
     pub width: usize,
     pub height: usize,
     pub format: PixelFormat,
+    pub chroma_siting: Option<ChromaSiting>,
     /// Unit of the stamps.
     pub time_base: Rational,
     /// Frames a second, for rate control.
@@ -210,6 +212,15 @@ impl Encoder {
             c.height = c_int::try_from(settings.height).map_err(|_| AvError::invalid())?;
             c.pix_fmt = settings.format.raw();
             c.color_range = ffi::AVColorRange::AVCOL_RANGE_JPEG;
+            match settings.chroma_siting {
+                Some(ChromaSiting::Left) => {
+                    c.chroma_sample_location = ffi::AVChromaLocation::AVCHROMA_LOC_LEFT;
+                }
+                Some(ChromaSiting::Centre) => {
+                    c.chroma_sample_location = ffi::AVChromaLocation::AVCHROMA_LOC_CENTER;
+                }
+                None => {}
+            }
             c.sample_aspect_ratio = ffi::AVRational { num: 1, den: 1 };
             c.time_base = settings.time_base.raw();
             c.framerate = settings.rate.raw();

@@ -1,6 +1,7 @@
 //! What is odd about the file.
 
 use super::warning;
+use crate::detect::colour::ColourChoice;
 use crate::frames::StreamHealth;
 use crate::pipeline::measurement::Warning;
 
@@ -51,4 +52,24 @@ pub fn of_file(health: &StreamHealth) -> Vec<Warning> {
         ));
     }
     out
+}
+
+/// That the ball is seen by its colour, and what that costs.
+pub fn by_colour(choice: &ColourChoice) -> Warning {
+    let [luma, u, v] = choice.difference;
+    let (mix, std_px) = (&choice.mix, choice.place_std_px.0.max(choice.place_std_px.1));
+    let places = if std_px > 0.0 {
+        format!(
+            " Where the file's chroma lies is known to {std_px:.2} px, which x_0 and points along the picture have in their uncertainty."
+        )
+    } else {
+        String::new()
+    };
+    warning!(
+        "measured_by_colour",
+        "the ball has nearly the brightness of what is behind it (it differs by {luma:.0} in luma, {u:.0} and {v:.0} in chroma U and V), so it is measured on {:.2} Y {:+.2} U {:+.2} V. Chroma is stored more coarsely than luma: centres are less sure than those of a ball that is lighter or darker than what is behind it.{places}",
+        mix.luma,
+        mix.u,
+        mix.v,
+    )
 }

@@ -53,7 +53,7 @@ pub fn others(others: &[OtherFlight], camera: &CalibratedCamera<'_>) -> Option<W
     (!all.is_empty()).then(|| {
         warning!(
             "several_things_fly",
-            "{} other thing(s) fly while the ball does: {}. Measured is the one with the most evidence of a bouncing ball; no bounce joins two of them. If another is meant, record it alone.",
+            "{} other thing(s) fly while the ball does: {}. Measured is the one with the most evidence of a bouncing ball; no bounce joins two of them. If another is meant, choose it on the page of track review.",
             all.len(),
             all.join("; ")
         )

@@ -35,11 +35,13 @@ pub enum Column {
     Gravity,
     /// k = I / (m R²).
     InertiaFactor,
+    /// κ = G*/E*.
+    StiffnessRatio,
 }
 
 impl Column {
     /// How many there are.
-    pub const COUNT: usize = 14;
+    pub const COUNT: usize = 15;
 
     /// All of them.
     pub const ALL: [Self; Self::COUNT] = [
@@ -57,6 +59,7 @@ impl Column {
         Self::SpinRatio,
         Self::Gravity,
         Self::InertiaFactor,
+        Self::StiffnessRatio,
     ];
 
     /// Its name in a file.
@@ -77,6 +80,7 @@ impl Column {
             Self::SpinRatio => "spin_ratio",
             Self::Gravity => "gravity_m_s2",
             Self::InertiaFactor => "inertia_factor",
+            Self::StiffnessRatio => "stiffness_ratio",
         }
     }
 

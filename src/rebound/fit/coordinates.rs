@@ -6,6 +6,9 @@
 //! | 4 | x_o | x / x_o |
 //! | 5 | θ | R ω_y / u_o |
 //! | 7 | θ | R ω_oy / u_o |
+//!
+//! and, as the field shows compliant contacts, v_x / v_ox and R ω_y / v_o against θ, and the slip after against that before, each over
+//! the normal speed: ψ₂ against ψ₁ once multiplied by κ/μ.
 
 use super::series::{Column, ColumnSet, GRAVITY_M_S2, Row, Weights};
 use crate::rebound::{Contact, RigidMotion};
@@ -40,6 +43,14 @@ pub struct Coordinates {
     pub spin_ratio: Option<Mark>,
     /// R ω_y / u_o, from the impulse balance; angles and distances hold it only with the model's restitution.
     pub spin_after_ratio: Option<Mark>,
+    /// v_x / v_ox, of which the same is true.
+    pub tangential_ratio: Option<Mark>,
+    /// R ω_y / v_o, likewise.
+    pub spin_over_speed: Option<Mark>,
+    /// Slip before over normal speed before.
+    pub slip_before: Option<Mark>,
+    /// Slip after over normal speed before, positive along that before.
+    pub slip_after: Option<Mark>,
 }
 
 /// What a model makes of an incidence.
@@ -51,6 +62,12 @@ pub struct Prediction {
     pub distance_ratio: f64,
     /// R ω_y / u_o.
     pub spin_after_ratio: f64,
+    /// v_x / v_ox.
+    pub tangential_ratio: f64,
+    /// R ω_y / v_o.
+    pub spin_over_speed: f64,
+    /// Slip after over normal speed before, positive along that before.
+    pub slip_after: f64,
 }
 
 /// The numbers of a row that everything else is computed from.
@@ -97,6 +114,14 @@ impl Coordinates {
             distance_ratio: reader.mark(|_, n| Some(get(n, Column::X)? / get(n, Column::X0)?)),
             spin_ratio: reader.mark(FigureReader::spin_ratio),
             spin_after_ratio: reader.mark(FigureReader::spin_after_ratio),
+            tangential_ratio: reader.mark(FigureReader::kept),
+            spin_over_speed: reader
+                .mark(|r, n| Some(r.spin_after_ratio(n)? * r.incident_tangent(n)?.atan().sin())),
+            slip_before: reader.mark(|r, n| Some((r.incident_tangent(n)? * (1.0 - r.spin_ratio(n)?)).abs())),
+            slip_after: reader.mark(|r, n| {
+                let forward = (r.incident_tangent(n)? * (1.0 - r.spin_ratio(n)?)).signum();
+                Some(forward * r.incident_tangent(n)? * (r.kept(n)? - r.spin_after_ratio(n)?))
+            }),
         })
     }
 }
@@ -178,13 +203,17 @@ impl FigureReader<'_> {
         }
     }
 
-    fn spin_after_ratio(&self, n: &RowNumbers) -> Option<f64> {
-        let kept = match self.set {
+    /// v_x / v_ox.
+    fn kept(&self, n: &RowNumbers) -> Option<f64> {
+        Some(match self.set {
             ColumnSet::Velocities => get(n, Column::ReboundVx)? / get(n, Column::IncidentVx)?,
             ColumnSet::Angles => self.restitution * self.rebound_tangent(n)? / self.incident_tangent(n)?,
             ColumnSet::Distances => get(n, Column::X)? / (2.0 * self.restitution * get(n, Column::X0)?),
-        };
-        Some(self.spin_ratio(n)? + (1.0 - kept) / self.row.inertia_factor())
+        })
+    }
+
+    fn spin_after_ratio(&self, n: &RowNumbers) -> Option<f64> {
+        Some(self.spin_ratio(n)? + (1.0 - self.kept(n)?) / self.row.inertia_factor())
     }
 }
 
@@ -199,11 +228,16 @@ impl Contact {
         };
         let (after, _) = self.impact(&incoming, inertia_factor);
         let kept = after.velocity_m_s.x / incident_tangent;
+        let spin_after_ratio = after.surface_spin_m_s.y / incident_tangent;
+        let forward = incoming.slip_m_s().x.signum();
         let prediction = Prediction {
             rebound_tangent: after.velocity_m_s.x / after.velocity_m_s.z,
             // x = v_x · 2 v_z / g, x_o = u_o |v_oz| / g.
             distance_ratio: 2.0 * kept * after.velocity_m_s.z,
-            spin_after_ratio: after.surface_spin_m_s.y / incident_tangent,
+            spin_after_ratio,
+            tangential_ratio: kept,
+            spin_over_speed: spin_after_ratio * incident_tangent.atan().sin(),
+            slip_after: forward * after.slip_m_s().x,
         };
         [
             prediction.rebound_tangent,

@@ -7,11 +7,12 @@ mod sliding;
 
 use super::criteria;
 use super::group_data::GroupData;
-use super::result::{Fitted, ModelFit, RowFit, RowRegime};
-use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Theta};
+use super::result::{Estimate, Fitted, ModelFit, RowFit, RowRegime};
+use super::row_law::{E, E_X, KAPPA, MU, PARAMETERS, RATIO, Theta};
 use super::series::{ColumnSet, Weights};
 use super::transition::LimitInterval;
 use super::variants::{Solution, sliding_throughout};
+use crate::quantity::Quantity;
 use crate::rebound::model::FittedCoefficients;
 use crate::rebound::parameter::{Bounds, SEARCHED};
 use crate::rebound::{Contact, ModelName, Parameter};
@@ -21,6 +22,9 @@ use nalgebra::SMatrix;
 
 /// Standard uncertainties by which a coefficient has to lie beyond what a bounce can have, to be impossible.
 const IMPOSSIBLE: f64 = 3.0;
+
+/// κ from which on nothing is left to give way.
+const STIFFEST: f64 = 25.0;
 
 /// With the intervals by profile, where χ² is no parabola.
 fn estimation<'a>(data: &'a GroupData, solution: &'a Solution) -> ModelEstimation<'a> {
@@ -84,6 +88,7 @@ impl ModelEstimation<'_> {
             Parameter::Friction => self.friction(),
             Parameter::StaticFriction => self.static_friction(limits),
             Parameter::TangentialRestitution => self.tangential_restitution(),
+            Parameter::StiffnessRatio => self.stiffness_ratio(),
             Parameter::SpinRatio => self.shared_ratio(),
         }
     }
@@ -166,6 +171,37 @@ impl ModelEstimation<'_> {
         })
     }
 
+    fn stiffness_ratio(&self) -> Fitted {
+        let given = || self.data.rows.iter().filter_map(|row| row.stiffness_ratio);
+        if !self.data.fitted_stiffness {
+            let (least, most) =
+                given().fold((f64::INFINITY, 0.0), |(l, m): (f64, f64), x| (l.min(x), m.max(x)));
+            return match Quantity::new(least, f64::NAN).filter(|_| least == most) {
+                Some(quantity) => Fitted::Determined(Estimate {
+                    quantity,
+                    interval_95: (None, None),
+                }),
+                None => Fitted::NotDetermined(format!("the rows give it, from {least} to {most}")),
+            };
+        }
+        if !self.solution.slips {
+            return Fitted::NotDetermined(NO_SLIP.to_owned());
+        }
+        if self.sliding > 0 && self.gripping == 0 {
+            return Fitted::NotDetermined(
+                "every row slides throughout, however stiff the contact is".to_owned(),
+            );
+        }
+        if self.theta[KAPPA] >= STIFFEST {
+            return Fitted::NotDetermined(
+                "the rows do not tell the contact from one that is rigid sideways, as mu_e has it".to_owned(),
+            );
+        }
+        self.searched(KAPPA, || {
+            "it cannot be told from the other parameters: rows at other angles would part them".to_owned()
+        })
+    }
+
     fn shared_ratio(&self) -> Fitted {
         if !self.data.shared_spin {
             return Fitted::NotDetermined("the rows give the spin before the bounce".to_owned());
@@ -214,7 +250,7 @@ impl ModelEstimation<'_> {
         let k = row.kinematics(near.map_or(&row.z, |n| &n.z), self.theta[RATIO]);
         RowFit {
             chi2: near.map_or(f64::NAN, |n| n.chi2),
-            regime: if near.is_some_and(|n| n.state.slides()) {
+            regime: if near.is_some_and(|n| n.slides) {
                 RowRegime::Sliding
             } else {
                 RowRegime::Gripping

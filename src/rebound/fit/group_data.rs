@@ -1,7 +1,7 @@
 //! The rows of a group, ready for the searches: heaviest first, with a sample of those where they are many.
 
 use super::observation::{Observation, Spin};
-use super::row_law::{PARAMETERS, RATIO, Regimes, Theta, Variant, nearest};
+use super::row_law::{KAPPA, PARAMETERS, RATIO, Regimes, Theta, Variant, nearest};
 use super::series::{Column, ColumnSet, Series, SetAside, Weights};
 use crate::rebound::ModelName;
 use rayon::prelude::*;
@@ -26,6 +26,8 @@ pub(super) struct GroupData {
     pub weights: Weights,
     /// Whether the spin of some rows is to be fitted.
     pub shared_spin: bool,
+    /// Whether the stiffness ratio of some rows is to be fitted.
+    pub fitted_stiffness: bool,
     /// Square of what counts as no scatter at all, in the units of χ²: the rounding of the numbers themselves.
     pub rounding: f64,
 }
@@ -65,6 +67,7 @@ impl GroupData {
         let sample = sample(&rows);
         Self {
             shared_spin: rows.iter().any(|row| row.spin == Spin::Shared),
+            fitted_stiffness: rows.iter().any(|row| row.stiffness_ratio.is_none()),
             rounding: rounding(&rows, weights),
             sample,
             rows,
@@ -84,6 +87,13 @@ impl GroupData {
         (self.sample.len() < self.rows.len()).then(|| Self::of_rows(rows(), self.weights))
     }
 
+    /// Which parameters of a model a search moves.
+    pub fn searched(&self, model: ModelName) -> [bool; PARAMETERS] {
+        let mut free = model.searched(self.shared_spin);
+        free[KAPPA] &= self.fitted_stiffness;
+        free
+    }
+
     /// Equations in all.
     pub fn equations(&self) -> usize {
         self.rows.iter().map(Observation::equations).sum()
@@ -99,7 +109,7 @@ pub(super) fn friction_demand(row: &Observation, theta: &Theta) -> f64 {
 
 /// Whether the errors of the row leave no equation without any.
 fn weighable(row: &Observation) -> Result<(), String> {
-    let theta = [0.7, 0.0, 0.1, 0.3];
+    let theta = [0.7, 0.0, 0.1, 0.3, 1.0];
     // The errors' place in the equations is the same in every model.
     let rolls = Variant {
         model: ModelName::ALL[0],

@@ -75,15 +75,14 @@ pub(super) fn best_fits(data: &GroupData) -> Option<(Vec<RobustFit>, f64)> {
 
 /// Every model as the bulk of the rows is fitted with it.
 fn variants(data: &GroupData) -> impl Iterator<Item = Variant> {
-    let shared_spin = data.shared_spin;
-    ModelName::ALL.into_iter().map(move |model| Variant {
+    ModelName::ALL.into_iter().map(|model| Variant {
         model,
         regimes: if model.has_friction_limit() {
             Regimes::Continuous
         } else {
             Regimes::Grip
         },
-        free: model.searched(shared_spin),
+        free: data.searched(model),
     })
 }
 

@@ -1,4 +1,4 @@
-//! A series of bounces fitted with the three rebound models: coefficients, where sliding begins, and which model it is.
+//! A series of bounces fitted with the rebound models: coefficients, where sliding begins, and which model it is.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), track::rebound::fit::FitError> {
@@ -68,11 +68,17 @@ use variants::Solution;
 pub struct Options {
     /// A court pace rating at this temperature, °C.
     pub court_temperature_c: Option<f64>,
+    /// κ of the rows that do not give their own.
+    pub stiffness_ratio: Option<f64>,
 }
 
 /// Fits every group of the series.
 #[must_use]
 pub fn fit(series: &Series, options: &Options) -> SeriesFit {
+    let given = options
+        .stiffness_ratio
+        .map(|kappa| series.with_stiffness_ratio(kappa));
+    let series = given.as_ref().unwrap_or(series);
     let mut rows: HashMap<&str, Vec<usize>> = HashMap::new();
     for (i, row) in series.rows.iter().enumerate() {
         rows.entry(row.group.as_str()).or_default().push(i);

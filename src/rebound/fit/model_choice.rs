@@ -3,7 +3,7 @@
 //! The lowest AICc is. Less than [`DECISIVE`] below the next is no preference, with one exception: a general model, one that
 //! holds others as special cases (grip-slide: e_x = 0; friction never reached), always fits as well as those and can never
 //! be beaten by much. Up to [`NO_MORE`] better it does not count (where it is not needed, chance puts it beyond that in 1 series of 40),
-//! and the choice is between the simple ones; from [`GENERAL`] on it is preferred (1 series of 120); between, nothing is.
+//! (twice as much for one that bends with the incidence, as the compliant contact does) and the choice is between the simple ones; from [`GENERAL`] on it is preferred (1 series of 120); between, nothing is.
 //!
 //! Where rows scatter more than they should around every model, differences of χ² are divided by the least χ² per degree of
 //! freedom, lest a wrong scale of the deviations decide.
@@ -29,6 +29,20 @@ const NO_MORE: f64 = 3.0;
 /// What grip-slide has to be better by than its own special cases to be preferred.
 const GENERAL: f64 = 5.0;
 
+/// The same two for a model that bends with the incidence (compliant): there is more in it that chance can follow.
+const NO_MORE_BENDS: f64 = 6.0;
+/// See [`NO_MORE_BENDS`].
+const BENDS: f64 = 8.0;
+
+/// Up to how much better than its special cases a general model is not needed, and from how much on it is preferred.
+fn leads(name: ModelName) -> (f64, f64) {
+    if name.model().grip_is_linear() {
+        (NO_MORE, GENERAL)
+    } else {
+        (NO_MORE_BENDS, BENDS)
+    }
+}
+
 /// The choice among `fits`, whose solutions are `solutions`.
 pub(super) fn choose(
     data: &GroupData,
@@ -47,8 +61,10 @@ pub(super) fn choose(
             (Some(why), ..) => excluded.push(format!("{name} cannot be: {why}")),
             (_, _, false) => excluded.push(format!("{name}: the search did not come to an end")),
             (_, None, _) => excluded.push(format!(
-                "{name}: {} equations are too few for {} parameters",
-                criteria.equations, criteria.parameters
+                "{name}: {} equations are too few for AICc, which takes {} for {} parameters",
+                criteria.equations,
+                criteria.parameters + 2,
+                criteria.parameters
             )),
             (None, Some(aicc), true) => candidates.push((fit.name, aicc)),
         }
@@ -146,17 +162,25 @@ fn decide(candidates: &[(ModelName, f64)], none_slides: &[ModelName]) -> (Prefer
     let Some(&(simple, simple_aicc)) = simple_ones.next() else {
         return (Preferred::Model(best), list(best, least));
     };
-    let general = candidates.iter().find(|c| is_general(c.0));
-    let lead = general.map_or(0.0, |(_, aicc)| simple_aicc - aicc);
-    if let Some(&(general, aicc)) = general
-        && lead >= GENERAL
-    {
-        return (Preferred::Model(general), list(general, aicc));
+    let lead = |&&(_, aicc): &&(ModelName, f64)| simple_aicc - aicc;
+    let general_ones = || candidates.iter().filter(|c| is_general(c.0));
+    let mut needed = general_ones().filter(|c| lead(c) >= leads(c.0).1);
+    if let Some(&(general, aicc)) = needed.next() {
+        let mut sentences = list(general, aicc);
+        let close = |rival: &&(ModelName, f64)| rival.0 != general && rival.1 - aicc < DECISIVE;
+        if general_ones().any(|rival| close(&rival)) {
+            sentences.push(format!(
+                "the difference is under {DECISIVE}, which decides nothing"
+            ));
+            return (Preferred::Undetermined, sentences);
+        }
+        return (Preferred::Model(general), sentences);
     }
-    if lead >= NO_MORE {
+    if let Some((general, _)) = general_ones().find(|c| lead(c) >= leads(c.0).0) {
+        let (least, most) = leads(*general);
         let mut sentences = list(simple, simple_aicc);
         sentences.push(format!(
-            "a model that holds the other as a special case is ahead by {NO_MORE} to {GENERAL} by chance now and then"
+            "a model that holds the other as a special case is ahead by {least} to {most} by chance now and then"
         ));
         return (Preferred::Undetermined, sentences);
     }

@@ -52,6 +52,8 @@ pub(super) struct Observation {
     pub inertia_factor: f64,
     /// s = k / (1 + k).
     pub slip_share: f64,
+    /// κ, where it is given.
+    pub stiffness_ratio: Option<f64>,
     pub spin: Spin,
     /// Whether the measured spin after is one more equation.
     pub spin_out: bool,
@@ -88,6 +90,7 @@ impl Observation {
             covariance: None,
             inertia_factor: row.inertia_factor(),
             slip_share: slip_share(row.inertia_factor()),
+            stiffness_ratio: row.value(Column::StiffnessRatio),
             spin: Spin::Shared,
             spin_out: false,
             log_correlation: 0.0,
@@ -312,7 +315,8 @@ fn unit_std(column: Column) -> f64 {
         | Column::Gravity
         | Column::SpinIn
         | Column::SpinRatio
-        | Column::InertiaFactor => 0.0,
+        | Column::InertiaFactor
+        | Column::StiffnessRatio => 0.0,
         _ => 1.0,
     }
 }

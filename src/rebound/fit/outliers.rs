@@ -11,10 +11,11 @@ use super::group_data::GroupData;
 use super::least_trimmed_squares::{self, FALSE_ALARM, RobustFit};
 use super::observation::Observation;
 use super::outlier_runs::{side, side_by_side};
-use super::row_law::{E, E_X, MU, NearestMotion, RATIO, RowState, Theta};
+use super::row_law::{E, MU, NearestMotion, RATIO, Theta, incidence};
 use super::series::{ColumnSet, Series, Weights};
 use super::variants::Solution;
 use crate::numeric::robust::median;
+use crate::rebound::ModelName;
 
 /// Fewer rows have no bulk that one could stand out from.
 const LEAST_ROWS: usize = 5;
@@ -138,7 +139,7 @@ fn reason(series: &Series, data: &GroupData, fit: &RobustFit, index: usize, spre
         ),
     };
     let (equation, _) = side(&near);
-    match expected(series, row, &near, &fit.theta, equation) {
+    match expected(series, row, &near, (fit.variant.model, &fit.theta), equation) {
         Some(text) => format!("{others}: {text} by {}", fit.variant.model.name()),
         None => others,
     }
@@ -149,16 +150,16 @@ fn expected(
     series: &Series,
     row: &Observation,
     near: &NearestMotion,
-    theta: &Theta,
+    (model, theta): (ModelName, &Theta),
     equation: usize,
 ) -> Option<String> {
     let e = theta[E];
     let k = row.kinematics(&row.z, theta[RATIO]);
     let slip = k.a - k.w;
-    let impulse = if matches!(near.state, RowState::Slide | RowState::SlideEdge) {
+    let impulse = if near.slides {
         slip.signum() * theta[MU] * (1.0 + e) * k.b
     } else {
-        row.slip_share * (1.0 + theta[E_X]) * slip
+        model.model().grip(&incidence(row, &k), theta).value
     };
     let after = k.a - impulse;
     let (name, unit, measured, expected) = match (series.set, equation) {

@@ -29,7 +29,10 @@ use crate::rebound::ModelName;
 use crate::rebound::model::{Incidence, ReboundModel, TangentialImpulse};
 use equations::{Equations, MOST, backward, cholesky, dot, forward, relative_move};
 
-pub(super) use crate::rebound::parameter::{E, E_X, MU, PARAMETERS, RATIO, Theta};
+pub(super) use crate::rebound::parameter::{E, E_X, KAPPA, MU, PARAMETERS, RATIO, Theta};
+
+/// A friction that is enough for anything, a stiffness that leaves nothing to give way.
+pub(super) const WITHOUT_LIMIT: f64 = 1e9;
 
 /// A model as it is searched for.
 #[derive(Debug, Clone, Copy)]
@@ -105,6 +108,8 @@ pub(super) struct NearestMotion {
     pub jacobian: [[f64; PARAMETERS]; MOST],
     /// For a state off the edge: s (1 + e_x) σ (a − w) − Λ b at ẑ.
     pub margin: f64,
+    /// Whether friction is at its limit throughout.
+    pub slides: bool,
 }
 
 /// μ (1 + e), or what it is pinned to, with its derivatives.
@@ -203,6 +208,16 @@ pub(super) fn margin(row: &Observation, variant: &Variant, limit: f64, theta: &T
     (margin, variance.sqrt())
 }
 
+/// The incidence of a row's motion.
+pub(super) fn incidence(row: &Observation, k: &Kinematics) -> Incidence {
+    Incidence {
+        slip_m_s: k.a - k.w,
+        normal_m_s: k.b,
+        slip_share: row.slip_share,
+        stiffness_ratio: row.stiffness_ratio,
+    }
+}
+
 fn edge_of(state: RowState) -> RowState {
     if state.slides() {
         RowState::SlideEdge
@@ -289,7 +304,7 @@ impl<'a> RowLaw<'a> {
     fn closest<T>(&self, state: RowState, finish: impl FnOnce(&ClosestPoint<'_>) -> Option<T>) -> Option<T> {
         let row = self.row;
         let mut z = row.z;
-        let linear = row.is_linear();
+        let linear = row.is_linear() && (state.slides() || self.model.grip_is_linear());
         let mut last_move = f64::INFINITY;
         let mut equations = Equations::empty();
         let mut spread = [[0.0; SLOTS]; MOST];
@@ -371,6 +386,7 @@ impl<'a> RowLaw<'a> {
             residuals: *at.residuals,
             jacobian,
             margin,
+            slides: state.slides() || self.slides_within_grip(at.kinematics),
         })
     }
 
@@ -381,12 +397,15 @@ impl<'a> RowLaw<'a> {
 
     /// The model's impulse below the limit.
     fn grip(&self, k: &Kinematics) -> TangentialImpulse {
-        let at = Incidence {
-            slip_m_s: k.a - k.w,
-            normal_m_s: k.b,
-            slip_share: self.row.slip_share,
-        };
-        self.model.grip(&at, self.theta)
+        self.model.grip(&self.incidence(k), self.theta)
+    }
+
+    fn slides_within_grip(&self, k: &Kinematics) -> bool {
+        self.model.slides_within_grip(&self.incidence(k), self.theta)
+    }
+
+    fn incidence(&self, k: &Kinematics) -> Incidence {
+        incidence(self.row, k)
     }
 
     /// Grip knows no direction, so its need is that of |a − w|.

@@ -7,6 +7,7 @@ pub use super::columns::{Column, ColumnSet, Reading};
 
 use super::error::FitError;
 use crate::rebound::SOLID_SPHERE;
+use crate::rebound::compliant::STIFFNESS_RATIO_RANGE;
 use std::collections::HashSet;
 
 /// Gravity where a row does not give it, m/s².
@@ -195,6 +196,26 @@ impl Series {
     }
 }
 
+impl Series {
+    /// The same with κ in every row that does not give its own.
+    #[must_use]
+    pub fn with_stiffness_ratio(&self, kappa: f64) -> Self {
+        let mut given = self.clone();
+        for row in &mut given.rows {
+            if row.value(Column::StiffnessRatio).is_none() {
+                row.set(
+                    Column::StiffnessRatio,
+                    Some(Reading {
+                        value: kappa,
+                        std: None,
+                    }),
+                );
+            }
+        }
+        given
+    }
+}
+
 /// The names of the groups, in the order of the rows.
 fn group_names(rows: &[Row], set_aside: &[SetAside]) -> Vec<String> {
     let mut order: Vec<(usize, &str)> = rows.iter().map(|r| (r.number, r.group.as_str())).collect();
@@ -326,6 +347,7 @@ impl StatedDeviations {
             }
         }
         check_inertia(row)?;
+        check_stiffness(row)?;
         check_range(self.set, row)?;
         let known = |c: &Column| self.set.required().contains(c) || self.set.optional().contains(c);
         for &(a, b, r) in row.correlations() {
@@ -380,6 +402,16 @@ fn check_inertia(row: &Row) -> Result<(), String> {
         Err(format!(
             "inertia_factor is {k}; it lies above 0 (0.4 for a solid sphere, 0.667 for a thin shell) and up to 1"
         ))
+    }
+}
+
+fn check_stiffness(row: &Row) -> Result<(), String> {
+    match row.value(Column::StiffnessRatio) {
+        Some(kappa) if !(STIFFNESS_RATIO_RANGE.holds)(kappa) => Err(format!(
+            "stiffness_ratio is {kappa}, not {}: {}",
+            STIFFNESS_RATIO_RANGE.accepted, STIFFNESS_RATIO_RANGE.hint
+        )),
+        _ => Ok(()),
     }
 }
 

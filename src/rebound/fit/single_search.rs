@@ -67,7 +67,7 @@ impl SingleSearch {
             variant: Variant {
                 model: self.model,
                 regimes: Regimes::Continuous,
-                free: self.model.searched(false),
+                free: self.data.searched(self.model),
             },
         }
     }

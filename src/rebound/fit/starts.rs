@@ -7,7 +7,7 @@
 
 use super::group_data::GroupData;
 use super::observation::{Observation, Spin};
-use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Theta};
+use super::row_law::{E_X, KAPPA, MU, PARAMETERS, RATIO, Theta, WITHOUT_LIMIT};
 use super::search::Task;
 use super::series::ColumnSet;
 use std::collections::HashSet;
@@ -22,6 +22,7 @@ const ROWS: usize = 120;
 pub(super) fn candidates(data: &GroupData, chosen: &[usize], free: &[bool; PARAMETERS]) -> Vec<Theta> {
     let rows: Vec<&Observation> = thinned(chosen).iter().map(|&i| &data.rows[i]).collect();
     let mut starts = Vec::new();
+    let kappas = stiffness_ratios(&rows, free[KAPPA]);
     for e in restitutions(&rows) {
         let ratios = if free[RATIO] {
             spin_ratios(&rows, e)
@@ -41,9 +42,9 @@ pub(super) fn candidates(data: &GroupData, chosen: &[usize], free: &[bool; PARAM
             };
             for &mu in &frictions {
                 for &e_x in &e_xs {
-                    let mut theta = [0.0; PARAMETERS];
-                    (theta[E], theta[E_X], theta[MU], theta[RATIO]) = (e, e_x, mu, ratio);
-                    starts.push(theta);
+                    for &kappa in &kappas {
+                        starts.push([e, e_x, mu, ratio, kappa]);
+                    }
                 }
             }
         }
@@ -89,7 +90,7 @@ fn trimmed(task: &Task<'_>, theta: &Theta, kept: f64) -> (f64, usize) {
         .rows()
         .map(|row| {
             task.nearest(row, theta).map_or(f64::INFINITY, |n| {
-                sliding += usize::from(n.state.slides());
+                sliding += usize::from(n.slides);
                 n.chi2
             })
         })
@@ -182,6 +183,15 @@ fn frictions(rows: &[&Observation], e: f64, ratio: f64) -> Vec<f64> {
     });
     frictions.push(2.0 * needs.fold(0.0, f64::max));
     frictions
+}
+
+/// From rubber to as good as rigid, past the ratios of like elastic bodies; or the one that is given.
+fn stiffness_ratios(rows: &[&Observation], free: bool) -> Vec<f64> {
+    if free {
+        return vec![0.4, 0.9, 2.5, 8.0, WITHOUT_LIMIT];
+    }
+    let mut given = rows.iter().filter_map(|row| row.stiffness_ratio);
+    vec![given.next().unwrap_or(0.0)]
 }
 
 /// e_x as each row reads it if it gripped.

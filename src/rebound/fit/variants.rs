@@ -4,7 +4,7 @@
 //! | limit of friction | e.g. | variants, from the simplest |
 //! |---|---|---|
 //! | at static friction | μ-e | all rows leave rolling (e); some slide, μ_o = μ (e, μ); the outcome jumps (e, μ, μ_o) |
-//! | never | e-e | one law (e, e_x) |
+//! | never | e-e, compliant | one law (e, e_x; e, μ, κ) |
 //! | at friction | grip-slide | all rows grip (e, e_x); all slide (e, μ); some do either (e, e_x, μ) |
 //!
 //! A larger variant has to earn its parameter. That some rows slide, or grip, has to show ([`SHOWS`]): otherwise the row
@@ -14,7 +14,9 @@
 use super::criteria::{self, InformationCriteria, chi2_quantile};
 use super::group_data::{GroupData, friction_demand};
 use super::observation::Observation;
-use super::row_law::{E, E_X, MU, PARAMETERS, RATIO, Regimes, Theta, Variant, friction_share};
+use super::row_law::{
+    E, E_X, KAPPA, MU, PARAMETERS, RATIO, Regimes, Theta, Variant, WITHOUT_LIMIT, friction_share,
+};
 use super::search::{Minimum, Task};
 use super::series::{ColumnSet, Weights};
 use super::starts;
@@ -96,7 +98,19 @@ impl Solution {
     fn as_model(&self, model: ModelName) -> Self {
         let mut same = self.clone();
         same.variant.model = model;
+        same.best.theta = self.as_special_case();
         same
+    }
+
+    /// The same as a model says it that also has friction, or gives way sideways, which this one does not: as much as it takes.
+    fn as_special_case(&self) -> Theta {
+        let mut theta = self.best.theta;
+        for (j, value) in theta.iter_mut().enumerate() {
+            if matches!(j, MU | KAPPA) && !self.is_free(j) && *value == 0.0 {
+                *value = WITHOUT_LIMIT;
+            }
+        }
+        theta
     }
 
     /// Degrees of freedom that it leaves the rows.
@@ -126,7 +140,7 @@ impl Solution {
 
 /// A model in the variant with these parameters of its own; `mu` goes with rows that slide.
 fn variant(data: &GroupData, model: ModelName, regimes: Regimes, mu: bool) -> Variant {
-    let mut free = model.searched(data.shared_spin);
+    let mut free = data.searched(model);
     free[MU] &= mu;
     Variant { model, regimes, free }
 }
@@ -157,7 +171,14 @@ pub(super) fn all(data: &GroupData) -> Vec<Solution> {
     let mut solutions: Vec<Solution> = Vec::new();
     for name in ModelName::ALL {
         let solution = match name.facts().friction_limit {
-            FrictionLimit::Never => solve(data, gripping(data, name), &[]),
+            FrictionLimit::Never => {
+                let from: Vec<Theta> = solutions
+                    .iter()
+                    .filter(|s| name.special_cases().any(|case| case == s.name()))
+                    .map(Solution::as_special_case)
+                    .collect();
+                solve(data, gripping(data, name), &from)
+            }
             FrictionLimit::AtFriction => with_limit(data, name, &solutions),
             FrictionLimit::AtStaticFriction => {
                 with_jump(data, name, rolling.as_ref().map(|r| r.as_model(name)))
@@ -452,7 +473,17 @@ pub(super) fn search(
     let task = Task::of(data, variant, Some(chosen));
     let mut starts = starts::candidates(data, chosen, &variant.free);
     starts.extend(from);
-    starts::best(&task, starts, 1.0, FOLLOWED)
+    // Where e stands in no column of its own, a law that bends with e has more valleys.
+    let velocities = data
+        .rows
+        .first()
+        .is_none_or(|row| row.set == ColumnSet::Velocities);
+    let followed = if velocities || variant.model.model().grip_is_linear() {
+        FOLLOWED
+    } else {
+        3 * FOLLOWED
+    };
+    starts::best(&task, starts, 1.0, followed)
         .into_iter()
         .filter_map(|start| task.search(start))
         .min_by(|a, b| a.chi2.total_cmp(&b.chi2))

@@ -65,7 +65,7 @@ pub struct CoverageDocument<'a> {
 /// The plane of motion.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct PlaneDocument {
-    /// From the camera.
+    /// From the camera along its optical axis, as the calibration's key of that name.
     pub distance_m: f64,
     /// Turned from square.
     pub tilt_deg: f64,

@@ -2,6 +2,8 @@
 
 use super::{OrderedObject, WarningDocument, degrees, quantity};
 use crate::Build;
+use crate::edits::Edits;
+use crate::impact::compliant_reading::{CompliantReading, Foretold, FrictionSource};
 use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, FloorSource, Readings, XSource,
 };
@@ -57,11 +59,14 @@ pub struct ResultDocument<'a> {
     pub x_m: Option<Quantity>,
     /// `observed` or `extrapolated`.
     pub x_source: Option<&'static str>,
-    /// What the two models make of the first bounce.
+    /// What the models make of the first bounce.
     pub models: Option<ModelsDocument>,
     /// Where the recording holds several launches, each of them in time order; what stands above is then the first's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub launches: Vec<OneLaunchDocument<'a>>,
+    /// What a person said of the recording, where the result was made with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub edits: Option<&'a Edits>,
     /// What the user has to know.
     pub warnings: Vec<WarningDocument<'a>>,
 }
@@ -83,7 +88,7 @@ pub struct OneLaunchDocument<'a> {
     pub x_source: Option<&'static str>,
     /// Magnitude of the acceleration in flight, m/s²; `null` where the scale itself comes from gravity.
     pub gravity_m_s2: Option<Quantity>,
-    /// What the two models make of the first bounce.
+    /// What the models make of the first bounce.
     pub models: Option<ModelsDocument>,
     /// Where the ball left a bench that it was seen on.
     pub launch: Option<LaunchDocument>,
@@ -176,12 +181,12 @@ pub struct TrackDocument<'a> {
     /// Radius of the ball.
     pub radius_px: Option<Quantity>,
     /// A point a frame.
-    pub points: Vec<PointDocument<'a>>,
+    pub points: Vec<PointDocument>,
 }
 
 /// The ball in one frame.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct PointDocument<'a> {
+pub struct PointDocument {
     /// Number of the frame, from 0.
     pub frame: usize,
     /// Its time.
@@ -201,7 +206,7 @@ pub struct PointDocument<'a> {
     /// Number of its arc, from 0.
     pub arc: Option<usize>,
     /// Why it is not in use.
-    pub reason: Option<&'a str>,
+    pub reason: Option<String>,
     /// Sideways; only in a top view.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y_m: Option<Option<f64>>,
@@ -301,13 +306,15 @@ pub struct AlongFloorDocument {
     pub correlations: OrderedObject<String, f64>,
 }
 
-/// What the two models of a single bounce give.
+/// What the models of a single bounce give.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct ModelsDocument {
     /// Coulomb friction.
     pub mu_e: MuEDocument,
     /// Restitution sideways, too.
     pub e_e: EEDocument,
+    /// A contact that gives way sideways, where the calibration says what ball and floor are made of.
+    pub compliant: Option<CompliantDocument>,
     /// `mu_e`, `e_e` or `undetermined`.
     pub preferred: &'static str,
 }
@@ -332,6 +339,38 @@ pub struct EEDocument {
     pub tangential_restitution: Option<Quantity>,
     /// `ordinary`, `nonsliding`, `grip` or `undetermined`.
     pub regime: &'static str,
+}
+
+/// What the compliant model makes of a bounce, beside what was measured.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct CompliantDocument {
+    /// e.
+    pub restitution: Option<Quantity>,
+    /// μ.
+    pub friction: Option<Quantity>,
+    /// `other_bounces` of the recording, which foretell this one, or `this_bounce`, whose μ suits itself.
+    pub friction_source: &'static str,
+    /// κ, from the materials.
+    pub stiffness_ratio: f64,
+    /// ψ₁ = κ slip / (μ normal speed).
+    pub incidence: Option<Quantity>,
+    /// `sliding`, `slip_stick_slip`, `stick_slip` or `undetermined`.
+    pub regime: &'static str,
+    /// What the model foretells.
+    pub predicted: ForetoldDocument<Quantity>,
+    /// Measured less foretold, in standard uncertainties of the difference.
+    pub off_sigmas: ForetoldDocument<f64>,
+}
+
+/// A number for each thing that a model foretells of a rebound.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ForetoldDocument<T> {
+    /// e_x.
+    pub tangential_restitution: Option<T>,
+    /// Along the floor, as `along_floor`.
+    pub rebound_tangential_m_s: Option<T>,
+    /// R ω_y after.
+    pub spin_out_m_s: Option<T>,
 }
 
 impl<'a> ResultDocument<'a> {
@@ -363,6 +402,7 @@ impl<'a> ResultDocument<'a> {
             x_source: first.x_source,
             models: first.models,
             launches: measurement.launches.iter().map(one_launch).collect(),
+            edits: measurement.edits.as_ref(),
             warnings: first.warnings,
         }
     }
@@ -471,11 +511,11 @@ fn track(track: &Track, view: View) -> TrackDocument<'_> {
     }
 }
 
-fn point(point: &TrackPoint, view: View) -> PointDocument<'_> {
+fn point(point: &TrackPoint, view: View) -> PointDocument {
     let up_m = point.world.map(|world| world.up_m);
     let (arc, reason) = match &point.use_ {
         PointUse::Used(arc) => (Some(*arc), None),
-        PointUse::Unused(reason) => (None, Some(reason.as_str())),
+        PointUse::Unused(reason) => (None, Some(reason.to_string())),
     };
     PointDocument {
         frame: point.frame,
@@ -547,7 +587,32 @@ fn correlations(all: &[Correlation]) -> OrderedObject<String, f64> {
         .collect()
 }
 
-/// The two models that the file's schema names; others are not read from a single bounce.
+fn compliant(reading: &CompliantReading, restitution: Option<Quantity>) -> CompliantDocument {
+    let predicted = |foretold: &Foretold| quantity(foretold.predicted);
+    CompliantDocument {
+        restitution,
+        friction: quantity(reading.friction),
+        friction_source: match reading.source {
+            FrictionSource::OtherBounces => "other_bounces",
+            FrictionSource::ThisBounce => "this_bounce",
+        },
+        stiffness_ratio: reading.stiffness_ratio,
+        incidence: quantity(reading.incidence),
+        regime: words::regime_name(reading.regime),
+        predicted: ForetoldDocument {
+            tangential_restitution: predicted(&reading.tangential_restitution),
+            rebound_tangential_m_s: predicted(&reading.tangential_m_s),
+            spin_out_m_s: predicted(&reading.spin_out_m_s),
+        },
+        off_sigmas: ForetoldDocument {
+            tangential_restitution: reading.tangential_restitution.sigmas(),
+            rebound_tangential_m_s: reading.tangential_m_s.sigmas(),
+            spin_out_m_s: reading.spin_out_m_s.sigmas(),
+        },
+    }
+}
+
+/// The models that the file's schema names; others are not read from a single bounce.
 fn models(readings: &Readings) -> ModelsDocument {
     let own = |name| readings.of(name).and_then(|reading| quantity(reading.quantity));
     let regime = |name| words::regime_name(readings.of(name).and_then(|reading| reading.regime));
@@ -563,6 +628,10 @@ fn models(readings: &Readings) -> ModelsDocument {
             tangential_restitution: own(ModelName::EE),
             regime: regime(ModelName::EE),
         },
+        compliant: readings
+            .compliant
+            .as_ref()
+            .map(|reading| compliant(reading, restitution)),
         preferred: readings.preferred.name(),
     }
 }
@@ -677,7 +746,7 @@ mod tests {
                 ["vx_m_s", "vz_m_s", "angle_deg"]
             );
         }
-        assert_eq!(keys(&result["models"]), ["mu_e", "e_e", "preferred"]);
+        assert_eq!(keys(&result["models"]), ["mu_e", "e_e", "compliant", "preferred"]);
         assert_eq!(
             keys(&result["models"]["mu_e"]),
             ["restitution", "friction", "regime"]

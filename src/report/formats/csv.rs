@@ -1,7 +1,7 @@
 //! `<stem>.points.csv`: a row for every frame in which the ball was seen.
 
 use super::{Contents, OutputFormat};
-use crate::pipeline::{Measurement, PointUse, TrackPoint, View};
+use crate::pipeline::{Measurement, PointUse, TrackPoint, UnusedReason, View};
 use std::error::Error;
 
 /// The points, for a spreadsheet.
@@ -49,6 +49,7 @@ fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
         "used",
         "arc",
         "reason",
+        "off_arc_m",
         "residual_x_m",
         second_residual,
     ];
@@ -64,10 +65,10 @@ fn points_csv(measurement: &Measurement) -> Result<Vec<u8>, ::csv::Error> {
         .map_err(|error| ::csv::Error::from(error.into_error()))
 }
 
-fn row(point: &TrackPoint) -> [String; 12] {
-    let (arc, reason) = match &point.use_ {
-        PointUse::Used(arc) => (arc.to_string(), String::new()),
-        PointUse::Unused(reason) => (String::new(), reason.clone()),
+fn row(point: &TrackPoint) -> [String; 13] {
+    let (arc, reason) = match point.use_ {
+        PointUse::Used(arc) => (arc.to_string(), None),
+        PointUse::Unused(reason) => (String::new(), Some(reason)),
     };
     [
         point.frame.to_string(),
@@ -79,7 +80,8 @@ fn row(point: &TrackPoint) -> [String; 12] {
         number(point.world.map(|world| world.up_m)),
         (!arc.is_empty()).to_string(),
         arc,
-        reason,
+        reason.map_or("", UnusedReason::code).to_owned(),
+        number(reason.and_then(UnusedReason::off_arc_m)),
         number(point.residual_m.map(|residual| residual.x_m)),
         number(point.residual_m.map(|residual| residual.up_m)),
     ]
@@ -110,7 +112,7 @@ mod tests {
         let (header, rows) = parsed(&measurement);
         assert_eq!(
             header.join(","),
-            "frame,time_s,u_px,v_px,std_px,x_m,z_m,used,arc,reason,residual_x_m,residual_z_m"
+            "frame,time_s,u_px,v_px,std_px,x_m,z_m,used,arc,reason,off_arc_m,residual_x_m,residual_z_m"
         );
         assert_eq!(rows.len(), measurement.track.points.len());
         for (row, point) in rows.iter().zip(&measurement.track.points) {
@@ -118,9 +120,15 @@ mod tests {
             assert_eq!(row[5].parse::<f64>().unwrap(), point.world.unwrap().x_m);
             match &point.use_ {
                 PointUse::Used(arc) => {
-                    assert_eq!((&row[7], &row[8], &row[9]), ("true", &*arc.to_string(), ""))
+                    assert_eq!(
+                        (&row[7], &row[8], &row[9], &row[10]),
+                        ("true", &*arc.to_string(), "", "")
+                    )
                 }
-                PointUse::Unused(why) => assert_eq!((&row[7], &row[8], &row[9]), ("false", "", why.as_str())),
+                PointUse::Unused(why) => {
+                    assert_eq!((&row[7], &row[8], &row[9]), ("false", "", why.code()));
+                    assert_eq!(row[10].parse().ok(), why.off_arc_m());
+                }
             }
         }
     }
@@ -131,19 +139,22 @@ mod tests {
         let (header, rows) = parsed(&measurement);
         assert_eq!(header.last().unwrap(), "launch");
         assert_eq!(rows.len(), 3 * measurement.track.points.len());
-        let launches: Vec<&str> = rows.iter().map(|row| &row[12]).collect();
+        let launches: Vec<&str> = rows.iter().map(|row| &row[13]).collect();
         assert!(launches.is_sorted() && launches[0] == "1" && launches[rows.len() - 1] == "3");
     }
 
     #[test]
-    fn a_reason_with_commas_quotes_and_newlines_survives() {
-        let mut measurement = test_measurements::two_bounces();
-        let reason = "hidden by a \"hand\", then\nby a sleeve";
-        measurement.track.points[1].use_ = PointUse::Unused(reason.to_owned());
-        measurement.track.points[1].residual_m = None;
-        let (_, rows) = parsed(&measurement);
-        assert_eq!(&rows[1][9], reason);
-        assert_eq!(&rows[1][10], "");
+    fn a_reason_is_a_code_and_its_number_stands_beside_it() {
+        let (_, rows) = parsed(&test_measurements::two_bounces());
+        let of = |code: &str| {
+            rows.iter()
+                .find(|row| &row[9] == code)
+                .map(|row| row[10].to_owned())
+        };
+        assert_eq!(of("contact").as_deref(), Some(""));
+        assert!(of("off_arc").unwrap().parse::<f64>().unwrap() > 0.0);
+        let code = |row: &::csv::StringRecord| row[9].chars().all(|c| c.is_ascii_lowercase() || c == '_');
+        assert!(rows.iter().all(code));
     }
 
     #[test]
@@ -155,6 +166,6 @@ mod tests {
     #[test]
     fn a_top_view_names_its_second_coordinate_y() {
         let (header, _) = parsed(&test_measurements::top_view());
-        assert_eq!((header[6].as_str(), header[11].as_str()), ("y_m", "residual_y_m"));
+        assert_eq!((header[6].as_str(), header[12].as_str()), ("y_m", "residual_y_m"));
     }
 }

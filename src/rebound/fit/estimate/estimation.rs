@@ -71,7 +71,7 @@ impl<'a> ModelEstimation<'a> {
         let task = solution.task(data);
         // The search ended where every row has one.
         let nearest = task.all_nearest(&theta).unwrap_or_default();
-        let sliding = nearest.iter().filter(|n| n.state.slides()).count();
+        let sliding = nearest.iter().filter(|n| n.slides).count();
         let freedom = solution.freedom();
         let scatter = solution.scatter(data);
         let covariance =

@@ -24,7 +24,8 @@ pub(super) fn region(estimation: &ModelEstimation<'_>) -> ConfidenceRegion {
     let mut region = ConfidenceRegion::default();
     let solution = estimation.solution;
     let level = (estimation.factor * estimation.scatter.unwrap_or(0.0)).powi(2);
-    if solution.variant.regimes != Regimes::Continuous || estimation.data.rows.len() > FEW || !(level > 0.0) {
+    let bends = solution.variant.regimes == Regimes::Continuous || !solution.name().model().grip_is_linear();
+    if !bends || estimation.data.rows.len() > FEW || !(level > 0.0) {
         return region;
     }
     let at_once =

@@ -101,12 +101,16 @@ impl ModelEstimation<'_> {
 
     /// tan of the angle beyond which a ball slides is `limit` over this.
     fn angle_rad(&self, limit: f64, theta: &Theta) -> f64 {
-        let ratio = if self.data.shared_spin {
+        limit.atan2(self.slip_share * (1.0 + theta[E_X]) * (1.0 - self.ratio(theta)).abs())
+    }
+
+    /// R ω_oy / v_ox that the angle is for.
+    fn ratio(&self, theta: &Theta) -> f64 {
+        if self.data.shared_spin {
             theta[RATIO]
         } else {
             self.spin_ratio
-        };
-        limit.atan2(self.slip_share * (1.0 + theta[E_X]) * (1.0 - ratio).abs())
+        }
     }
 
     pub(super) fn transition(&self, limits: Option<LimitInterval>) -> Transition {
@@ -121,7 +125,9 @@ impl ModelEstimation<'_> {
         };
         let none = |reason: &str| of(Fitted::NotDetermined(reason.to_owned()), None);
         let solution = self.solution;
-        if !solution.name().has_friction_limit() {
+        let model = solution.name().model();
+        let curved = model.sliding_tangent(&self.theta, self.slip_share).is_some();
+        if !solution.name().has_friction_limit() && !curved {
             return none(&format!("the {} model never slides", solution.name().name()));
         }
         if self.sliding == 0 || !solution.is_free(MU) {
@@ -134,6 +140,13 @@ impl ModelEstimation<'_> {
             |j: usize| solution.determined[j] && self.covariance[(j, j)].sqrt() <= SEARCHED[j].vague_std();
         if (0..PARAMETERS).any(|j| solution.is_free(j) && !known(j)) {
             return none("it depends on parameters that are not determined");
+        }
+        if curved {
+            let angle = |theta: &Theta| {
+                let tangent = model.sliding_tangent(theta, self.slip_share).unwrap_or(f64::NAN);
+                tangent.atan2((1.0 - self.ratio(theta)).abs())
+            };
+            return of(self.estimate(angle, self.all_open()), None);
         }
         let continuous = |theta: &Theta| self.angle_rad(friction_share(theta), theta);
         let value = continuous(&self.theta);

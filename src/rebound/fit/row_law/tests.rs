@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::rebound::fit::group_data::GroupData;
+use crate::rebound::fit::observation::Spin;
 use crate::rebound::fit::series::{Column, Row, Series};
 use crate::rebound::{RigidMotion, e_e, grip_slide, mu_e};
 use nalgebra::Vector3;
@@ -15,7 +16,7 @@ fn of(regimes: Regimes) -> Variant {
     }
 }
 
-const THETA: Theta = [0.8, 0.3, 0.12, 0.2];
+const THETA: Theta = [0.8, 0.3, 0.12, 0.2, 0.0];
 
 /// Rows of every kind: the three sets, each way to know the spin, correlated errors.
 fn rows() -> Vec<Observation> {
@@ -121,6 +122,39 @@ fn derivatives_are_those_of_chi2() {
 }
 
 #[test]
+fn derivatives_of_a_law_that_bends_are_those_of_chi2() {
+    const AT: Theta = [0.8, 0.0, 0.15, 0.2, 0.85];
+    let bends = Variant {
+        model: ModelName::Compliant,
+        ..of(Regimes::Grip)
+    };
+    let (mut slides, mut compared, mut agree) = (0, 0, 0);
+    // A spin before that comes from the one after leaves several motions near, and the nearest may change.
+    for row in rows().into_iter().filter(|row| row.spin != Spin::FromAfter) {
+        let near = nearest(&row, &bends, &AT).unwrap();
+        slides += usize::from(near.slides);
+        for p in [E, MU, RATIO, KAPPA] {
+            let gradient: f64 = (0..near.equations)
+                .map(|i| 2.0 * near.residuals[i] * near.jacobian[i][p])
+                .sum();
+            let step = 1e-5;
+            let at = |sign: f64| {
+                let mut theta = AT;
+                theta[p] += sign * step;
+                nearest(&row, &bends, &theta).unwrap().chi2
+            };
+            let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
+            let size = 1.0 + near.chi2 + gradient.abs();
+            compared += 1;
+            agree += usize::from((gradient - difference).abs() < 1e-2 * size);
+        }
+    }
+    // Beside a bend of the law a difference over both sides of it is no derivative.
+    assert!(20 * agree >= 19 * compared, "{agree} of {compared}");
+    assert!(slides > 0 && slides < rows().len(), "{slides}");
+}
+
+#[test]
 fn the_nearest_motion_obeys_the_model() {
     for row in rows() {
         for regimes in regimes() {
@@ -179,7 +213,7 @@ fn the_nearest_motion_obeys_the_model() {
 fn chi2_is_continuous_where_a_row_changes_sides() {
     let row = &rows()[4];
     let chi2 = |mu: f64| {
-        nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0])
+        nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0, 0.0])
             .unwrap()
             .chi2
     };
@@ -193,7 +227,7 @@ fn chi2_is_continuous_where_a_row_changes_sides() {
             "mu {mu}: {before} {now}"
         );
         before = now;
-        let near = nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0]).unwrap();
+        let near = nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0, 0.0]).unwrap();
         states.insert(format!("{:?}", near.state));
     }
     assert!(states.len() >= 2, "{states:?}");
