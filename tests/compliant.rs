@@ -106,7 +106,7 @@ fn val_sliding_throughout_begins_at_4_chi_less_1() {
         // The springs themselves come to the same there, with nothing said about sliding.
         for psi in [limit, limit + 0.5, limit + 3.0] {
             let lambda = law.stiffness(k);
-            let e_x = springs::tangential_restitutions(&[psi], lambda, 1.0, springs::steps(lambda))[0];
+            let e_x = springs::tangential_restitutions(&[psi], lambda, 1.0)[0];
             assert!((-psi * e_x - (psi - 4.0 * chi)).abs() < 1e-3, "{e_x}");
         }
     }
@@ -180,7 +180,7 @@ fn the_springs_converge_with_the_second_order() {
     let psi: springs::Lanes = [0.3, 0.7, 1.3, 1.8, 2.3, 3.1, 3.8, 4.4];
     for (lambda, e) in [(3.5 * like(0.3), 1.0), (3.5 * like(0.3), 0.8), (8.0, 0.9)] {
         let at = |steps: usize| springs::run(&psi, lambda, e, &springs::Line::new(steps), |_| ());
-        let best = springs::tangential_restitutions(&psi, lambda, e, 1024);
+        let best = springs::in_steps(&psi, lambda, e, 1024);
         let error = |steps: usize| {
             let end = at(steps);
             let off = (0..springs::LANES).map(|i| -end[i] / psi[i] - best[i]);
@@ -194,7 +194,7 @@ fn the_springs_converge_with_the_second_order() {
             "{orders:?}"
         );
         // What the program takes: extrapolated.
-        let taken = springs::tangential_restitutions(&psi, lambda, e, springs::steps(lambda));
+        let taken = springs::tangential_restitutions(&psi, lambda, e);
         let worst = taken
             .iter()
             .zip(&best)
@@ -202,7 +202,7 @@ fn the_springs_converge_with_the_second_order() {
             .fold(0.0, f64::max);
         println!(
             "    extrapolated from {} and twice: {worst:.1e}",
-            springs::steps(lambda)
+            springs::steps(lambda, 1.0)
         );
         assert!(worst < 3e-5, "{worst}");
     }
@@ -297,7 +297,7 @@ fn interpolated_e_x_is_that_of_the_springs() {
         let (lambda, e) = (2.3 + 1.7 * uniform(), 0.6 + 0.4 * uniform());
         let end = table::Marks::new(lambda, e).sliding();
         let psi: Vec<f64> = (0..80).map(|_| end * uniform()).collect();
-        let exact = springs::tangential_restitutions(&psi, lambda, e, springs::steps(lambda));
+        let exact = springs::tangential_restitutions(&psi, lambda, e);
         for (psi, exact) in psi.iter().zip(exact) {
             let found = table::interpolated(*psi, lambda, e).unwrap();
             off.push((found.e_x - exact).abs());

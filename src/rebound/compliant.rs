@@ -83,8 +83,7 @@ impl Parameters {
         if incidence >= self.sliding_incidence(inertia_factor) {
             return lambda * (1.0 + self.restitution) / incidence - 1.0;
         }
-        let steps = springs::steps(lambda);
-        springs::tangential_restitutions(&[incidence], lambda, self.restitution, steps)[0]
+        springs::tangential_restitutions(&[incidence], lambda, self.restitution)[0]
     }
 }
 

@@ -53,15 +53,23 @@ const SOFT: f64 = 4.0;
 /// ψ₁ that stands for a slip of nothing, which has an outcome but no ratio.
 const NEXT_TO_NOTHING: f64 = 1e-7;
 
-/// Steps that a contact of this λ asks for.
-pub fn steps(stiffness: f64) -> usize {
-    (STEPS as f64 * (stiffness / SOFT).sqrt().max(1.0)).ceil() as usize
+/// ψ₁ up to which [`STEPS`] are not enough: the springs slip then only as they leave the contact, within fewer steps the smaller ψ₁ is.
+const LATE_SLIP: f64 = 0.1;
+
+/// Times [`STEPS`] at most. What is left where this is not enough, at ψ₁ below 0.005, is 5e-4 of a slip that is hardly there.
+const MOST_STEPS: usize = 4;
+
+/// Steps that a contact of this λ asks for at ψ₁.
+pub fn steps(stiffness: f64, psi: f64) -> usize {
+    let late = (LATE_SLIP / psi).powf(0.75).ceil() as usize;
+    let times = late.clamp(1, MOST_STEPS).next_power_of_two();
+    (STEPS as f64 * (stiffness / SOFT).sqrt().max(1.0)).ceil() as usize * times
 }
 
 /// How the contact of one ψ₁ goes on.
 pub fn path(psi: f64, stiffness: f64, restitution: f64) -> Vec<ContactMoment> {
-    let line = Line::new(2 * steps(stiffness));
     let psi = psi.max(NEXT_TO_NOTHING);
+    let line = Line::new(2 * steps(stiffness, psi));
     let mut path = Vec::new();
     let end = run(&[psi; LANES], stiffness, restitution, &line, |moment| {
         path.push(ContactMoment {
@@ -78,8 +86,32 @@ pub fn path(psi: f64, stiffness: f64, restitution: f64) -> Vec<ContactMoment> {
     path
 }
 
+/// e_x for each ψ₁, in as many [`steps`] as each asks for.
+pub fn tangential_restitutions(psi: &[f64], stiffness: f64, restitution: f64) -> Vec<f64> {
+    by_steps(psi, stiffness, restitution, |psi| steps(stiffness, psi))
+}
+
+/// As [`tangential_restitutions`], in half as many steps: a quarter of the work for 6e-5 in place of 2e-5.
+pub fn rougher(psi: &[f64], stiffness: f64, restitution: f64) -> Vec<f64> {
+    by_steps(psi, stiffness, restitution, |psi| steps(stiffness, psi) / 2)
+}
+
+fn by_steps(psi: &[f64], stiffness: f64, restitution: f64, steps: impl Fn(f64) -> usize) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..psi.len()).collect();
+    order.sort_by(|&a, &b| psi[a].total_cmp(&psi[b]));
+    let mut found = vec![0.0; psi.len()];
+    for same in order.chunk_by(|&a, &b| steps(psi[a]) == steps(psi[b])) {
+        let at: Vec<f64> = same.iter().map(|&i| psi[i]).collect();
+        let e_x = in_steps(&at, stiffness, restitution, steps(at[0]));
+        for (&i, e_x) in same.iter().zip(e_x) {
+            found[i] = e_x;
+        }
+    }
+    found
+}
+
 /// e_x for each ψ₁, extrapolated from `steps` and twice as many.
-pub fn tangential_restitutions(psi: &[f64], stiffness: f64, restitution: f64, steps: usize) -> Vec<f64> {
+pub fn in_steps(psi: &[f64], stiffness: f64, restitution: f64, steps: usize) -> Vec<f64> {
     let lines = [Line::new(steps), Line::new(2 * steps)];
     let mut found = Vec::with_capacity(psi.len());
     for some in psi.chunks(LANES) {

@@ -108,8 +108,9 @@ struct Around {
 }
 
 impl Around {
-    fn new(first: usize, knots: [f64; 4], at: f64) -> Self {
-        let (weights, slopes) = lagrange(&knots, at);
+    /// At a place of the interval that follows knot `interval` of these four.
+    fn new(first: usize, knots: [f64; 4], interval: usize, at: f64) -> Self {
+        let (weights, slopes) = hermite(&knots, interval, at);
         Self {
             first,
             weights,
@@ -118,20 +119,56 @@ impl Around {
     }
 }
 
-/// Lagrange's polynomials of four knots, and their derivatives.
-fn lagrange(knots: &[f64; 4], at: f64) -> ([f64; 4], [f64; 4]) {
-    let others = |i: usize| (0..4).filter(move |&j| j != i);
-    let weight = |i: usize, left_out: usize| {
-        others(i)
-            .filter(|&j| j != left_out)
-            .map(|j| (at - knots[j]) / (knots[i] - knots[j]))
-            .product::<f64>()
+/// Which four knots of `count` lie around a place given in steps, and which interval of theirs it is in.
+fn four_around(place: f64, count: usize) -> (usize, usize) {
+    let interval = (place.floor() as usize).min(count - 2);
+    let first = interval.saturating_sub(1).min(count - 4);
+    (first, interval - first)
+}
+
+/// Weights of four knots' values at a place of one of the three intervals, and their derivatives: the cubic that has the values at
+/// both ends, and there the slopes of parabolas through the three knots nearest. Neighbouring intervals meet with one slope, so that
+/// a search finds the same minimum from either side of a knot.
+fn hermite(knots: &[f64; 4], interval: usize, at: f64) -> ([f64; 4], [f64; 4]) {
+    // The slope at a knot, of the parabola through three.
+    let slope = |knot: usize| -> [f64; 4] {
+        let first = knot.saturating_sub(1).min(1);
+        let mut weights = [0.0; 4];
+        for i in first..first + 3 {
+            let others = (first..first + 3).filter(|&j| j != i);
+            let below: f64 = others.clone().map(|j| knots[i] - knots[j]).product();
+            let above: f64 = others
+                .map(|j| knots[knot] - knots[j])
+                .filter(|d| *d != 0.0)
+                .product();
+            weights[i] = if i == knot {
+                let others = (first..first + 3).filter(|&j| j != i);
+                others.map(|j| 1.0 / (knots[i] - knots[j])).sum()
+            } else {
+                above / below
+            };
+        }
+        weights
     };
-    let slope = |i: usize| others(i).map(|j| weight(i, j) / (knots[i] - knots[j])).sum();
-    (
-        std::array::from_fn(|i| weight(i, usize::MAX)),
-        std::array::from_fn(slope),
-    )
+    let (from, to) = (interval, interval + 1);
+    let width = knots[to] - knots[from];
+    let t = (at - knots[from]) / width;
+    let (start, end) = (slope(from), slope(to));
+    let values = [(1.0 + 2.0 * t) * (1.0 - t).powi(2), t * t * (3.0 - 2.0 * t)];
+    let tangents = [t * (1.0 - t).powi(2) * width, t * t * (t - 1.0) * width];
+    let value_slope = 6.0 * t * (1.0 - t) / width;
+    let tangent_slopes = [(1.0 - t) * (1.0 - 3.0 * t), t * (3.0 * t - 2.0)];
+    let mut weights = [0.0; 4];
+    let mut slopes = [0.0; 4];
+    weights[from] = values[0];
+    weights[to] = values[1];
+    slopes[from] = -value_slope;
+    slopes[to] = value_slope;
+    for i in 0..4 {
+        weights[i] += tangents[0] * start[i] + tangents[1] * end[i];
+        slopes[i] += tangent_slopes[0] * start[i] + tangent_slopes[1] * end[i];
+    }
+    (weights, slopes)
 }
 
 fn log_stiffness(knot: usize) -> f64 {
@@ -148,8 +185,8 @@ fn column(by_stiffness: usize, by_loss: usize) -> &'static [f64] {
         let (lambda, e) = (log_stiffness(by_stiffness).exp(), restitution(by_loss));
         let marks = Marks::new(lambda, e);
         let psi: Vec<f64> = (0..NODES).map(|node| marks.node(node)).collect();
-        // A quarter of the work for 6e-5 in place of 2e-5, which is less than the interpolation's own.
-        springs::tangential_restitutions(&psi, lambda, e, springs::steps(lambda) / 2)
+        // Less than the interpolation's own error.
+        springs::rougher(&psi, lambda, e)
     })
 }
 
@@ -169,14 +206,13 @@ impl Blend {
         if !(STIFFNESS.contains(&stiffness) && RESTITUTION.contains(&restitution)) {
             return None;
         }
-        let knot = (stiffness.ln() - log_stiffness(0)) / STEP;
-        let first = (knot.floor() as usize).clamp(1, COLUMNS_BY_STIFFNESS - 3) - 1;
+        let (first, interval) = four_around((stiffness.ln() - log_stiffness(0)) / STEP, COLUMNS_BY_STIFFNESS);
         let logs = std::array::from_fn(|i| log_stiffness(first + i));
-        let along = Around::new(first, logs, stiffness.ln());
+        let along = Around::new(first, logs, interval, stiffness.ln());
         let held = restitution.min(1.0);
-        let knot = (1.0 - held).sqrt() / LOSS_STEP;
-        let first = (knot.floor() as usize).clamp(1, COLUMNS_BY_LOSS - 3) - 1;
-        let mut across = Around::new(first, std::array::from_fn(|j| self::restitution(first + j)), held);
+        let (first, interval) = four_around((1.0 - held).sqrt() / LOSS_STEP, COLUMNS_BY_LOSS);
+        let knots = std::array::from_fn(|j| self::restitution(first + j));
+        let mut across = Around::new(first, knots, interval, held);
         if restitution > 1.0 {
             across.slopes = [0.0; 4];
         }
@@ -216,8 +252,8 @@ impl Blend {
         };
         let t = if part == 0 { share.sqrt() } else { share };
         let place = t * PART as f64;
-        let first = (place.floor() as usize).clamp(1, PART - 2) - 1;
-        let (weights, slopes) = lagrange(&[0.0, 1.0, 2.0, 3.0], place - first as f64);
+        let (first, interval) = four_around(place, PART + 1);
+        let (weights, slopes) = hermite(&[0.0, 1.0, 2.0, 3.0], interval, place - first as f64);
         let nodes = part * PART + first;
         let sum = |weights: &[f64; 4], of: &[f64; NODES]| -> f64 {
             weights.iter().zip(&of[nodes..]).map(|(w, v)| w * v).sum()

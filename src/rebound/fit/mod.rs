@@ -50,6 +50,7 @@ mod outliers;
 mod row_law;
 mod search;
 mod starts;
+mod stuck_contact;
 mod transition;
 mod variants;
 

@@ -188,7 +188,7 @@ fn frictions(rows: &[&Observation], e: f64, ratio: f64) -> Vec<f64> {
 /// From rubber to as good as rigid, past the ratios of like elastic bodies; or the one that is given.
 fn stiffness_ratios(rows: &[&Observation], free: bool) -> Vec<f64> {
     if free {
-        return vec![0.4, 0.9, 2.5, 8.0, WITHOUT_LIMIT];
+        return vec![0.1, 0.4, 0.9, 2.5, 8.0, WITHOUT_LIMIT];
     }
     let mut given = rows.iter().filter_map(|row| row.stiffness_ratio);
     vec![given.next().unwrap_or(0.0)]

@@ -20,10 +20,12 @@ use super::row_law::{
 use super::search::{Minimum, Task};
 use super::series::{ColumnSet, Weights};
 use super::starts;
+use super::stuck_contact;
 use super::transition::Profile;
 use crate::numeric::robust::median;
 use crate::rebound::model::FrictionLimit;
 use crate::rebound::{ModelName, Parameter};
+use std::cmp::Ordering;
 
 /// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
@@ -51,7 +53,7 @@ pub(super) const FOLLOWED: usize = 8;
 pub(super) struct Solution {
     pub variant: Variant,
     pub best: Minimum,
-    /// Other local minima of χ², not much higher: the same model with a row more or less that slides.
+    /// Other local minima of χ²: the same model with a row more or less that slides, or in another valley of a law that bends.
     pub local_minima: Vec<Minimum>,
     pub determined: [bool; PARAMETERS],
     /// Independent combinations of the parameters that the rows determine.
@@ -383,15 +385,15 @@ fn slides(data: &GroupData, solution: &Solution) -> bool {
 }
 
 fn solve(data: &GroupData, variant: Variant, from: &[Theta]) -> Option<Solution> {
-    let found = search(data, &data.sample, variant, from)?;
-    let found = if data.sample.len() < data.rows.len() {
+    let mut found = minima(data, &data.sample, variant, from);
+    if data.sample.len() < data.rows.len() {
         let all = Task::of(data, variant, None);
-        all.search(found.theta)?
-    } else {
-        found
-    };
-    let found = with_the_slip(data, variant, found);
-    let mut solution = Solution::new(data, variant, found);
+        found = distinct(found.iter().filter_map(|m| all.search(m.theta)).collect());
+    }
+    let mut found = found.into_iter();
+    let lowest = with_the_slip(data, variant, found.next()?);
+    let mut solution = Solution::new(data, variant, lowest);
+    solution.local_minima = found.collect();
     through_the_order(data, &mut solution);
     Some(solution)
 }
@@ -470,23 +472,61 @@ pub(super) fn search(
     variant: Variant,
     from: &[Theta],
 ) -> Option<Minimum> {
+    minima(data, chosen, variant, from).into_iter().next()
+}
+
+/// The least χ² of the `chosen` rows from many starts; after it, for a law that bends, its other local minima.
+fn minima(data: &GroupData, chosen: &[usize], variant: Variant, from: &[Theta]) -> Vec<Minimum> {
     let task = Task::of(data, variant, Some(chosen));
     let mut starts = starts::candidates(data, chosen, &variant.free);
     starts.extend(from);
-    // Where e stands in no column of its own, a law that bends with e has more valleys.
-    let velocities = data
-        .rows
-        .first()
-        .is_none_or(|row| row.set == ColumnSet::Velocities);
-    let followed = if velocities || variant.model.model().grip_is_linear() {
-        FOLLOWED
-    } else {
-        3 * FOLLOWED
-    };
-    starts::best(&task, starts, 1.0, followed)
+    // A law that bends has more valleys, and two of them may suit the rows alike.
+    let bends = !variant.model.model().grip_is_linear();
+    let followed = if bends { 3 * FOLLOWED } else { FOLLOWED };
+    let mut found: Vec<Minimum> = starts::best(&task, starts, 1.0, followed)
         .into_iter()
         .filter_map(|start| task.search(start))
-        .min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        .collect();
+    if bends && variant.free[MU] {
+        // Searches that went for a friction without limit come to no end; that valley is gone through by itself.
+        found.retain(|minimum| minimum.converged);
+        found.extend(stuck_contact::minima(data, chosen, variant));
+    }
+    let mut found = distinct(found);
+    if !bends {
+        found.truncate(1);
+    }
+    found
+}
+
+/// Minima from the lowest up, each once. Of two as low the one at the smaller parameters is first, the last (κ) before the others.
+pub(super) fn distinct(mut found: Vec<Minimum>) -> Vec<Minimum> {
+    const AS_LOW: f64 = 1e-6;
+    found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    let Some(lowest) = found.first().map(|m| m.chi2) else {
+        return found;
+    };
+    let as_low = found.partition_point(|m| m.chi2 <= lowest + AS_LOW * (1.0 + lowest));
+    let from_the_last = |theta: &Theta| theta.iter().rev().copied().collect::<Vec<f64>>();
+    found[..as_low].sort_by(|a, b| {
+        from_the_last(&a.theta)
+            .partial_cmp(&from_the_last(&b.theta))
+            .unwrap_or(Ordering::Equal)
+    });
+    let mut kept: Vec<Minimum> = Vec::new();
+    for minimum in found {
+        let same = |other: &Minimum| {
+            let lengths = other.r_factor.lengths();
+            (0..PARAMETERS).all(|j| {
+                let apart = (minimum.theta[j] - other.theta[j]).abs();
+                apart * lengths[j] <= 0.01 || apart <= 1e-4 * other.theta[j].abs()
+            })
+        };
+        if !kept.iter().any(same) {
+            kept.push(minimum);
+        }
+    }
+    kept
 }
 
 /// A model with every row sliding, whether or not it can.

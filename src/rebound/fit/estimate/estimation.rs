@@ -59,10 +59,23 @@ impl ConfidenceRegion {
 /// Another local minimum of χ².
 pub(super) struct LocalMinimum {
     pub theta: Theta,
-    /// Scaled by the scatter; `None` where the rows so parted do not determine all that they did.
-    pub covariance: Option<SMatrix<f64, PARAMETERS, PARAMETERS>>,
+    /// Scaled by the scatter.
+    pub covariance: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    /// What the rows do not determine there, though they do at the lowest.
+    pub undetermined: [bool; PARAMETERS],
     /// Part of the coverage factor that is left at its lowest.
     pub room: f64,
+}
+
+impl LocalMinimum {
+    /// Whether a function depends on what the rows do not determine there.
+    fn leaves_open(&self, function: &impl Fn(&Theta) -> f64) -> bool {
+        (0..PARAMETERS).filter(|&j| self.undetermined[j]).any(|j| {
+            let mut moved = self.theta;
+            moved[j] += 0.01 * (1.0 + moved[j].abs());
+            function(&moved) != function(&self.theta)
+        })
+    }
 }
 
 impl<'a> ModelEstimation<'a> {
@@ -128,12 +141,12 @@ impl<'a> ModelEstimation<'a> {
         let reach = self.factor * std;
         let mut ends = (Some(value - reach), Some(value + reach));
         for minimum in &self.local_minima {
-            let Some(covariance) = &minimum.covariance else {
+            if minimum.leaves_open(&function) {
                 ends = (None, None);
                 break;
-            };
+            }
             let there = function(&minimum.theta);
-            let reach = minimum.room * std_of(&function, &minimum.theta, covariance);
+            let reach = minimum.room * std_of(&function, &minimum.theta, &minimum.covariance);
             ends.0 = ends.0.map(|low| low.min(there - reach));
             ends.1 = ends.1.map(|high| high.max(there + reach));
         }
@@ -186,7 +199,21 @@ impl<'a> ModelEstimation<'a> {
         }
         let estimate = self.estimate(|theta| theta[j], self.region.open[j]);
         match self.region.open[j] {
-            (false, false) => estimate,
+            (false, false) => {
+                let std = estimate.estimate().and_then(|e| e.quantity.std_uncertainty);
+                if std.is_some_and(|std| std <= SEARCHED[j].vague_std()) || self.local_minima.is_empty() {
+                    return estimate;
+                }
+                let others = self.local_minima.iter().map(|minimum| minimum.theta[j]);
+                let mut values: Vec<f64> = std::iter::once(self.theta[j]).chain(others).collect();
+                values.sort_by(f64::total_cmp);
+                let mut values: Vec<String> = values.into_iter().map(three_digits).collect();
+                values.dedup();
+                Fitted::NotDetermined(format!(
+                    "several values suit the rows about as well: {}",
+                    values.join(", ")
+                ))
+            }
             (low, high) => {
                 let ends = estimate.estimate().map_or((None, None), |e| e.interval_95);
                 match (low, ends.0, high, ends.1) {
@@ -262,15 +289,13 @@ fn local_minima(data: &GroupData, solution: &Solution, scatter: f64, factor: f64
                 task.unit_r_factor(&found.theta)
                     .determined(&solution.variant.free)
             })?;
-            let same = determined == solution.determined;
+            let covariance = found
+                .r_factor
+                .covariance(&determined, &solution.variant.free, rank);
             Some(LocalMinimum {
                 theta: found.theta,
-                covariance: same.then(|| {
-                    found
-                        .r_factor
-                        .covariance(&determined, &solution.variant.free, rank)
-                        * (scatter * scatter)
-                }),
+                covariance: covariance * (scatter * scatter),
+                undetermined: std::array::from_fn(|j| solution.determined[j] && !determined[j]),
                 room: room.sqrt(),
             })
         })
