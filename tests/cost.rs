@@ -108,7 +108,11 @@ fn a_small_run_gives_its_four_files_and_progress_to_the_end() {
     assert!(last > 0.85 && last <= 1.0, "{last}");
     let dir = tempdir().unwrap();
     let paths = write_cost(&report, None, dir.path()).unwrap();
-    let [page, svg, json, csv] = paths.map(|path| fs::read_to_string(path).unwrap());
+    let texts: Vec<String> = paths
+        .iter()
+        .map(|path| fs::read_to_string(path).unwrap())
+        .collect();
+    let [page, svg, json, csv] = <[String; 4]>::try_from(texts).unwrap();
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 4);
     for expected in [
         "rms error of a centre / px",

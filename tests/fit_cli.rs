@@ -319,3 +319,63 @@ fn a_series_where_everything_is_one_row_or_the_same() {
         assert!(!text.contains("NaN") && !text.contains("inf,"), "{text}");
     }
 }
+
+/// Each figure in a file that stands alone: its words in the legend, 8 cm wide; of several groups each its own.
+#[test]
+fn figures_are_files_for_a_thesis() {
+    let dir = tempdir().unwrap();
+    let names = |path: &Path| -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(path)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    let one = dir.path().join("one");
+    track_fit(&fixture("kharaz2001"))
+        .args(["--formats", "svg", "--out"])
+        .arg(&one)
+        .assert()
+        .success();
+    assert!(
+        names(&one).iter().all(|name| name.ends_with(".svg")),
+        "{:?}",
+        names(&one)
+    );
+    let figure = fs::read_to_string(one.join("master_curve.svg")).unwrap();
+    let document = roxmltree::Document::parse(&figure).unwrap();
+    assert_eq!(document.root_element().attribute("width"), Some("80mm"));
+    let words: Vec<String> = document
+        .descendants()
+        .filter(|node| node.has_tag_name("text"))
+        .filter_map(|node| node.text().map(|text| text.trim().to_owned()))
+        .collect();
+    for word in ["slides", "compliant", "sliding begins"] {
+        assert!(words.iter().any(|w| w == word), "{words:?}");
+    }
+
+    let several = dir.path().join("several");
+    track_fit(&fixture("fig4"))
+        .args(["--formats", "svg,json", "--out"])
+        .arg(&several)
+        .assert()
+        .success();
+    let names = names(&several);
+    for name in ["S1.distances.svg", "overview.distances.svg", "fit.json"] {
+        assert!(names.iter().any(|n| n == name), "{names:?}");
+    }
+    assert!(!names.iter().any(|n| n == "report.html"), "{names:?}");
+    let overview = fs::read_to_string(several.join("overview.distances.svg")).unwrap();
+    assert!(
+        ["S1", "S2", "Sr", "Ss", "So"]
+            .iter()
+            .all(|group| overview.contains(group))
+    );
+
+    track_fit(&fixture("fig4"))
+        .args(["--formats", "svg"])
+        .assert()
+        .code(2)
+        .stderr(contains("--out"));
+}

@@ -5,7 +5,7 @@ use crate::rebound::compliant::STIFFNESS_RATIO_RANGE;
 use crate::rebound::fit::{self, Options, SeriesFit};
 use crate::report::documents::fit::FitDocument;
 use crate::report::documents::json_text;
-use crate::report::formats::series::write_fit;
+use crate::report::formats::series::{SeriesFormat, write_fit};
 use crate::report::{series_table, write};
 use clap::Args;
 use std::path::PathBuf;
@@ -15,9 +15,12 @@ use std::path::PathBuf;
 pub struct FitArgs {
     /// A series: a CSV file, or the folder that `track batch` wrote (then its series.csv).
     pub path: PathBuf,
-    /// Write fit.json and report.html into this folder.
+    /// Write fit.json and report.html (or what --formats asks for) into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// What to write into the folder of --out.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', requires = "out", default_values = ["json", "html"])]
+    pub formats: Vec<SeriesFormat>,
     /// Print the result as one JSON document in place of the table.
     #[arg(long)]
     pub json: bool,
@@ -64,7 +67,7 @@ pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
     warn(&fitted);
     tell_rows(&fitted);
     if let Some(dir) = &args.out {
-        for path in write_fit(&series, &fitted, dir)? {
+        for path in write_fit(&series, &fitted, dir, &args.formats)? {
             note(&format!("wrote {}", path.display()));
         }
     }

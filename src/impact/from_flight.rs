@@ -6,7 +6,7 @@ use super::error_budget::{SPHERE_LAW_STD, SQUARE_LAW_STD};
 use super::inputs::{MotionInputs, SystematicErrors};
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources, Zero};
 use super::spin_lift::SpinLift;
-use crate::calibration::Calibration;
+use crate::calibration::{Calibration, View};
 use crate::flight::Flight;
 use crate::flight::planar::ARCS;
 use crate::geometry::PlanePoint;
@@ -103,7 +103,38 @@ impl<'a> MeasuredMotion<'a> {
             steady,
             slope_sources: SlopeSources::default(),
         };
-        motion.in_contact().since_launch().on_floor()
+        motion
+            .in_contact()
+            .since_launch()
+            .on_floor()
+            .with_origin_as_shown()
+    }
+
+    /// The same with an origin that is no better known along the floor than the first impact shows it to be above it.
+    fn with_origin_as_shown(mut self) -> Self {
+        if let Some(off_m) = self.floor_mismatch_m() {
+            let off = off_m / self.scale(&self.inputs.best());
+            self.inputs.set(|_, stds| {
+                stds.zero_right = stds.zero_right.hypot(off);
+                stds.zero_up = stds.zero_up.hypot(off);
+            });
+        }
+        self
+    }
+
+    /// By how much the ball's centre touches higher than its radius above the calibration's origin, which lies on the floor; `None`
+    /// where that is no more than half a radius and three pixels, as a ruler laid by hand allows, or where no origin is given.
+    #[must_use]
+    pub fn floor_mismatch_m(&self) -> Option<f64> {
+        let calibration = self.calibration;
+        let first = self.flight.impacts.iter().position(Option::is_some)?;
+        if !calibration.has_origin() || calibration.view == View::Top {
+            return None;
+        }
+        let p = self.inputs.best();
+        let radius_m = (calibration.ball.radius_m).unwrap_or(self.flight.radius() * self.scale(&p));
+        let off_m = self.impact(&p, first).1.h - radius_m;
+        (off_m.abs() > 0.5 * radius_m + 3.0 * self.metres_per_unit.value).then_some(off_m)
     }
 
     /// The same with whether the first arc can have begun at the launch: after an impact that was missed the spin is no

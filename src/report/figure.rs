@@ -70,6 +70,50 @@ pub(super) fn for_a_page(name: &str) -> String {
     format!(r#"class="plot" role="img" aria-label="{name}""#)
 }
 
+/// Where a plot goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlotUse {
+    /// Onto a page, which gives it its size.
+    Page,
+    /// Into a column of 8 cm.
+    Column,
+}
+
+/// Design width of a plot for a column, screen pixels: words of 16 of them, which plotters writes as 12.9, are 8.2 points where 356 are 80 mm.
+const COLUMN_WIDTH: u32 = 356;
+
+/// Of a column, mm.
+const COLUMN_MM: f64 = 80.0;
+
+impl PlotUse {
+    /// Design width, screen pixels.
+    pub fn width(self) -> u32 {
+        match self {
+            Self::Page => WIDTH,
+            Self::Column => COLUMN_WIDTH,
+        }
+    }
+
+    /// Ticks at most along it.
+    pub fn ticks(self) -> usize {
+        match self {
+            Self::Page => 9,
+            Self::Column => 5,
+        }
+    }
+
+    /// The drawing's attributes, whatever its height.
+    pub fn attributes(self, name: &str, height: u32) -> String {
+        match self {
+            Self::Page => for_a_page(name),
+            Self::Column => {
+                let height_mm = COLUMN_MM * f64::from(height) / f64::from(COLUMN_WIDTH);
+                format!(r#"width="80mm" height="{height_mm:.2}mm" style="background:#fff""#)
+            }
+        }
+    }
+}
+
 /// How a line is broken. Lengths are units of the drawing: dash, gap.
 ///
 /// plotters knows no dashes of SVG: a line is drawn with an opacity that nothing else has, and [`svg`] writes its dashes in

@@ -1,9 +1,10 @@
 //! `<stem>.report.html`: the page for people.
 
+use super::figure::PlotUse;
 use super::page::{PageError, document, fact, symbol_html, warning};
 use super::strobe::{self, StrobePicture};
 use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
-use super::track_plots::{self, Coordinate, Plot, PlotUse};
+use super::track_plots::{self, Coordinate, Plot};
 use super::words::{self, NO_VALUE, WrittenQuantity};
 use crate::impact::compliant_reading::CompliantReading;
 use crate::impact::{Bounce, Readings, XSource};

@@ -1,6 +1,6 @@
 //! The paper's figures from a series: which points and curves each holds.
 
-use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
+use super::chart::{Chart, Key, LineStyle, PlotPoint, PointMarker};
 use super::figure::span;
 use crate::numeric::robust::{commonest, median};
 use crate::rebound::fit::coordinates::{Coordinates, Mark, Prediction, SAME_SPIN};
@@ -53,6 +53,19 @@ impl SeriesFigure {
             Self::SpinOverSpeed => ("θ / degrees", "Rω / v₀"),
             Self::Master => ("ψ₁ = κ slip / (μ v_z) before", "ψ₂ after"),
             Self::Regimes => ("θ / degrees", "Rω₀ / u₀ before"),
+        }
+    }
+
+    /// In the name of its file.
+    pub fn file_word(self) -> &'static str {
+        match self {
+            Self::Angles => "angles",
+            Self::Distances => "distances",
+            Self::Spin => "spin",
+            Self::Kept => "tangential_ratio",
+            Self::SpinOverSpeed => "spin_over_speed",
+            Self::Master => "master_curve",
+            Self::Regimes => "regimes",
         }
     }
 
@@ -245,12 +258,14 @@ impl<'a> GroupDrawing<'a> {
             .collect();
         // The broad one lies below.
         curves.sort_by_key(|(stroke, _)| *stroke != LineStyle::Broad);
+        let transition = self.transition(figure, shown);
         Some(Chart {
             name: format!("{y_label} against {x_label}, group {}", self.group.name),
             x_label: x_label.to_owned(),
             y_label: y_label.to_owned(),
             words: regime_words(figure, &curves, &x, &y),
-            transitions: self.transition(figure, shown).into_iter().collect(),
+            legend: legend(&dots, &curves, transition.is_some()),
+            transitions: transition.into_iter().collect(),
             x,
             y,
             curves,
@@ -369,6 +384,34 @@ pub(super) fn stroke(name: ModelName) -> LineStyle {
     STYLES[name as usize % STYLES.len()]
 }
 
+/// What is drawn, of markers and lines.
+fn legend(
+    dots: &[PlotPoint],
+    curves: &[(LineStyle, Vec<(f64, f64)>)],
+    transition: bool,
+) -> Vec<(Key, String)> {
+    let markers = [
+        (PointMarker::Disc, "slides"),
+        (PointMarker::Ring, "grips, or leaves rolling"),
+        (PointMarker::Cross, "set aside"),
+    ];
+    let markers = markers
+        .into_iter()
+        .filter(|(marker, _)| dots.iter().any(|dot| dot.marker == *marker))
+        .map(|(marker, words)| (Key::Marker(marker), words));
+    let lines = ModelName::ALL
+        .map(|name| (stroke(name), name.facts().label))
+        .into_iter()
+        .filter(|(line, _)| curves.iter().any(|(style, _)| style == line))
+        .map(|(line, words)| (Key::Line(line), words));
+    let transition = transition.then_some((Key::Line(LineStyle::Fine), "sliding begins"));
+    markers
+        .chain(lines)
+        .chain(transition)
+        .map(|(key, words)| (key, words.to_owned()))
+        .collect()
+}
+
 /// From zero, where the paper's axes begin, unless the points lie on the other side of it.
 fn axis(
     points: impl Iterator<Item = (f64, Option<f64>)>,
@@ -414,6 +457,10 @@ fn regime_words(
     ]
 }
 
+/// The figures that show all groups.
+pub(super) const OF_ALL_GROUPS: [SeriesFigure; 3] =
+    [SeriesFigure::Angles, SeriesFigure::Distances, SeriesFigure::Spin];
+
 /// All groups in one figure, as the paper's Fig. 4: a marker for each, and the curve of its model.
 pub(super) fn overview(drawings: &[GroupDrawing<'_>], figure: SeriesFigure) -> Option<Chart> {
     let mut dots = Vec::new();
@@ -447,6 +494,11 @@ pub(super) fn overview(drawings: &[GroupDrawing<'_>], figure: SeriesFigure) -> O
         transitions: Vec::new(),
         words: Vec::new(),
         residuals: Vec::new(),
+        legend: drawings
+            .iter()
+            .enumerate()
+            .map(|(i, drawing)| (Key::Marker(group_marker(i)), drawing.group.name.clone()))
+            .collect(),
     })
 }
 

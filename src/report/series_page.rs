@@ -4,7 +4,9 @@
 //! was found and why; the parameters once more as plain numbers to copy; every row with what became of it, and a link to its
 //! recording's page where there is one. One file, no script, no address outside; it prints in grey.
 
+use super::chart::Key;
 use super::figure::PlotError;
+use super::figure::PlotUse;
 use super::page::{PageError, document, symbol_html, warning};
 use super::series_figures::{self, GroupDrawing, SeriesFigure, group_marker};
 use super::series_rows::{rows_table, to_copy};
@@ -149,10 +151,10 @@ fn overview(fit: &SeriesFit, drawings: &[GroupDrawing<'_>]) -> Result<Markup, Pa
                     }
                 }
             }
-            @for figure in [SeriesFigure::Angles, SeriesFigure::Distances, SeriesFigure::Spin] {
+            @for figure in series_figures::OF_ALL_GROUPS {
                 @if let Some(chart) = series_figures::overview(drawings, figure) {
                     figure.scroll {
-                        (PreEscaped(chart.svg()?))
+                        (PreEscaped(chart.svg(PlotUse::Page)?))
                         figcaption {
                             (figure.title()) ": all groups, markers as in the table; lines: the model of each."
                         }
@@ -272,7 +274,7 @@ fn figures(drawing: &GroupDrawing<'_>) -> Result<Markup, PlotError> {
             @if let Some(chart) = drawing.figure(figure) {
                 figure.scroll {
                     h3 { (figure.title()) }
-                    (PreEscaped(chart.svg()?))
+                    (PreEscaped(chart.svg(PlotUse::Page)?))
                     figcaption { (caption(figure, &chart, drawing)) }
                 }
             }
@@ -281,28 +283,14 @@ fn figures(drawing: &GroupDrawing<'_>) -> Result<Markup, PlotError> {
 }
 
 fn caption(figure: SeriesFigure, chart: &super::chart::Chart, drawing: &GroupDrawing<'_>) -> Markup {
-    let markers = [
-        (PointMarker::Disc, "slides"),
-        (PointMarker::Ring, "grips, or leaves rolling"),
-        (PointMarker::Cross, "set aside"),
-    ];
-    let strokes = ModelName::ALL.map(|name| (series_figures::stroke(name), name.facts().label));
-    let mut keys: Vec<(Markup, &str)> = Vec::new();
-    let shown = markers
-        .iter()
-        .filter(|(m, _)| chart.dots.iter().any(|dot| dot.marker == *m));
-    keys.extend(shown.map(|(marker, words)| (marker_key(*marker), *words)));
-    let shown = strokes
-        .iter()
-        .filter(|(s, _)| chart.curves.iter().any(|(style, _)| style == s));
-    keys.extend(shown.map(|(stroke, words)| (stroke_key(*stroke), *words)));
-    if !chart.transitions.is_empty() {
-        keys.push((stroke_key(LineStyle::Fine), "sliding begins"));
-    }
     html! {
-        @for (i, (key, words)) in keys.iter().enumerate() {
+        @for (i, (key, words)) in chart.legend.iter().enumerate() {
             @if i > 0 { " \u{a0} " }
-            (key) " " (words)
+            @match *key {
+                Key::Marker(marker) => { (marker_key(marker)) }
+                Key::Line(stroke) => { (stroke_key(stroke)) }
+            }
+            " " (words)
         }
         br;
         @if figure == SeriesFigure::Regimes {

@@ -4,8 +4,8 @@
 
 use super::drawing_geometry;
 use super::figure::{
-    self, ARC, Area, Axis, Dashes, FINE, IMPACT, INK, Panel, PanelAxes, PlotError, UNUSED, WIDTH, error_bar,
-    panel, span, text_style,
+    self, ARC, Area, Axis, Dashes, FINE, IMPACT, INK, Panel, PanelAxes, PlotError, PlotUse, UNUSED,
+    error_bar, panel, span, text_style,
 };
 use crate::pipeline::{ArcTrace, Measurement, PointUse, TrackPoint, View};
 use plotters::prelude::*;
@@ -27,48 +27,6 @@ pub enum Coordinate {
     Along,
     /// z, or y in a top view; the row v without a scale.
     Up,
-}
-
-/// Where a plot goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PlotUse {
-    /// Onto a page, which gives it its size.
-    Page,
-    /// Into a column of 8 cm.
-    Column,
-}
-
-/// Design width of a plot for a column, screen pixels: words of 16 of them, which plotters writes as 12.9, are 8.2 points where 356 are 80 mm.
-const COLUMN_WIDTH: u32 = 356;
-
-/// Of a column, mm.
-const COLUMN_MM: f64 = 80.0;
-
-impl PlotUse {
-    fn width(self) -> u32 {
-        match self {
-            Self::Page => WIDTH,
-            Self::Column => COLUMN_WIDTH,
-        }
-    }
-
-    fn time_ticks(self) -> usize {
-        match self {
-            Self::Page => 9,
-            Self::Column => 5,
-        }
-    }
-
-    /// The drawing's attributes, whatever its height.
-    fn attributes(self, name: &str, height: u32) -> String {
-        match self {
-            Self::Page => figure::for_a_page(name),
-            Self::Column => {
-                let height_mm = COLUMN_MM * f64::from(height) / f64::from(COLUMN_WIDTH);
-                format!(r#"width="80mm" height="{height_mm:.2}mm" style="background:#fff""#)
-            }
-        }
-    }
 }
 
 /// A finished plot.
@@ -186,7 +144,7 @@ impl CoordinateData {
         let centre_std_px = measurement.track.centre_std_px;
         let band = centre_std_px.zip(per_pixel).map(|(std, per)| std * per);
         Some(Self {
-            time_ticks: goes.time_ticks(),
+            time_ticks: goes.ticks(),
             time,
             value,
             residual_reach: reach(&points, band),

@@ -161,17 +161,14 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<(), WriteError> {
 }
 
 /// What a file of an output folder is called, and its bytes or why there are none.
-pub(super) type MadeFile = (
-    &'static str,
-    Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>>,
-);
+pub(super) type MadeFile<N> = (N, Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>>);
 
 /// Writes several files into `dir`: all of them, or none. Their paths.
-pub(super) fn write_into<const N: usize>(
+pub(super) fn write_into<N: AsRef<Path>>(
     dir: &Path,
-    files: [MadeFile; N],
-) -> Result<[PathBuf; N], WriteError> {
-    let paths = files.each_ref().map(|(name, _)| dir.join(name));
+    files: Vec<MadeFile<N>>,
+) -> Result<Vec<PathBuf>, WriteError> {
+    let paths: Vec<PathBuf> = files.iter().map(|(name, _)| dir.join(name)).collect();
     let staged = paths.iter().zip(files).map(|(path, (_, bytes))| match bytes {
         Ok(bytes) => stage(path.clone(), &bytes),
         Err(source) => Err(WriteError::Contents {

@@ -455,20 +455,15 @@ fn scale_against_ball(j: &WarningContext<'_>) -> Option<Warning> {
 
 /// With an origin on the floor, the ball's centre must touch at its radius.
 fn floor_height(j: &WarningContext<'_>) -> Option<Warning> {
-    let radius_m = j.impacts.radius_m?;
-    if !j.calibration.has_origin() || j.calibration.view == View::Top {
-        return None;
-    }
-    let (k, first) = j.impacts.bounces.first()?;
-    let (_, height_m) = j.motion.place_m(*k, first.time_s?.value);
-    let off = height_m - radius_m;
-    (off.abs() > 0.5 * radius_m + 3.0 * j.motion.metres_per_unit.value).then(|| {
-        warning!(
-            "floor_mismatch",
-            "the ball touches with its centre {:.1} mm above the calibration's floor; its radius is {:.1} mm. Check \"origin_px\": its row is the floor where the ball bounces.",
-            1e3 * height_m, 1e3 * radius_m
-        )
-    })
+    let off_m = j.motion.floor_mismatch_m()?;
+    let side = if off_m < 0.0 { "below" } else { "above" };
+    Some(warning!(
+        "floor_mismatch",
+        "the ball touches with its centre {:.1} mm {side} where the calibration's floor has it. Either \"origin_px\" is wrong (its row is the \
+         floor where the ball bounces), or what was measured is not the ball but its shadow, its reflection or another thing: look at the \
+         overlay. Distances from the origin and x0 carry as much uncertainty.",
+        1e3 * off_m.abs()
+    ))
 }
 
 /// x is a distance on one floor.

@@ -16,13 +16,13 @@ pub fn write_cost(
     report: &CostReport,
     check: Option<&Check>,
     dir: &Path,
-) -> Result<[PathBuf; 4], WriteError> {
+) -> Result<Vec<PathBuf>, WriteError> {
     let page = cost_page::cost_html(report, check);
     let svg = cost_page::cost_svg(report);
     let json = json_text(&CostDocument::new(report, check));
     write_into(
         dir,
-        [
+        vec![
             ("cost.html", page.map(String::into_bytes).map_err(Into::into)),
             ("cost.svg", svg.map(String::into_bytes).map_err(Into::into)),
             ("cost.json", json.map_err(Into::into)),

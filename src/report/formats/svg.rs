@@ -5,8 +5,9 @@
 
 use super::{Contents, OutputFormat};
 use crate::pipeline::Measurement;
+use crate::report::figure::PlotUse;
 use crate::report::strobe;
-use crate::report::track_plots::{Coordinate, PlotUse, coordinate_plot};
+use crate::report::track_plots::{Coordinate, coordinate_plot};
 use std::error::Error;
 
 /// A figure in a file of its own.
@@ -47,10 +48,13 @@ impl OutputFormat for FigureFile {
             Self::X => plot(Coordinate::Along)?,
             Self::Z => plot(Coordinate::Up)?,
         };
-        Ok(svg.map_or(Contents::Nothing, |svg| {
-            Contents::Bytes(format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{svg}\n").into_bytes())
-        }))
+        Ok(svg.map_or(Contents::Nothing, |svg| Contents::Bytes(svg_file(&svg))))
     }
+}
+
+/// An `<svg>` element as a file of its own.
+pub(super) fn svg_file(element: &str) -> Vec<u8> {
+    format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{element}\n").into_bytes()
 }
 
 #[cfg(test)]
