@@ -232,6 +232,16 @@ fn calibrate_replaces_what_it_made_and_nothing_else() {
         .code(2)
         .stderr(contains("my.show.html").and(contains("--force")));
     show(&["--force"]).success();
+    // The page of a review.
+    let page = path_of(dir.path(), "my.review.html");
+    let review = |more: &[&str]| track(&["review", &video, "--out", &page]).args(more).assert();
+    review(&[]).success();
+    review(&[]).success();
+    fs::write(&page, "<p>mine").unwrap();
+    review(&[])
+        .code(2)
+        .stderr(contains("my.review.html").and(contains("--force")));
+    review(&["--force"]).success();
 }
 
 /// Told to end in the middle of a recording, `simulate` takes along what stands under a temporary name.

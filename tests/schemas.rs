@@ -12,7 +12,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
-use track::config::FileProblem;
+use track::config::{FileError, FileProblem};
+use track::edits::Edits;
 use track::schemas;
 use track::simulate::{Scene, SceneError};
 
@@ -257,6 +258,7 @@ fn readers_and_schemas_know_the_same_keys() {
                 "effects",
             ],
         ),
+        ("track.edits/1", &["", "ball"]),
     ] {
         let schema = &schemas.iter().find(|s| s.id == id).unwrap().schema;
         for section in sections {
@@ -286,13 +288,18 @@ fn readers_and_schemas_know_the_same_keys() {
                 .copied()
                 .collect::<Vec<_>>()
                 .join(".");
-            let accepted = if id == "track.calib/1" {
-                accepted_keys(Calibration::parse(&text, "x").unwrap_err().problems(), &unknown)
-            } else {
-                match Scene::from_json(&text).unwrap_err() {
+            let accepted = match id {
+                "track.calib/1" => {
+                    accepted_keys(Calibration::parse(&text, "x").unwrap_err().problems(), &unknown)
+                }
+                "track.edits/1" => match Edits::from_bytes(text.as_bytes(), "x").unwrap_err() {
+                    FileError::Invalid { problems, .. } => accepted_keys(&problems, &unknown),
+                    other => panic!("{other}"),
+                },
+                _ => match Scene::from_json(&text).unwrap_err() {
                     SceneError::File(error) => accepted_keys(error.problems(), &unknown),
                     other => panic!("{other}"),
-                }
+                },
             };
             let mut described: Vec<&String> = form["properties"].as_object().unwrap().keys().collect();
             described.sort();

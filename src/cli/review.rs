@@ -2,7 +2,8 @@
 
 use super::measure::show;
 use super::messages::progress_bar;
-use super::{Status, answer, note};
+use super::{Status, answer, note, refuse_foreign};
+use crate::config::made_by;
 use crate::edits::{self, Edits};
 use crate::frames::{self, digest};
 use crate::pipeline::look_through;
@@ -24,6 +25,9 @@ pub struct ReviewArgs {
     /// Where the page goes; by default beside the result (or else the recording), as <name>.review.html.
     #[arg(long, value_name = "PAGE")]
     pub out: Option<PathBuf>,
+    /// Replace a page there that this program did not make.
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// Makes the page.
@@ -45,6 +49,9 @@ pub fn run(args: &ReviewArgs) -> anyhow::Result<Status> {
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
     let _folders = write::check_output_dir(folder)?;
+    if !args.force {
+        refuse_foreign(&made_by::foreign(&out, std::slice::from_ref(&out)))?;
+    }
     let sha256 = digest::of_recording(&args.video).ok();
     let (mut reviewed, second_axis) = match &result_path {
         Some(path) => read(path, &args.video, sha256.as_deref())?,

@@ -7,7 +7,6 @@ use super::escape::escape;
 use super::page::{STYLE, filled, script_data};
 use super::photograph::Photograph;
 use crate::calibration::Calibration;
-use crate::config::made_by::PAGE_MARK;
 use crate::frames::{FrameError, Yuv420};
 use crate::geometry::{PixelPoint, PlanePoint};
 use base64::Engine as _;
@@ -95,7 +94,6 @@ pub fn calibrate_html(
     });
     let value = |name: &str| match name {
         "NAME" => Some(escape(names.video)),
-        "GENERATOR" => Some([PAGE_MARK, env!("CARGO_PKG_VERSION"), "\">"].concat()),
         "CALIB" => Some(escape(names.calib)),
         "MARKS" => Some(escape(names.marks)),
         "STYLE" => Some([STYLE, OWN_STYLE].concat()),

@@ -5,6 +5,7 @@
 
 use super::escape::without_controls;
 use super::{figure, strobe};
+use crate::config::made_by::PAGE_MARK;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use thiserror::Error;
 
@@ -64,11 +65,15 @@ pub(super) fn warning(code: &str, message: impl maud::Render) -> Markup {
 }
 
 /// A page that a script runs, of its `template`: what stands there between two `@` is a name, for which `part` gives what comes in its place.
-/// One pass: a value that looks like a place holder stays what it is.
+/// `GENERATOR` is the line by which the program knows its own pages. One pass: a value that looks like a place holder stays what it is.
 pub(super) fn filled(template: &str, part: impl Fn(&str) -> Option<String>) -> String {
     let parts = template.split('@').enumerate();
     parts.fold(String::new(), |mut page, (i, text)| {
-        let value = if i % 2 == 0 { None } else { part(text) };
+        let value = match text {
+            _ if i % 2 == 0 => None,
+            "GENERATOR" => Some([PAGE_MARK, env!("CARGO_PKG_VERSION"), "\">"].concat()),
+            _ => part(text),
+        };
         page.push_str(value.as_deref().unwrap_or(text));
         page
     })
