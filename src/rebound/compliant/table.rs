@@ -10,6 +10,7 @@
 //! in 99 of 100: the error sits beside bends that e < 1 adds and that move with e. `interpolated_e_x_is_that_of_the_springs` holds that.
 
 use super::springs;
+use rayon::prelude::*;
 use std::cell::RefCell;
 use std::ops::Range;
 use std::rc::Rc;
@@ -224,6 +225,10 @@ impl Blend {
             by_stiffness: [0.0; NODES],
             by_restitution: [0.0; NODES],
         };
+        // What is new of them at once, where there are processors.
+        (0..16_usize).into_par_iter().for_each(|k| {
+            column(along.first + k / 4, across.first + k % 4);
+        });
         for i in 0..4 {
             for j in 0..4 {
                 let values = column(along.first + i, across.first + j);

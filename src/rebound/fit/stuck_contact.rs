@@ -14,8 +14,8 @@ use argmin::solver::brent::BrentOpt;
 use std::cell::RefCell;
 
 /// Steps of μ inwards, and their factor: to where every bounce slides.
-const STEPS: i32 = 24;
-const FACTOR: f64 = 2.5;
+const STEPS: i32 = 12;
+const FACTOR: f64 = 5.0;
 
 /// χ² above that of the lowest in which a valley is not gone through: no interval reaches there.
 const OUT_OF_REACH: f64 = 30.0;
@@ -32,7 +32,7 @@ pub(super) fn minima(data: &GroupData, chosen: &[usize], variant: Variant) -> Ve
         .into_iter()
         .map(|start| at_friction(start, WITHOUT_LIMIT))
         .collect();
-    let ends: Vec<Minimum> = starts::best(&held, candidates, 1.0, FOLLOWED)
+    let ends: Vec<Minimum> = starts::best(&held, candidates, 1.0, FOLLOWED / 2)
         .into_iter()
         .filter_map(|start| held.search(start))
         .collect();

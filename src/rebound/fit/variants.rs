@@ -480,9 +480,17 @@ fn minima(data: &GroupData, chosen: &[usize], variant: Variant, from: &[Theta]) 
     let task = Task::of(data, variant, Some(chosen));
     let mut starts = starts::candidates(data, chosen, &variant.free);
     starts.extend(from);
-    // A law that bends has more valleys, and two of them may suit the rows alike.
     let bends = !variant.model.model().grip_is_linear();
-    let followed = if bends { 3 * FOLLOWED } else { FOLLOWED };
+    // Where e stands in no column of its own, a law that bends has more valleys.
+    let velocities = data
+        .rows
+        .first()
+        .is_none_or(|row| row.set == ColumnSet::Velocities);
+    let followed = if bends && !velocities {
+        3 * FOLLOWED
+    } else {
+        FOLLOWED
+    };
     let mut found: Vec<Minimum> = starts::best(&task, starts, 1.0, followed)
         .into_iter()
         .filter_map(|start| task.search(start))
