@@ -408,6 +408,57 @@ fn a_second_run_measures_what_has_changed_and_nothing_else() {
     run(&CLIPS, &["--accuracy", "fast", "--again"]);
 }
 
+#[test]
+fn copies_count_once_and_what_gravity_refutes_is_left_out_and_said_at_the_top() {
+    let (_dir, lab, out) = lab();
+    for file in ["mp4", "calib.json"] {
+        fs::copy(lab.join(format!("a.{file}")), lab.join(format!("z.{file}"))).unwrap();
+    }
+    let calib = lab.join("b.calib.json");
+    let text = fs::read_to_string(&calib).unwrap();
+    fs::write(&calib, text.replace("0.0025", "0.005")).unwrap();
+
+    batch(&[&lab], &out)
+        .assert()
+        .code(0)
+        .stderr(contains("1 recording contradicts g: b (left out"))
+        .stderr(contains("duplicate_recording: 1 recording is a copy of another"))
+        .stderr(contains("z is a."));
+    assert_eq!(column(&out, "recording"), ["a", "b", "c", "z"]);
+    let left_out = column(&out, "left_out");
+    assert_eq!((left_out[0].as_str(), left_out[2].as_str()), ("", ""));
+    assert!(left_out[1].contains("gravity_mismatch") && left_out[3].contains("duplicate_recording"));
+    let warnings = column(&out, "warnings");
+    assert!(warnings[1].split(' ').any(|code| code == "gravity_mismatch"));
+    assert!(warnings[3].ends_with("duplicate_recording"));
+    let fit = json(&out.join("fit.json"));
+    assert_eq!(fit["groups"][0]["rows_used"], serde_json::json!([1, 3]));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let place = |text: &str| page.find(text).unwrap();
+    assert!(place("1 recording contradicts g: b") < place("<section"));
+
+    batch(&[&lab], &out)
+        .arg("--keep-refuted")
+        .assert()
+        .code(0)
+        .stderr(contains("in the fit all the same"))
+        .stdout(contains("0 of them now"));
+    assert_eq!(column(&out, "left_out")[1], "");
+
+    // A result that another build has left behind.
+    let key = out.join("results/c.key.json");
+    let text = fs::read_to_string(&key).unwrap();
+    let version = format!("\"version\": \"{}\"", env!("CARGO_PKG_VERSION"));
+    assert!(text.contains(&version), "{text}");
+    fs::write(&key, text.replace(&version, "\"version\": \"0.0.1\"")).unwrap();
+    batch(&[&lab], &out)
+        .assert()
+        .code(0)
+        .stderr(contains("several_builds"))
+        .stderr(contains("track 0.0.1 ("))
+        .stdout(contains("1 of them now"));
+}
+
 // When something goes wrong.
 
 /// The processes that `parent` has started: their ids and what they were started with.

@@ -10,6 +10,7 @@
 //! | [`process`] | a recording in a process of its own: limits, time, why it ended |
 //! | `schedule` | as many processes at once as were asked for |
 //! | [`series`] | the table of all bounces |
+//! | [`vetting`] | copies, and recordings that gravity or the ball's size refutes, are no part of the fit |
 //! | [`session`] | the order of the steps |
 //!
 //! Whatever is written depends on the recordings, their calibrations and the settings alone: not on the time, on the number of
@@ -27,9 +28,11 @@ mod result_store;
 mod schedule;
 pub mod series;
 pub mod session;
+pub mod vetting;
 
 pub use plan::{BatchPlan, BatchRequest, PlanError};
 pub use session::{BatchEvent, BatchSummary, run};
+pub use vetting::RefutedRecordings;
 
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
@@ -100,7 +103,7 @@ impl CalibrationChanges {
     }
 }
 
-/// How a batch is run. Only the accuracy has a part in the results.
+/// How a batch is run. Only the accuracy has a part in the results, and what becomes of refuted ones in the fit.
 #[derive(Debug, Clone, Copy)]
 pub struct BatchSettings {
     /// How centres are found.
@@ -113,6 +116,8 @@ pub struct BatchSettings {
     pub memory_bytes: Option<u64>,
     /// Whether results that stand are measured again.
     pub again: bool,
+    /// What becomes of recordings that gravity or the ball's size refutes.
+    pub refuted: RefutedRecordings,
 }
 
 /// How a recording ended.

@@ -82,6 +82,12 @@ impl ResultStore {
         serde_json::from_slice(&bytes).map_err(io::Error::from)
     }
 
+    /// The build that measured the result of this name, as its key has it.
+    pub fn build(&self, name: &str) -> Option<String> {
+        let key = fs::read(self.results.join(format!("{name}.{KEY}"))).ok()?;
+        build_in(&serde_json::from_slice(&key).ok()?)
+    }
+
     /// Moves the files that the recording's process has made into the folder of results, the key last.
     pub fn store(&self, recording: &BatchRecording, key: &ResultKey) -> Result<(), WriteError> {
         let work_dir = self.work_dir(recording);
@@ -176,6 +182,12 @@ impl Drop for ResultStore {
         // Where it fails, the next batch in this folder does it.
         let _ = self.clear_work_dirs();
     }
+}
+
+/// The build that a result or a key names.
+pub fn build_in(document: &Value) -> Option<String> {
+    let text = |key: &str| document[key].as_str();
+    Some(format!("{} ({})", text("version")?, text("commit")?))
 }
 
 /// What each file of a recording ends in.

@@ -11,6 +11,7 @@
 //! them the scale.
 
 use super::BatchRecording;
+use super::vetting::{DUPLICATE, LeftOut};
 use crate::calibration::Calibration;
 use crate::impact::Speed;
 use serde_json::Value;
@@ -18,6 +19,10 @@ use serde_json::Value;
 /// The rows of a recording.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BounceRows(Vec<Vec<String>>);
+
+/// Where in a row it stands why the bounce is nothing for a fit, and the codes of the recording's warnings.
+const LEFT_OUT: usize = 4;
+const WARNINGS: usize = 7;
 
 /// What the table says of a recording beside its result.
 #[derive(Debug, Clone, Copy)]
@@ -71,6 +76,7 @@ fn header() -> Vec<String> {
         "left_out",
         "regime",
         "edited",
+        "warnings",
     ]
     .map(str::to_owned)
     .to_vec();
@@ -106,6 +112,7 @@ impl BounceRows {
         let inertia_factor = source.calibration.ball.inertia_factor;
         let bounces = |launch: &Value| launch["bounces"].as_array().map_or(0, Vec::len);
         let edited = result["edits"].is_object();
+        let codes = warning_codes(result).join(" ");
         let of_launch = |all: usize, (n, launch): (usize, &Value)| -> Vec<Vec<String>> {
             // A slope that the impacts tell is the launch's own.
             let own = launch
@@ -115,7 +122,7 @@ impl BounceRows {
             with_shared_slope(launch, sharing, inertia_factor)
                 .iter()
                 .enumerate()
-                .map(|(i, bounce)| row(launch, source, (n + 1, i), bounce, edited))
+                .map(|(i, bounce)| row(launch, source, (n + 1, i), bounce, (edited, &codes)))
                 .collect()
         };
         // A recording of one launch is that launch.
@@ -129,6 +136,19 @@ impl BounceRows {
             .enumerate()
             .flat_map(|launch| of_launch(all, launch));
         Self(rows.collect())
+    }
+
+    /// The rows of a recording that is no part of the fit as a whole.
+    #[must_use]
+    pub fn left_out(mut self, left_out: &LeftOut) -> Self {
+        for row in &mut self.0 {
+            row[LEFT_OUT] = left_out.reason();
+            if matches!(left_out, LeftOut::Duplicate(_)) {
+                let codes = std::mem::take(&mut row[WARNINGS]);
+                row[WARNINGS] = format!("{codes} {DUPLICATE}").trim_start().to_owned();
+            }
+        }
+        self
     }
 
     /// How many bounces there are.
@@ -148,11 +168,16 @@ impl BounceRows {
 ///
 /// # Errors
 /// Whatever the `csv` crate refuses; into memory it refuses nothing.
-pub fn table<'a>(recordings: impl Iterator<Item = &'a BounceRows>) -> Result<Vec<u8>, ::csv::Error> {
+pub fn table<'a>(
+    recordings: impl Iterator<Item = (&'a BounceRows, Option<&'a LeftOut>)>,
+) -> Result<Vec<u8>, ::csv::Error> {
     let mut writer = ::csv::Writer::from_writer(Vec::new());
     writer.write_record(header())?;
-    for row in recordings.flat_map(|rows| &rows.0) {
-        writer.write_record(row)?;
+    for (rows, left_out) in recordings {
+        let vetted = left_out.map(|left_out| rows.clone().left_out(left_out));
+        for row in &vetted.as_ref().unwrap_or(rows).0 {
+            writer.write_record(row)?;
+        }
     }
     writer
         .into_inner()
@@ -218,13 +243,28 @@ fn with_shared_slope(result: &Value, sharing: usize, inertia_factor: f64) -> Vec
     bounces
 }
 
-/// The row of a bounce: of this launch of the recording, from 1, and in it, from 0. `result`: what is measured of that launch; `edited`: with what a person said.
+/// The codes of a result's warnings, each once.
+#[must_use]
+pub fn warning_codes(result: &Value) -> Vec<String> {
+    let mut codes: Vec<String> = Vec::new();
+    for warning in result["warnings"].as_array().into_iter().flatten() {
+        if let Some(code) = warning["code"].as_str()
+            && !codes.iter().any(|known| known == code)
+        {
+            codes.push(code.to_owned());
+        }
+    }
+    codes
+}
+
+/// The row of a bounce: of this launch of the recording, from 1, and in it, from 0. `result`: what is measured of that launch; `edited`: with what a person said;
+/// `warnings`: the recording's.
 fn row(
     result: &Value,
     source: &RowSource<'_>,
     (launch, i): (usize, usize),
     bounce: &Value,
-    edited: bool,
+    (edited, warnings): (bool, &str),
 ) -> Vec<String> {
     let RowSource {
         recording,
@@ -239,6 +279,7 @@ fn row(
         left_out(result, calibration, i, bounce).unwrap_or_default(),
         bounce["regime"].as_str().unwrap_or_default().to_owned(),
         edited.to_string(),
+        warnings.to_owned(),
     ];
     let first = i == 0;
     let mut quantity = |q: Option<&Value>| {
@@ -367,7 +408,7 @@ mod tests {
             page: "results/a.report.html",
         };
         let rows = BounceRows::of(result, &source);
-        fit::csv::parse(&table([&rows].into_iter()).unwrap(), "series.csv").unwrap()
+        fit::csv::parse(&table([(&rows, None)].into_iter()).unwrap(), "series.csv").unwrap()
     }
 
     #[test]
@@ -393,6 +434,40 @@ mod tests {
         assert_eq!(first.inertia_factor(), 0.4);
         assert_eq!(s.rows[1].value(Column::X), None, "x belongs to the launch");
         assert_eq!(s.rows[1].value(Column::SpinIn), Some(0.5));
+    }
+
+    #[test]
+    fn a_recording_that_is_left_out_stands_there_with_reason_and_codes() {
+        let mut warned = result();
+        warned["warnings"] = json!([
+            {"code": "camera_moved", "message": ""}, {"code": "edited", "message": ""}, {"code": "edited", "message": ""}
+        ]);
+        let (recording, calibration) = (recording(), calibration());
+        let source = RowSource {
+            recording: &recording,
+            calibration: &calibration,
+            page: "a",
+        };
+        let rows = BounceRows::of(&warned, &source);
+        assert_eq!(
+            (header()[LEFT_OUT].as_str(), header()[WARNINGS].as_str()),
+            ("left_out", "warnings")
+        );
+        assert_eq!(rows.0[1][WARNINGS], "camera_moved edited");
+        let copy = LeftOut::Duplicate("other".to_owned());
+        let text = table([(&rows, None), (&rows, Some(&copy))].into_iter()).unwrap();
+        let s = fit::csv::parse(&text, "series.csv").unwrap();
+        assert_eq!((s.rows.len(), s.set_aside.len()), (2, 2));
+        assert!(
+            s.set_aside[0].reason.contains("the same as other"),
+            "{:?}",
+            s.set_aside
+        );
+        assert!(
+            String::from_utf8(text)
+                .unwrap()
+                .contains("camera_moved edited duplicate_recording")
+        );
     }
 
     #[test]

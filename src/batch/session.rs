@@ -3,12 +3,13 @@
 
 use super::key::ResultKey;
 use super::process::{ProcessExit, RecordingProcess};
-use super::result_store::{RESULTS, ResultStore};
+use super::result_store::{RESULTS, ResultStore, build_in};
 use super::series::{self, BounceRows, RowSource};
+use super::vetting::{self, LeftOut, RefutedRecordings, VettedRecording};
 use super::{BatchError, BatchPlan, BatchRecording, BatchSettings, RecordingOutcome, schedule};
 use crate::calibration::Calibration;
 use crate::error_chain;
-use crate::rebound::fit::{self, ColumnSet, Options, Series, SeriesFit, Weights};
+use crate::rebound::fit::{self, ColumnSet, Note, Options, Series, SeriesFit, Weights};
 use crate::report::batch_page::{self, RecordingEntry, RecordingState};
 use crate::report::documents::fit::FitDocument;
 use crate::report::{documents, write};
@@ -30,6 +31,8 @@ pub enum BatchEvent<'a> {
         to_do_bytes: Vec<u64>,
         /// Names of results in the folder that belong to none of the recordings.
         others: &'a [String],
+        /// That results in the folder come from different builds of the program.
+        builds: Option<Note>,
     },
     /// A recording has ended.
     Ended {
@@ -51,6 +54,8 @@ pub struct BatchSummary {
     pub now: usize,
     /// Bounces in the series.
     pub rows: usize,
+    /// What to know of the recordings: copies, those that gravity or the ball's size refutes.
+    pub notes: Vec<Note>,
     /// The fit of the series; without a group where there is no bounce.
     pub fit: SeriesFit,
     /// The files that were written for all.
@@ -95,6 +100,7 @@ pub fn run(
         out,
         plan,
         store: &store,
+        refuted: settings.refuted,
         progress,
     };
     batch.report_what_is_known(&work, watch)?;
@@ -132,10 +138,11 @@ pub fn run(
         }
         Ok::<(), BatchError>(())
     })?;
-    let (rows, fit) = published;
+    let PublishedSeries { rows, notes, fit } = published;
     Ok(BatchSummary {
         now: done,
         rows,
+        notes,
         fit,
         files: batch.files(),
         outcomes: batch
@@ -156,6 +163,10 @@ enum RecordingProgress {
         rows: BounceRows,
         /// Codes of its warnings.
         warnings: Vec<String>,
+        /// SHA-256 of the recording, as its result has it.
+        sha256: Option<String>,
+        /// The build that measured it.
+        build: Option<String>,
     },
 }
 
@@ -165,6 +176,8 @@ impl RecordingProgress {
             outcome: RecordingOutcome::Failed { reason },
             rows: BounceRows::default(),
             warnings: Vec::new(),
+            sha256: None,
+            build: None,
         }
     }
 
@@ -240,7 +253,6 @@ fn ended(recording: &BatchRecording, calibration: &Calibration, result: &Value) 
         calibration,
         page: &page,
     };
-    let codes = result["warnings"].as_array().into_iter().flatten();
     RecordingProgress::Ended {
         outcome: if result["status"] == "measured" {
             RecordingOutcome::Measured
@@ -250,9 +262,9 @@ fn ended(recording: &BatchRecording, calibration: &Calibration, result: &Value) 
             }
         },
         rows: BounceRows::of(result, &source),
-        warnings: codes
-            .filter_map(|w| Some(w["code"].as_str()?.to_owned()))
-            .collect(),
+        warnings: series::warning_codes(result),
+        sha256: result["video"]["sha256"].as_str().map(str::to_owned),
+        build: build_in(result),
     }
 }
 
@@ -278,7 +290,15 @@ struct RunningBatch<'a> {
     out: &'a Path,
     plan: &'a BatchPlan,
     store: &'a ResultStore,
+    refuted: RefutedRecordings,
     progress: Vec<RecordingProgress>,
+}
+
+/// The series as far as it was written.
+struct PublishedSeries {
+    rows: usize,
+    notes: Vec<Note>,
+    fit: SeriesFit,
 }
 
 impl RunningBatch<'_> {
@@ -301,6 +321,7 @@ impl RunningBatch<'_> {
             up_to_date: up_to_date.count(),
             to_do_bytes: work.iter().map(|(_, inputs)| inputs.bytes).collect(),
             others: &others,
+            builds: self.builds(&others),
         });
         for (i, progress) in self.progress.iter().enumerate() {
             let RecordingProgress::Ended { outcome, .. } = progress else {
@@ -314,6 +335,16 @@ impl RunningBatch<'_> {
             }
         }
         Ok(())
+    }
+
+    /// That results in the folder come from different builds, before any is measured again.
+    fn builds(&self, others: &[String]) -> Option<Note> {
+        let ours = self.plan.recordings.iter().map(|recording| &recording.name);
+        let builds: Vec<(&str, String)> = ours
+            .chain(others)
+            .filter_map(|name| Some((name.as_str(), self.store.build(name)?)))
+            .collect();
+        vetting::several_builds(builds.iter().map(|(name, build)| (*name, build.as_str())))
     }
 
     fn report(&self, i: usize, bytes: Option<u64>, watch: &mut dyn FnMut(&BatchEvent<'_>)) {
@@ -357,13 +388,17 @@ impl RunningBatch<'_> {
         [SERIES, FIT, PAGE].map(|name| self.out.join(name))
     }
 
-    /// Writes the series as far as it is known, its fit and the page of all. How many rows, and the fit.
-    fn publish(&self) -> Result<(usize, SeriesFit), BatchError> {
-        let rows = self.progress.iter().filter_map(|progress| match progress {
-            RecordingProgress::Ended { rows, .. } => Some(rows),
+    /// Writes the series as far as it is known, its fit and the page of all.
+    fn publish(&self) -> Result<PublishedSeries, BatchError> {
+        let recordings = || self.plan.recordings.iter().zip(&self.progress);
+        let vetted: Vec<VettedRecording<'_>> = recordings().map(vetted).collect();
+        let vetting = vetting::vet(&vetted, self.refuted);
+        let rows = self.progress.iter().zip(&vetting.left_out);
+        let rows = rows.filter_map(|(progress, left_out)| match progress {
+            RecordingProgress::Ended { rows, .. } => Some((rows, left_out.as_ref())),
             RecordingProgress::ToDo(_) => None,
         });
-        let count = rows.clone().map(BounceRows::len).sum();
+        let count = rows.clone().map(|(rows, _)| rows.len()).sum();
         let table = series::table(rows)?;
         let (series, fitted) = if count == 0 {
             nothing()
@@ -372,14 +407,11 @@ impl RunningBatch<'_> {
             let fitted = fit::fit(&series, &Options::default());
             (series, fitted)
         };
-        let entries: Vec<RecordingEntry<'_>> = self
-            .plan
-            .recordings
-            .iter()
-            .zip(&self.progress)
-            .map(entry)
+        let entries: Vec<RecordingEntry<'_>> = recordings()
+            .zip(&vetting.left_out)
+            .map(|(recording, left_out)| entry(recording, left_out.as_ref()))
             .collect();
-        let page = batch_page::report_html(&entries, &series, &fitted)?;
+        let page = batch_page::report_html(&entries, &vetting.notes, &series, &fitted)?;
         let [series_csv, fit_json, report_html] = self.files();
         let json =
             documents::json_text(&FitDocument::new(&fitted)).map_err(|e| write::WriteError::Contents {
@@ -391,7 +423,11 @@ impl RunningBatch<'_> {
             (&fit_json, json.as_slice()),
             (&report_html, page.as_bytes()),
         ])?;
-        Ok((count, fitted))
+        Ok(PublishedSeries {
+            rows: count,
+            notes: vetting.notes,
+            fit: fitted,
+        })
     }
 }
 
@@ -409,13 +445,41 @@ fn nothing() -> (Series, SeriesFit) {
     (series, fitted)
 }
 
-fn entry<'a>((recording, progress): (&'a BatchRecording, &'a RecordingProgress)) -> RecordingEntry<'a> {
+/// What tells whether a recording can be trusted.
+fn vetted<'a>((recording, progress): (&'a BatchRecording, &'a RecordingProgress)) -> VettedRecording<'a> {
+    let of_name = VettedRecording {
+        name: &recording.name,
+        ..VettedRecording::default()
+    };
+    match progress {
+        RecordingProgress::ToDo(_) => of_name,
+        RecordingProgress::Ended {
+            rows,
+            warnings,
+            sha256,
+            build,
+            ..
+        } => VettedRecording {
+            sha256: sha256.as_deref(),
+            warnings,
+            build: build.as_deref(),
+            bounces: rows.len(),
+            ..of_name
+        },
+    }
+}
+
+fn entry<'a>(
+    (recording, progress): (&'a BatchRecording, &'a RecordingProgress),
+    left_out: Option<&'a LeftOut>,
+) -> RecordingEntry<'a> {
     let (state, bounces, warnings): (_, _, &[String]) = match progress {
         RecordingProgress::ToDo(_) => (RecordingState::Waiting, 0, &[]),
         RecordingProgress::Ended {
             outcome,
             rows,
             warnings,
+            ..
         } => {
             let state = match outcome {
                 RecordingOutcome::Measured => RecordingState::Measured,
@@ -431,6 +495,7 @@ fn entry<'a>((recording, progress): (&'a BatchRecording, &'a RecordingProgress))
         page: page_of(recording),
         state,
         bounces,
+        left_out: left_out.map(LeftOut::reason),
         warnings,
     }
 }

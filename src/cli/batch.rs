@@ -7,6 +7,7 @@ use crate::batch::plan::{self, BatchPlan, BatchRequest};
 use crate::batch::process::{bind, machine_memory_bytes};
 use crate::batch::{
     self, BatchEvent, BatchSettings, BatchSummary, CalibrationChanges, LaunchSpin, RecordingOutcome,
+    RefutedRecordings,
 };
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
@@ -53,6 +54,9 @@ pub struct BatchArgs {
     /// Measure everything again, also what stands.
     #[arg(long)]
     pub again: bool,
+    /// Keep recordings in the fit whose fall contradicts g, or whose scale contradicts the ball's size.
+    #[arg(long)]
+    pub keep_refuted: bool,
 }
 
 /// A time for which somebody waits.
@@ -169,11 +173,19 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
             .map(|mb| mb << 20)
             .or_else(|| machine_memory_bytes().map(share)),
         again: args.again,
+        refuted: if args.keep_refuted {
+            RefutedRecordings::Kept
+        } else {
+            RefutedRecordings::LeftOut
+        },
     };
     tell_plan(&plan, &settings);
     let mut watcher = Watcher::new(plan.recordings.len());
     let finished = batch::run(&plan, &settings, &args.out, &mut |p| watcher.see(p))?;
     watcher.bar.finish_and_clear();
+    for note in &finished.notes {
+        say(&on_one_line(&format!("warning: {}: {}", note.code, note.message)));
+    }
     super::fit::warn(&finished.fit);
     for path in &finished.files {
         note(&format!("wrote {}", path.display()));
@@ -284,7 +296,14 @@ impl Watcher {
                 up_to_date,
                 to_do_bytes,
                 others,
-            } => self.begin(*up_to_date, to_do_bytes, others),
+                builds,
+            } => {
+                self.begin(*up_to_date, to_do_bytes, others);
+                if let Some(note) = builds {
+                    let text = format!("warning: {}: {}", note.code, note.message);
+                    self.line(&on_one_line(&text));
+                }
+            }
             BatchEvent::Ended {
                 recording,
                 outcome,

@@ -1,9 +1,9 @@
 //! `report.html` of a batch: what of it failed, the page of its series, and every recording with a link to its own page.
 
-use super::page::{PageError, document};
+use super::page::{PageError, document, warning};
 use super::words::{NO_VALUE, counted};
 use super::{series_page, series_rows};
-use crate::rebound::fit::{Series, SeriesFit};
+use crate::rebound::fit::{Note, Series, SeriesFit};
 use maud::{Markup, html};
 
 /// A recording of the batch.
@@ -19,6 +19,8 @@ pub struct RecordingEntry<'a> {
     pub state: RecordingState<'a>,
     /// Bounces in the series.
     pub bounces: usize,
+    /// Why it is no part of the fit as a whole; `None` where it is.
+    pub left_out: Option<String>,
     /// Codes of its warnings.
     pub warnings: &'a [String],
 }
@@ -51,18 +53,20 @@ impl RecordingState<'_> {
     }
 }
 
-/// The page, complete.
+/// The page, complete; `notes`: what to know of the recordings.
 ///
 /// # Errors
 /// See [`PageError`].
 pub fn report_html(
     entries: &[RecordingEntry<'_>],
+    notes: &[Note],
     series: &Series,
     fit: &SeriesFit,
 ) -> Result<String, PageError> {
     let title = format!("A series of {}", counted(entries.len() as u64, "recording"));
     let body = html! {
         (header(&title, entries, fit))
+        @for note in notes { (warning(note.code, &note.message)) }
         (not_measured(entries))
         (series_page::sections(series, fit)?)
         (recordings(entries))
@@ -149,8 +153,11 @@ fn recordings(entries: &[RecordingEntry<'_>]) -> Markup {
                                 th scope="row" { (name(entry)) }
                                 td.symbol { (entry.group) }
                                 td.v { @if entry.state.has_page() { (entry.bounces) } @else { (NO_VALUE) } }
-                                td.symbol { (entry.state.word()) }
-                                td.symbol { (entry.warnings.join(", ")) }
+                                td.symbol { (entry.state.word()) @if entry.left_out.is_some() { ", left out" } }
+                                td.symbol {
+                                    (entry.warnings.join(", "))
+                                    @if let Some(reason) = &entry.left_out { " (" (reason) ")" }
+                                }
                             }
                         }
                     }
