@@ -17,6 +17,7 @@ use argmin::core::{
 };
 use argmin::solver::neldermead::NelderMead;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// Most steps. From a start within the basin six are usual; what needs more than this has no least value nearby.
 const MOST_STEPS: u64 = 200;
@@ -61,6 +62,36 @@ pub(super) struct Minimum {
     pub chi2: f64,
     pub r_factor: RFactor<PARAMETERS>,
     pub converged: bool,
+}
+
+/// Minima from the lowest up, each once. Of two as low the one at the smaller parameters is first, the last (κ) before the others.
+pub(super) fn distinct(mut found: Vec<Minimum>) -> Vec<Minimum> {
+    const AS_LOW: f64 = 1e-6;
+    found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    let Some(lowest) = found.first().map(|m| m.chi2) else {
+        return found;
+    };
+    let as_low = found.partition_point(|m| m.chi2 <= lowest + AS_LOW * (1.0 + lowest));
+    let from_the_last = |theta: &Theta| theta.iter().rev().copied().collect::<Vec<f64>>();
+    found[..as_low].sort_by(|a, b| {
+        from_the_last(&a.theta)
+            .partial_cmp(&from_the_last(&b.theta))
+            .unwrap_or(Ordering::Equal)
+    });
+    let mut kept: Vec<Minimum> = Vec::new();
+    for minimum in found {
+        let same = |other: &Minimum| {
+            let lengths = other.r_factor.lengths();
+            (0..PARAMETERS).all(|j| {
+                let apart = (minimum.theta[j] - other.theta[j]).abs();
+                apart * lengths[j] <= 0.01 || apart <= 1e-4 * other.theta[j].abs()
+            })
+        };
+        if !kept.iter().any(same) {
+            kept.push(minimum);
+        }
+    }
+    kept
 }
 
 /// The rows that count, or a part of them.

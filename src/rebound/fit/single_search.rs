@@ -4,8 +4,7 @@ use super::group_data::GroupData;
 use super::row_law::{E, E_X, MU, PARAMETERS, Regimes, Theta, Variant};
 use super::search::{Minimum, SETTLED, Task};
 use super::series::Series;
-use super::starts;
-use super::variants::FOLLOWED;
+use super::starts::{self, FOLLOWED};
 use crate::rebound::ModelName;
 
 /// The tolerance of the fits: a step that would move all residuals together by less than this part of the scatter of one is

@@ -12,6 +12,9 @@ use super::search::Task;
 use super::series::ColumnSet;
 use std::collections::HashSet;
 
+/// Starts that are followed to their end.
+pub(super) const FOLLOWED: usize = 8;
+
 /// Which quantiles of the rows' own readings are tried.
 const QUANTILES: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 

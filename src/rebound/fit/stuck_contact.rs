@@ -6,9 +6,8 @@
 
 use super::group_data::GroupData;
 use super::row_law::{MU, Theta, Variant, WITHOUT_LIMIT};
-use super::search::{Minimum, Task};
-use super::starts;
-use super::variants::{FOLLOWED, distinct};
+use super::search::{Minimum, Task, distinct};
+use super::starts::{self, FOLLOWED};
 use argmin::core::{CostFunction, Error, Executor, State as _};
 use argmin::solver::brent::BrentOpt;
 use std::cell::RefCell;

@@ -17,15 +17,14 @@ use super::observation::Observation;
 use super::row_law::{
     E, E_X, KAPPA, MU, PARAMETERS, RATIO, Regimes, Theta, Variant, WITHOUT_LIMIT, friction_share,
 };
-use super::search::{Minimum, Task};
+use super::search::{Minimum, Task, distinct};
 use super::series::{ColumnSet, Weights};
-use super::starts;
+use super::starts::{self, FOLLOWED};
 use super::stuck_contact;
 use super::transition::Profile;
 use crate::numeric::robust::median;
 use crate::rebound::model::FrictionLimit;
 use crate::rebound::{ModelName, Parameter};
-use std::cmp::Ordering;
 
 /// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
@@ -44,9 +43,6 @@ const NO_SLIP: f64 = 0.001;
 
 /// Standard deviations by which e_x from 0 to 1 has to move the rebounds, all rows together, for slip to tell anything.
 const TELLING: f64 = 2.0;
-
-/// Starts that are followed to their end.
-pub(super) const FOLLOWED: usize = 8;
 
 /// A model in one variant at its best.
 #[derive(Debug, Clone)]
@@ -505,36 +501,6 @@ fn minima(data: &GroupData, chosen: &[usize], variant: Variant, from: &[Theta]) 
         found.truncate(1);
     }
     found
-}
-
-/// Minima from the lowest up, each once. Of two as low the one at the smaller parameters is first, the last (κ) before the others.
-pub(super) fn distinct(mut found: Vec<Minimum>) -> Vec<Minimum> {
-    const AS_LOW: f64 = 1e-6;
-    found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    let Some(lowest) = found.first().map(|m| m.chi2) else {
-        return found;
-    };
-    let as_low = found.partition_point(|m| m.chi2 <= lowest + AS_LOW * (1.0 + lowest));
-    let from_the_last = |theta: &Theta| theta.iter().rev().copied().collect::<Vec<f64>>();
-    found[..as_low].sort_by(|a, b| {
-        from_the_last(&a.theta)
-            .partial_cmp(&from_the_last(&b.theta))
-            .unwrap_or(Ordering::Equal)
-    });
-    let mut kept: Vec<Minimum> = Vec::new();
-    for minimum in found {
-        let same = |other: &Minimum| {
-            let lengths = other.r_factor.lengths();
-            (0..PARAMETERS).all(|j| {
-                let apart = (minimum.theta[j] - other.theta[j]).abs();
-                apart * lengths[j] <= 0.01 || apart <= 1e-4 * other.theta[j].abs()
-            })
-        };
-        if !kept.iter().any(same) {
-            kept.push(minimum);
-        }
-    }
-    kept
 }
 
 /// A model with every row sliding, whether or not it can.
