@@ -356,7 +356,10 @@ mod tests {
             words: Vec::new(),
             legend: vec![
                 (Key::Marker(PointMarker::Ring), "what is measured".to_owned()),
-                (Key::Line(LineStyle::Dashed), "what is computed from it".to_owned()),
+                (
+                    Key::Line(LineStyle::Dashed),
+                    "what is computed from it".to_owned(),
+                ),
             ],
         };
         // The legend goes with a figure that stands alone; it has two lines here.
