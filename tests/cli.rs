@@ -7,11 +7,14 @@
     reason = "what was skipped and found, for those who read along"
 )]
 
+mod small;
+
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty, starts_with};
 use serde_json::{Value, json};
+use small::SCENE;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -20,15 +23,6 @@ use track::frames::{Coding, Luma, Timing, VideoOptions, VideoWriter, open};
 use track::simulate::{Scene, SimulatedRecording};
 
 const BINARY: &str = env!("CARGO_BIN_EXE_track");
-
-/// A small picture, so that a measurement takes a second.
-const SCENE: &str = r#"{"schema": "track.scene/1", "seed": 7,
-    "ball": {"radius_m": 0.02, "mass_kg": 0.2, "inertia_factor": 0.4},
-    "contact": {"model": "mu_e", "restitution": 0.78, "friction": 0.07},
-    "launch": {"drop_height_m": 0.2, "speed_m_s": 1.2},
-    "camera": {"image_size_px": [320, 240], "frame_rate_hz": 120, "exposure_s": 0.0005,
-               "metres_per_pixel": 0.0025, "origin_px": [20, 220], "noise_grey": 2},
-    "stop": {"bounces": 2, "tail_s": 0.1}}"#;
 
 /// What each file of a measurement ends in.
 const REPORTS: [&str; 4] = ["overlay.mp4", "points.csv", "report.html", "result.json"];

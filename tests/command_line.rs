@@ -2,25 +2,19 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
+mod small;
+
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty, starts_with};
 use serde_json::Value;
+use small::SCENE;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::tempdir;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_track");
-
-/// A small picture, so that a measurement takes a second.
-const SCENE: &str = r#"{"schema": "track.scene/1", "seed": 7,
-    "ball": {"radius_m": 0.02, "mass_kg": 0.2, "inertia_factor": 0.4},
-    "contact": {"model": "mu_e", "restitution": 0.78, "friction": 0.07},
-    "launch": {"drop_height_m": 0.2, "speed_m_s": 1.2},
-    "camera": {"image_size_px": [320, 240], "frame_rate_hz": 120, "exposure_s": 0.0005,
-               "metres_per_pixel": 0.0025, "origin_px": [20, 220], "noise_grey": 2},
-    "stop": {"bounces": 2, "tail_s": 0.1}}"#;
 
 fn track(arguments: &[&str]) -> Command {
     let mut command = Command::new(BINARY);

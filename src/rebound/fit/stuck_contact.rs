@@ -8,9 +8,12 @@ use super::group_data::GroupData;
 use super::row_law::{MU, Theta, Variant, WITHOUT_LIMIT};
 use super::search::{Minimum, Task, distinct};
 use super::starts::{self, FOLLOWED};
-use argmin::core::{CostFunction, Error, Executor, State as _};
+use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::brent::BrentOpt;
 use std::cell::RefCell;
+
+/// μ at which slip is next to nothing: the first below none at all.
+const HARDLY_SLIPS: f64 = 1e4;
 
 /// Steps of μ inwards, and their factor: to where every bounce slides.
 const STEPS: i32 = 12;
@@ -47,8 +50,7 @@ pub(super) fn minima(data: &GroupData, chosen: &[usize], variant: Variant) -> Ve
 fn along(held: &Task<'_>, free: &Task<'_>, end: &Minimum) -> Option<Minimum> {
     let mut frictions = vec![WITHOUT_LIMIT];
     let mut path = vec![*end];
-    // From where slip is next to nothing.
-    let mut friction = 1e4;
+    let mut friction = HARDLY_SLIPS;
     for _ in 0..STEPS {
         let before = path.last()?;
         let Some(found) = held.search(at_friction(before.theta, friction)) else {
@@ -63,7 +65,7 @@ fn along(held: &Task<'_>, free: &Task<'_>, end: &Minimum) -> Option<Minimum> {
         end.theta
     } else {
         let least = frictions[(lowest + 1).min(path.len() - 1)];
-        let most = frictions[lowest.saturating_sub(1)].min(1e4 * FACTOR);
+        let most = frictions[lowest.saturating_sub(1)].min(HARDLY_SLIPS * FACTOR);
         between(held, &path[lowest], least, most).unwrap_or(path[lowest].theta)
     };
     let as_found = free.linear(&theta).map(|linear| Minimum {
@@ -87,12 +89,11 @@ fn between(held: &Task<'_>, from: &Minimum, least: f64, most: f64) -> Option<The
         best: RefCell::new(*from),
     };
     let solver = BrentOpt::new(least.ln(), most.ln()).set_tolerance(1e-7, 1e-7);
-    let result = Executor::new(&along, solver)
+    Executor::new(&along, solver)
         .configure(|state| state.max_iters(60))
         .ctrlc(false)
         .run()
         .ok()?;
-    let _ = result.state().get_best_param()?;
     Some(along.best.into_inner().theta)
 }
 
