@@ -589,7 +589,7 @@ fn what_is_off_is_never_evaluated() {
         )
         .replace(
             r#""shadow": 0.5"#,
-            r#""shadow": 0.5, "wall_shadow": {"offset_px": [20, 9]}"#,
+            r#""shadow": 0.5, "marks": {"pattern": "dots"}, "wall_shadow": {"offset_px": [20, 9]}"#,
         )
         .replace(
             r#""floor""#,
@@ -602,7 +602,7 @@ fn what_is_off_is_never_evaluated() {
         let _ = recording.frame(10);
         let _ = recording.truth();
     }
-    assert_eq!(none.decisions().len(), 26);
+    assert_eq!(none.decisions().len(), 28);
     for d in none.decisions() {
         assert!(!d.used && d.evaluations() == 0, "{}", d.name);
     }

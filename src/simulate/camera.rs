@@ -14,7 +14,7 @@
 use super::effects::{Acting, Plane, Warp};
 use super::scene::{Camera, Scene, View};
 use crate::geometry::PixelPoint;
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 /// An ellipse of the picture: the unit circle, times `axes`, plus `centre`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,6 +84,47 @@ pub struct BallOutline {
     pub ellipse: Ellipse,
 }
 
+/// How the surface of a ball lies in its outline.
+#[derive(Debug, Clone, Copy)]
+pub enum Facing {
+    /// In parallel light: an orthographic view.
+    Parallel,
+    /// A pinhole sees less than half of it, around the line of sight to the ball.
+    Pinhole {
+        /// The outline, before the picture is rolled and distorted, in lengths of the ray from the pinhole that goes 1 towards the
+        /// picture: (right, down).
+        outline: Ellipse,
+        /// The ball's centre from the pinhole (right, up, towards the camera), over its radius.
+        centre: Vector3<f64>,
+    },
+}
+
+impl Facing {
+    /// Outward normal (right, up, towards the camera) of what is seen at a place in the ball's outline (right, down; the rim at 1). It is
+    /// along the axes of the camera before that is rolled.
+    #[must_use]
+    pub fn normal(&self, unit: Vector2<f64>) -> Vector3<f64> {
+        let unit = if unit.norm_squared() > 1.0 {
+            unit.normalize()
+        } else {
+            unit
+        };
+        match self {
+            Self::Parallel => Vector3::new(unit.x, -unit.y, (1.0 - unit.norm_squared()).max(0.0).sqrt()),
+            Self::Pinhole { outline, centre } => {
+                let at = outline.centre + outline.axes * unit;
+                let ray = Vector3::new(at.x, -at.y, -1.0);
+                // Where |s ray − centre| = 1 first; 0 under the root at the rim.
+                let (squared, along) = (ray.norm_squared(), ray.dot(centre));
+                let root = (along * along - squared * (centre.norm_squared() - 1.0))
+                    .max(0.0)
+                    .sqrt();
+                (ray * ((along - root) / squared) - centre).normalize()
+            }
+        }
+    }
+}
+
 /// The way from the world into the picture.
 pub struct PictureOf {
     camera: Camera,
@@ -133,6 +174,13 @@ impl PictureOf {
         self.warps
             .iter()
             .fold(circle, |outline, warp| warp.apply().warp(ball_m, &outline))
+    }
+
+    /// How a ball with its centre at `ball_m` lies in its outline.
+    #[must_use]
+    pub fn facing(&self, ball_m: &Vector3<f64>) -> Facing {
+        let facings = self.warps.iter().map(|warp| warp.apply().facing(ball_m));
+        facings.flatten().next().unwrap_or(Facing::Parallel)
     }
 
     /// Whether a disc of `radius_px` around `centre` meets the picture.
@@ -292,6 +340,14 @@ fn seen(camera: &Camera, vector: &Vector3<f64>) -> Vector3<f64> {
         View::Top => vector.z,
     };
     turned(camera, &Vector3::new(plane.x, plane.y, towards))
+}
+
+/// The rotation from the axes of the ball's own plane of motion (x along the launch, z up) into those of the camera (right, up, towards
+/// it), before it is rolled.
+#[must_use]
+pub fn camera_from_motion(camera: &Camera) -> Rotation3<f64> {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| seen(camera, &axis));
+    Rotation3::from_matrix_unchecked(Matrix3::from_columns(&axes))
 }
 
 /// How far a small displacement (m) of a point moves its image, px, at most: δ/q in the plane, and with perspective

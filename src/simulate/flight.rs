@@ -18,6 +18,11 @@
 //! (Hairer, Nørsett, Wanner, Solving ODEs I, II.5) whose dense output gives nodes; between nodes position, velocity and
 //! acceleration at both ends fix a quintic, whose root is the impact.
 //!
+//! # Spin
+//!
+//! Between impacts the spin stays as it is, about an axis that stays in the world; the [rotation](super::turning) follows. While
+//! ball and floor touch it changes evenly from what it was to what it will be.
+//!
 //! # Piling up
 //!
 //! A ball with e < 1 bounces infinitely often in finite time (Zeno). A hop shorter than [`SHORTEST_HOP_S`], 12 nm
@@ -25,8 +30,9 @@
 
 use super::effects::{Acting, ContactLaw, Dip, Force, Loads, Plane};
 use super::scene::{Scene, SceneError};
+use super::turning::Turning;
 use crate::rebound::{Regime, RigidMotion};
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use ode_solvers::{Dop853, OutputType, System};
 
 /// Hops shorter than this are not followed, s; their height g t²/8 is 12 nm.
@@ -82,6 +88,18 @@ struct FlightPhase {
     start_s: f64,
     start: BallState,
     path: PhasePath,
+    turning: Turning,
+}
+
+/// A flight between two impacts, or from the launch to the first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpinningArc {
+    /// When it begins, s.
+    pub from_s: f64,
+    /// When it ends, or the recording does, s.
+    pub to_s: f64,
+    /// ω, about the axes of the ball's own plane of motion, rad/s.
+    pub spin_rad_s: Vector3<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -167,6 +185,7 @@ impl Trajectory {
             acts,
             floor: acts.floor.as_ref().map_or(Plane::LEVEL, |f| *f.apply()),
             integration,
+            first_orientation: first_orientation(scene, acts),
             phases: Vec::new(),
             impacts: Vec::new(),
         };
@@ -207,6 +226,35 @@ impl Trajectory {
     #[must_use]
     pub fn state(&self, time_s: f64) -> BallState {
         self.phase(time_s).state(time_s)
+    }
+
+    /// The rotation that takes directions fixed to the ball into the axes of its own plane of motion (x along the launch, z up) at
+    /// `time_s`. At the launch it is that of the scene's marks, or none.
+    #[must_use]
+    pub fn orientation(&self, time_s: f64) -> UnitQuaternion<f64> {
+        let phase = self.phase(time_s);
+        phase.turning.at(time_s - phase.start_s)
+    }
+
+    /// ω in the same axes at `time_s`, rad/s: y is above 0 where the top of the ball moves along +x.
+    #[must_use]
+    pub fn spin_rad_s(&self, time_s: f64) -> Vector3<f64> {
+        let phase = self.phase(time_s);
+        phase.turning.spin_at(time_s - phase.start_s)
+    }
+
+    /// The flights of the recording, in their order.
+    pub fn arcs(&self) -> impl Iterator<Item = SpinningArc> + '_ {
+        let ends = self.phases.iter().skip(1).map(|next| next.start_s);
+        let flies = |p: &FlightPhase| matches!(p.path, PhasePath::Parabola { .. } | PhasePath::Nodes { .. });
+        (self.phases.iter())
+            .zip(ends.chain([f64::INFINITY]))
+            .filter(move |(phase, _)| flies(phase) && phase.start_s < self.end_s)
+            .map(|(phase, end_s)| SpinningArc {
+                from_s: phase.start_s,
+                to_s: end_s.min(self.end_s),
+                spin_rad_s: phase.turning.spin_rad_s,
+            })
     }
 
     fn phase(&self, time_s: f64) -> &FlightPhase {
@@ -292,6 +340,8 @@ struct FlightFollower<'a> {
     acts: &'a Perturbations,
     floor: Plane,
     integration: Integration,
+    /// World from ball at t = 0.
+    first_orientation: UnitQuaternion<f64>,
     phases: Vec<FlightPhase>,
     impacts: Vec<Impact>,
 }
@@ -316,7 +366,7 @@ impl FlightFollower<'_> {
             let mut start = state;
             start.position_m.x = -launch.speed_m_s * bench_s;
             let along = Vector3::zeros();
-            self.push(time_s, start, PhasePath::Held { along });
+            self.push(time_s, start, PhasePath::Held { along }, spin, Vector3::zeros());
             time_s = bench_s;
         }
         let launch_s = time_s;
@@ -328,10 +378,10 @@ impl FlightFollower<'_> {
                     return Err(never_lands("it lies on the floor from the start"));
                 }
                 rest_s = Some(time_s);
-                self.lie_down(time_s, state);
+                self.lie_down(time_s, state, spin);
                 break;
             };
-            self.push(time_s, state, path);
+            self.push(time_s, state, path, spin, Vector3::zeros());
             let impact = self.strike(time_s + landing.flight_s, &landing.state, spin);
             (time_s, state) = self.leave(impact);
             spin = impact.rebound.surface_spin_m_s;
@@ -346,8 +396,28 @@ impl FlightFollower<'_> {
         })
     }
 
-    fn push(&mut self, start_s: f64, start: BallState, path: PhasePath) {
-        self.phases.push(FlightPhase { start_s, start, path });
+    /// Begins a phase with the surface speed `spin_m_s`, R ω, which grows by `gain_m_s2`.
+    fn push(
+        &mut self,
+        start_s: f64,
+        start: BallState,
+        path: PhasePath,
+        spin_m_s: Vector3<f64>,
+        gain_m_s2: Vector3<f64>,
+    ) {
+        let before = self.phases.last();
+        let radius_m = self.scene.ball.radius_m;
+        let turning = Turning {
+            start: before.map_or(self.first_orientation, |p| p.turning.at(start_s - p.start_s)),
+            spin_rad_s: spin_m_s / radius_m,
+            change_rad_s2: gain_m_s2 / radius_m,
+        };
+        self.phases.push(FlightPhase {
+            start_s,
+            start,
+            path,
+            turning,
+        });
     }
 
     /// When the impact that `stop.bounces` counts to was over.
@@ -484,14 +554,17 @@ impl FlightFollower<'_> {
                     dip,
                     floor: self.floor,
                 },
+                impact.incident.surface_spin_m_s,
+                (impact.rebound.surface_spin_m_s - impact.incident.surface_spin_m_s) / impact.contact_s,
             );
         }
         self.impacts.push(impact);
         (impact.time_s + impact.contact_s, leaving)
     }
 
-    /// The ball stays on the floor and keeps its velocity along it, but for what a slope adds: rolling friction is not modelled.
-    fn lie_down(&mut self, start_s: f64, state: BallState) {
+    /// The ball stays on the floor and keeps its velocity along it and its spin, but for what a slope adds to both: rolling friction is
+    /// not modelled.
+    fn lie_down(&mut self, start_s: f64, state: BallState, spin: Vector3<f64>) {
         let lying = BallState {
             position_m: self
                 .floor
@@ -501,8 +574,19 @@ impl FlightFollower<'_> {
         let along = self
             .floor
             .rolling_acceleration(self.scene.gravity_m_s2, self.scene.ball.inertia_factor);
-        self.push(start_s, lying, PhasePath::Held { along });
+        // v = R ω × n without slip.
+        let gain = self.floor.out_of_frame(&Vector3::z()).cross(&along);
+        self.push(start_s, lying, PhasePath::Held { along }, spin, gain);
     }
+}
+
+/// World from ball at t = 0: that of the launch, turned back by what it rolled on the bench.
+fn first_orientation(scene: &Scene, acts: &Perturbations) -> UnitQuaternion<f64> {
+    let at_launch =
+        (scene.look.marks.as_ref()).map_or_else(UnitQuaternion::identity, |marks| marks.at_launch);
+    let bench_s = acts.bench_s.as_ref().map_or(0.0, |bench| *bench.apply());
+    let turned = scene.launch.spin_rad_s(scene.ball.radius_m) * -bench_s;
+    UnitQuaternion::from_scaled_axis(turned) * at_launch
 }
 
 /// Time from `height_m` above the floor with `rise_m_s` upwards to the floor, s, and the speed there, m/s.

@@ -10,12 +10,16 @@ mod colour;
 mod coverage;
 pub mod effects;
 pub mod flight;
+pub mod marks;
+mod marks_in_picture;
 mod quadrature;
 pub mod render;
 pub mod scene;
+mod scene_marks;
 mod scene_schema;
 mod second_ball;
 pub mod truth;
+mod turning;
 mod write;
 
 use crate::config::FileProblem;

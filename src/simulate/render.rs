@@ -21,6 +21,7 @@ use super::effects::{
     Plane, SensorNoise, Surface,
 };
 use super::flight::Trajectory;
+use super::marks::BallMarks;
 use super::quadrature::gauss_legendre;
 use super::scene::Scene;
 use crate::frames::Luma;
@@ -143,6 +144,12 @@ impl FineGrid {
         )
     }
 
+    /// Side of a cell, px.
+    #[must_use]
+    pub fn side_px(&self) -> f64 {
+        self.side
+    }
+
     /// Height of a row of cells, px.
     #[must_use]
     pub fn row_px(&self, row: usize) -> f64 {
@@ -202,9 +209,11 @@ pub struct Renderer {
     picture: PictureOf,
     flat: Flat,
     exposure_s: Option<Acting<f64>>,
+    rotation_blur_s: Option<Acting<f64>>,
     readout_s: Option<Acting<f64>>,
     blur_px: Option<Acting<f64>>,
     surface: Option<Acting<dyn Surface>>,
+    marks: Option<Acting<BallMarks>>,
     fixtures: Vec<Acting<dyn Fixture>>,
     shakes: Vec<Acting<dyn PictureShift>>,
     textures: Vec<Acting<dyn BackdropPattern>>,
@@ -272,9 +281,11 @@ impl Renderer {
             picture: PictureOf::new(scene, chosen.warps).before(floor),
             flat: Flat(scene.look.ball_grey),
             exposure_s: chosen.exposure_s,
+            rotation_blur_s: chosen.rotation_blur_s,
             readout_s: chosen.readout_s,
             blur_px: chosen.blur_px,
             surface: chosen.surface,
+            marks: chosen.marks,
             fixtures: chosen.fixtures,
             shakes: chosen.shakes,
             textures: chosen.textures,
@@ -308,6 +319,12 @@ impl Renderer {
     #[must_use]
     pub fn picture(&self) -> &PictureOf {
         &self.picture
+    }
+
+    /// Whether it has marks on the ball.
+    #[must_use]
+    pub fn shows_marks(&self) -> bool {
+        self.marks.is_some()
     }
 
     /// R in the picture, in the calibrated plane, px.
@@ -347,6 +364,7 @@ impl Renderer {
     pub(super) fn light(&self, trajectory: &Trajectory, index: usize) -> Vec<f32> {
         let time_s = index as f64 / self.scene.camera.frame_rate_hz;
         let exposure_s = self.exposure_s.as_ref().map_or(0.0, |e| *e.apply());
+        let turning_s = self.rotation_blur_s.as_ref().map_or(0.0, |e| *e.apply());
         let blur_px = self.blur_px.as_ref().map_or(0.0, |b| *b.apply());
         let shift_px = self.shift_px(trajectory, time_s);
         let shifted;
@@ -365,7 +383,13 @@ impl Renderer {
             let own_exposure_s = if own_s > 0.0 { exposure_s } else { 0.0 };
             let nodes =
                 (other.renderer).exposure_nodes(&other.trajectory, own_s, own_exposure_s, blur_px, shift_px);
-            let exposure = Exposure { nodes, shift_px };
+            let exposure = Exposure {
+                nodes,
+                shift_px,
+                time_s: own_s,
+                moves: own_exposure_s > 0.0,
+                turns: false,
+            };
             (other.renderer).add_ball(&other.trajectory, &exposure, blur_px, backdrop, &mut grey);
             behind = Backdrop {
                 grey: grey.clone(),
@@ -374,8 +398,11 @@ impl Renderer {
             backdrop = &behind;
         }
         let exposure = Exposure {
-            nodes: self.exposure_nodes(trajectory, time_s, exposure_s, blur_px, shift_px),
+            nodes: self.exposure_nodes(trajectory, time_s, exposure_s.max(turning_s), blur_px, shift_px),
             shift_px,
+            time_s,
+            moves: exposure_s > 0.0,
+            turns: turning_s > 0.0,
         };
         self.add_ball(trajectory, &exposure, blur_px, backdrop, &mut grey);
         if !self.lights.is_empty() {
@@ -428,10 +455,12 @@ impl Renderer {
         ends.windows(2)
             .flat_map(|piece| {
                 let length_s = piece[1] - piece[0];
-                let speed = trajectory
-                    .state(0.5 * (piece[0] + piece[1]) + delay_s)
-                    .velocity_m_s
-                    .norm();
+                let middle_s = 0.5 * (piece[0] + piece[1]) + delay_s;
+                let mut speed = trajectory.state(middle_s).velocity_m_s.norm();
+                if self.rotation_blur_s.is_some() {
+                    // Of a mark at the ball's middle.
+                    speed += trajectory.spin_rad_s(middle_s).norm() * self.scene.ball.radius_m;
+                }
                 let smear_px = speed * length_s / self.scene.camera.metres_per_pixel;
                 let nodes = FEWEST_NODES + (NODES_PER_GRAIN * smear_px / grain_px).ceil() as usize;
                 // Long smears in parts: a rule of thousands of nodes would cost more than the frame.
@@ -453,14 +482,15 @@ impl Renderer {
         self.picture.outline(&trajectory.state(time_s).position_m)
     }
 
-    /// The ball at a time, for the layers.
-    fn moment(&self, trajectory: &Trajectory, time_s: f64) -> BallMoment<'_> {
-        let ball_m = trajectory.state(time_s).position_m;
+    /// The ball where it is at `place_s`, turned as at `turned_s`.
+    fn moment(&self, trajectory: &Trajectory, place_s: f64, turned_s: f64) -> BallMoment<'_> {
+        let ball_m = trajectory.state(place_s).position_m;
         BallMoment {
             ball_m,
             outline: self.picture.outline(&ball_m),
             picture: &self.picture,
             surface: self.surface.as_ref().map_or(&self.flat, |s| s.apply()),
+            marks: (self.marks.as_ref()).map(|marks| (marks.apply(), trajectory.orientation(turned_s))),
         }
     }
 
@@ -482,8 +512,9 @@ impl Renderer {
         let mut patch = field.patch(backdrop, self.cells, shift_px);
         let empty = patch.grey.clone();
         let mut change = vec![0.0_f32; empty.len()];
-        for (time_s, weight) in &exposure.nodes {
-            let (low, high) = self.extent(trajectory, *time_s);
+        for (node_s, weight) in &exposure.nodes {
+            let (place_s, turned_s) = (exposure.place_s(*node_s), exposure.turned_s(*node_s));
+            let (low, high) = self.extent(trajectory, place_s);
             let (columns, rows) = patch.window(low, high);
             for row in rows.clone() {
                 let cells = row * patch.columns + columns.start..row * patch.columns + columns.end;
@@ -491,16 +522,13 @@ impl Renderer {
             }
             if self.readout_s.is_some() {
                 for row in rows.clone() {
-                    let at_s = time_s + self.row_delay_s(patch.row_px(row) + shift_px.y);
-                    self.paint(&self.moment(trajectory, at_s), backdrop, &mut patch, row..row + 1);
+                    let late_s = self.row_delay_s(patch.row_px(row) + shift_px.y);
+                    let moment = self.moment(trajectory, place_s + late_s, turned_s + late_s);
+                    self.paint(&moment, backdrop, &mut patch, row..row + 1);
                 }
             } else {
-                self.paint(
-                    &self.moment(trajectory, *time_s),
-                    backdrop,
-                    &mut patch,
-                    rows.clone(),
-                );
+                let moment = self.moment(trajectory, place_s, turned_s);
+                self.paint(&moment, backdrop, &mut patch, rows.clone());
             }
             for row in rows {
                 let cells = row * patch.columns + columns.start..row * patch.columns + columns.end;
@@ -519,9 +547,15 @@ impl Renderer {
         for layer in &self.layers {
             layer.apply().paint(moment, backdrop, patch, rows.clone());
         }
-        patch.paint(&moment.outline.ellipse, rows, |unit, _, _| {
-            moment.surface.grey(&normal(unit)) as f32
-        });
+        let ellipse = &moment.outline.ellipse;
+        match moment.seen_marks(patch.side_px()) {
+            None => patch.paint(ellipse, rows, |unit, _, _| {
+                moment.surface.grey(&normal(unit)) as f32
+            }),
+            Some(marks) => patch.paint(ellipse, rows, |unit, _, _| {
+                (marks.albedo(unit) * moment.surface.grey(&normal(unit))) as f32
+            }),
+        }
     }
 
     /// The pixels that an exposure changes, `None` where those are outside the picture.
@@ -533,8 +567,8 @@ impl Renderer {
         backdrop: &Backdrop,
     ) -> Option<ExposedRegion> {
         let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
-        for (time_s, _) in &exposure.nodes {
-            let (least, most) = self.extent(trajectory, *time_s);
+        for (node_s, _) in &exposure.nodes {
+            let (least, most) = self.extent(trajectory, exposure.place_s(*node_s));
             low = low.inf(&least);
             high = high.sup(&most);
         }
@@ -554,7 +588,8 @@ impl Renderer {
             &[0.0]
         };
         for share in shares {
-            let moment = self.moment(trajectory, time_s + share * half_readout_s);
+            let at_s = time_s + share * half_readout_s;
+            let moment = self.moment(trajectory, at_s, at_s);
             let (centre, reach) = (moment.outline.ellipse.centre, moment.outline.ellipse.reach());
             let boxes = self
                 .layers
@@ -617,6 +652,23 @@ struct Exposure {
     nodes: Vec<(f64, f64)>,
     /// How far the picture is shifted, px.
     shift_px: Vector2<f64>,
+    /// Its middle, s.
+    time_s: f64,
+    /// Whether the ball's way during it is simulated, and its turning; what is not stands as in the middle.
+    moves: bool,
+    turns: bool,
+}
+
+impl Exposure {
+    /// When the ball is where a node has it, s.
+    fn place_s(&self, node_s: f64) -> f64 {
+        if self.moves { node_s } else { self.time_s }
+    }
+
+    /// When it is turned as a node has it, s.
+    fn turned_s(&self, node_s: f64) -> f64 {
+        if self.turns { node_s } else { self.time_s }
+    }
 }
 
 /// The pixels that an exposure changes, with a margin of cells around them that blur carries into them.
@@ -778,3 +830,5 @@ fn normal_quantile(share: f64) -> f64 {
 
 #[cfg(test)]
 mod accuracy;
+#[cfg(test)]
+mod marks_accuracy;

@@ -1,6 +1,8 @@
 //! A scene: a ball, a floor, a launch, a camera. The JSON of `contract.md`, checked.
 
 use super::effects;
+use super::marks::BallMarks;
+use super::scene_marks::{MarkDrawing, read_marks};
 use crate::calibration::INERTIA;
 pub use crate::calibration::View;
 use crate::config::{
@@ -345,6 +347,8 @@ pub struct SceneLook {
     pub flicker: f64,
     /// Its frequency, Hz.
     pub flicker_hz: f64,
+    /// What is drawn on the ball.
+    pub marks: Option<BallMarks>,
 }
 
 impl SceneLook {
@@ -444,7 +448,7 @@ const FRACTION: NumberRange = NumberRange {
     holds: |x| (0.0..=1.0).contains(&x),
     hint: "a coefficient of restitution or a share cannot exceed 1: no rebound gains energy",
 };
-const GREY: NumberRange = NumberRange {
+pub(super) const GREY: NumberRange = NumberRange {
     accepted: "a grey level from 0 to 255",
     holds: |x| (0.0..=255.0).contains(&x),
     hint: "0 is black, 255 white",
@@ -523,20 +527,21 @@ impl Scene {
     /// As [`Scene::from_json`], and where the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let bytes = read_bytes(path, &KIND, LARGEST_FILE_BYTES)?;
-        Self::from_bytes(&bytes, &path.display().to_string())
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::from_bytes(&bytes, &path.display().to_string(), folder)
     }
 
-    /// Reads a scene.
+    /// Reads a scene; files that it names are relative to the working directory.
     ///
     /// # Errors
     /// All that is wrong: for each problem the key, what was found, what is accepted and what to try.
     pub fn from_json(text: &str) -> Result<Self, SceneError> {
-        Self::from_bytes(text.as_bytes(), "scene")
+        Self::from_bytes(text.as_bytes(), "scene", Path::new(""))
     }
 
-    fn from_bytes(bytes: &[u8], name: &str) -> Result<Self, SceneError> {
+    fn from_bytes(bytes: &[u8], name: &str, folder: &Path) -> Result<Self, SceneError> {
         let document = Document::from_bytes(bytes, name, &KIND, |_| None)?;
-        let scene = read_scene(&document.top(&TOP_KEYS));
+        let scene = read_scene(&document.top(&TOP_KEYS), folder);
         // What several keys get wrong together shows only where each of them is right.
         let problems = match (scene, document.problems.into_vec()) {
             (Some(scene), problems) if problems.is_empty() => match scene.problems_together() {
@@ -785,15 +790,16 @@ const TOP_KEYS: [&str; 15] = [
     "effects",
 ];
 
-/// The scene, with defaults in place of what is wrong; `None` without a contact.
-fn read_scene(top: &Section<'_>) -> Option<Scene> {
+/// The scene, with defaults in place of what is wrong; `None` without a contact. Files that it names are relative to `folder`.
+fn read_scene(top: &Section<'_>, folder: &Path) -> Option<Scene> {
     check_schema(top);
     let contact = read_contact(top);
     let ball = read_ball(top);
     let (launch, motion_azimuth_rad) = read_launch(top, &ball);
-    let look = read_look(top);
+    let seed = top.whole("seed", 0..=u64::MAX).unwrap_or(1);
+    let look = read_look(top, &MarkDrawing { seed, folder });
     Some(Scene {
-        seed: top.whole("seed", 0..=u64::MAX).unwrap_or(1),
+        seed,
         gravity_m_s2: top.number("gravity_m_s2", POSITIVE).unwrap_or(9.81),
         ball,
         floor: read_floor(top),
@@ -921,6 +927,14 @@ fn read_launch(top: &Section<'_>, ball: &SceneBall) -> (SceneLaunch, f64) {
         bench,
     };
     (launch, azimuth_rad)
+}
+
+impl SceneLaunch {
+    /// ω of a ball of `radius_m`, rad/s.
+    #[must_use]
+    pub fn spin_rad_s(&self, radius_m: f64) -> Vector3<f64> {
+        Vector3::from(self.spin_ratio) * (self.speed_m_s / radius_m)
+    }
 }
 
 impl SceneBench {
@@ -1143,7 +1157,7 @@ fn read_lens(camera: &Section<'_>) -> Option<SceneLens> {
     })
 }
 
-fn read_look(top: &Section<'_>) -> SceneLook {
+fn read_look(top: &Section<'_>, drawing: &MarkDrawing<'_>) -> SceneLook {
     let keys = [
         "background_grey",
         "floor_grey",
@@ -1160,17 +1174,19 @@ fn read_look(top: &Section<'_>) -> SceneLook {
         "unevenness",
         "flicker",
         "flicker_hz",
+        "marks",
     ];
     let s = top.section_or_empty("look", &keys);
     let shading = s.number("shading", FRACTION).unwrap_or(0.5);
     let background_grey = s.number("background_grey", GREY).unwrap_or(60.0);
+    let ball_grey = s.number("ball_grey", GREY).unwrap_or(200.0);
     let share = |key: &str| s.number(key, FRACTION).unwrap_or(0.0);
     let colour = |key: &str| s.numbers(key, CHROMA, "a list of 2 numbers");
     let background_colour = colour("background_colour").unwrap_or([0.0; 2]);
     SceneLook {
         background_grey,
         floor_grey: s.number("floor_grey", GREY).unwrap_or(background_grey),
-        ball_grey: s.number("ball_grey", GREY).unwrap_or(200.0),
+        ball_grey,
         ball_colour: colour("ball_colour").unwrap_or([0.0; 2]),
         background_colour,
         floor_colour: colour("floor_colour").unwrap_or(background_colour),
@@ -1184,6 +1200,7 @@ fn read_look(top: &Section<'_>) -> SceneLook {
         unevenness: share("unevenness"),
         flicker: share("flicker"),
         flicker_hz: s.number("flicker_hz", POSITIVE).unwrap_or(100.0),
+        marks: read_marks(&s, ball_grey, drawing),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The keys of a scene as types, for its JSON Schema (see [`crate::config::schema`]).
 
-use super::effects;
+use super::{effects, scene_marks};
 use crate::config::schema::Positive;
 use crate::rebound::ModelName;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -314,6 +314,39 @@ pub struct SceneLookKeys {
     pub flicker: Option<f64>,
     /// Its frequency, Hz; 100.
     pub flicker_hz: Option<Positive>,
+    /// What is drawn on the ball; null: nothing.
+    pub marks: Option<BallMarkKeys>,
+}
+
+/// Marks on the ball, which turn with it: they scale its grey. Directions [x, y, z] are from its centre; at the launch x is along it, y away
+/// from a camera at the side, z up.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct BallMarkKeys {
+    /// Nothing; round dots; lines round the ball; one half of it; the seam of a tennis ball; a picture wrapped round it.
+    #[schemars(extend("enum" = scene_marks::PATTERNS))]
+    pub pattern: String,
+    /// Dots: how many, in places by the seed; 6.
+    #[schemars(range(min = 1, max = 200))]
+    pub count: Option<u32>,
+    /// Dots: their middles, in place of `count`. Line: the poles of one or more great circles; [[1, 0, 0]]. Halves: the pole of the half that is
+    /// marked; [[1, 0, 0]].
+    #[schemars(length(min = 1, max = 200))]
+    pub directions: Option<Vec<[f64; 3]>>,
+    /// Dots: half the angle that one covers, seen from the ball's centre, degrees; 15.
+    #[schemars(extend("maximum" = 90))]
+    pub radius_deg: Option<Positive>,
+    /// Line, seam: the angle across it, degrees; 10.
+    #[schemars(extend("maximum" = 90))]
+    pub width_deg: Option<Positive>,
+    /// Grey of a mark where the ball without it would have `ball_grey`; 0.3 times that.
+    #[schemars(range(min = 0, max = 255))]
+    pub grey: Option<f64>,
+    /// Picture: the image, relative to the scene. Columns are longitudes, rows latitudes from the top down, the middle faces a camera at the
+    /// side; white leaves the ball as it is.
+    pub file: Option<String>,
+    /// How the ball is turned at the launch from its plane of motion's axes: an angle in degrees times an axis, [x, y, z]; [0, 0, 0].
+    pub turned_deg: Option<[f64; 3]>,
 }
 
 /// When the recording ends.

@@ -6,13 +6,15 @@ use super::render::{OtherBall, Renderer};
 use super::scene::{EffectsChoice, Scene, SceneError, SceneSecondBall, Stop, Switch};
 
 /// Effects that are of the first ball alone, or of the whole picture and file: those come from the first.
-const NOT_ITS_OWN: [&str; 8] = [
+const NOT_ITS_OWN: [&str; 10] = [
     "bench",
     "bump",
     "pan",
     "shadow",
     "wall_shadow",
     "reflection",
+    "marks",
+    "rotation_blur",
     "second_ball",
     "clock",
 ];
@@ -56,6 +58,7 @@ fn alone(scene: &Scene, second: &SceneSecondBall, end_s: f64) -> Scene {
     alone.ball.radius_m = second.radius_m;
     alone.ball.mass_kg *= grows.powi(3);
     alone.look.ball_grey = second.ball_grey;
+    alone.look.marks = None;
     alone.launch.drop_height_m = second.drop_height_m;
     alone.launch.speed_m_s = second.speed_m_s;
     alone.launch.rise_speed_m_s = second.rise_speed_m_s;

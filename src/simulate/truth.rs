@@ -13,9 +13,14 @@
 //! e, e_x, spins and the distances x0 and x are those of the motion in its own vertical plane: of the ball and its floor, wherever they
 //! are seen from.
 //!
+//! Rotations: the world's axes are x along the calibrated plane to the right, y away from a camera at the side, z up. An `orientation`
+//! is a unit quaternion [w, x, y, z] that takes a direction fixed to the ball into those: v_world = q v_ball q*. With a rolling shutter it is that
+//! of the time when the row of the ball's centre is exposed. At the launch it is the scene's `turned_deg` (after `launch.azimuth_deg`).
+//! A spin is ω in rad/s: y is above 0 where the top of the ball moves along +x.
+//!
 //! A frame is one that the camera took, at its true time; `stored_frame` says where the file has it (`camera.clock`).
 
-use super::camera::along_calibrated;
+use super::camera::{along_calibrated, camera_from_motion, rolled};
 use super::effects::Plane;
 use super::effects::{Decision, Unit};
 use super::flight::{Impact, Trajectory};
@@ -26,7 +31,7 @@ use crate::Build;
 use crate::config::made_by::MadeBy;
 use crate::geometry::PixelPoint;
 use crate::rebound::azimuth_rad;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -47,8 +52,13 @@ pub struct Truth {
     pub launch: Option<LaunchTruth>,
     /// By how much the floor rises along +x, degrees.
     pub floor_slope_deg: f64,
+    /// The flights from the launch or an impact to the next, or to the recording's end.
+    pub arcs: Vec<ArcTruth>,
     /// The impacts within the recording.
     pub bounces: Vec<BounceTruth>,
+    /// What takes directions of the world into those of the picture (right, up, towards the camera), row by row; of a ball with marks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_from_world: Option<[[f64; 3]; 3]>,
     /// From the edge to the first impact, along x of the ball's own plane of motion, m.
     pub x0_m: Option<f64>,
     /// From the first impact to the second, along the same, m; also where that is after the recording's end.
@@ -160,6 +170,28 @@ pub struct BounceTruth {
     pub arcs_meet_s: f64,
 }
 
+/// A flight between impacts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct ArcTruth {
+    /// s.
+    pub from_s: f64,
+    /// s.
+    pub to_s: f64,
+    /// How the ball spins.
+    pub spin: SpinTruth,
+}
+
+/// Angular velocity ω about the world's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct SpinTruth {
+    /// About the paper's axis: above 0 where the top of the ball moves along +x, rad/s.
+    pub y_rad_s: f64,
+    /// About x, rad/s.
+    pub x_rad_s: f64,
+    /// About the vertical, rad/s: above 0 where the side towards a camera at the side moves along +x.
+    pub z_rad_s: f64,
+}
+
 /// The ball's centre in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct CentreTruth {
@@ -181,6 +213,9 @@ pub struct CentreTruth {
     pub v_px: f64,
     /// Whether the picture shows any of the ball.
     pub visible: bool,
+    /// World from ball, a unit quaternion [w, x, y, z] with w not below 0; of a ball with marks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<[f64; 4]>,
 }
 
 impl Truth {
@@ -201,6 +236,21 @@ impl Truth {
                 .take_while(|i| i.time_s <= end_s)
                 .map(|i| bounce(i, floor, recording.scene()))
                 .collect(),
+            arcs: (recording.trajectory().arcs())
+                .map(|arc| {
+                    let spin = along_calibrated(&recording.scene().camera, &arc.spin_rad_s);
+                    ArcTruth {
+                        from_s: arc.from_s,
+                        to_s: arc.to_s,
+                        spin: SpinTruth {
+                            y_rad_s: spin.y,
+                            x_rad_s: spin.x,
+                            z_rad_s: spin.z,
+                        },
+                    }
+                })
+                .collect(),
+            camera_from_world: recording.uses("marks").then(|| camera_from_world(recording)),
             x0_m: impacts.first().map(|first| first.place_m.x),
             x_m: impacts
                 .get(1)
@@ -213,6 +263,44 @@ impl Truth {
             made_by: None,
         }
     }
+}
+
+/// The rotation from the ball's own plane of motion into the world's axes.
+fn world_from_motion(scene: &Scene) -> Rotation3<f64> {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| along_calibrated(&scene.camera, &axis));
+    Rotation3::from_matrix_unchecked(Matrix3::from_columns(&axes))
+}
+
+/// The rotation from the world's axes into the picture's (right, up, towards the camera), which is rolled where that is simulated.
+fn camera_from_world(recording: &SimulatedRecording) -> [[f64; 3]; 3] {
+    let scene = recording.scene();
+    let upright = camera_from_motion(&scene.camera) * world_from_motion(scene).inverse();
+    let roll_rad = if recording.uses("camera_roll") {
+        scene.camera.roll_rad
+    } else {
+        0.0
+    };
+    // It acts on (right, down).
+    let turn = rolled(roll_rad);
+    let turn = Matrix3::new(
+        turn[(0, 0)],
+        -turn[(0, 1)],
+        0.0,
+        -turn[(1, 0)],
+        turn[(1, 1)],
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    );
+    let rows = turn * upright.matrix();
+    [0, 1, 2].map(|i| [rows[(i, 0)], rows[(i, 1)], rows[(i, 2)]])
+}
+
+/// As a list [w, x, y, z] with w not below 0.
+fn listed(q: UnitQuaternion<f64>) -> [f64; 4] {
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    [q.w, q.i, q.j, q.k].map(|part| sign * part)
 }
 
 fn second_ball(recording: &SimulatedRecording, other: &OtherBall) -> SecondBallTruth {
@@ -343,7 +431,11 @@ fn centres(
             };
             let camera = &recording.scene().camera;
             let at_m = along_calibrated(camera, &trajectory.state(own_s).position_m);
-            let seen = apparent_centre(trajectory, renderer, shift_px, own_s);
+            let (seen, seen_s) = apparent_centre(trajectory, renderer, shift_px, own_s);
+            let orientation = renderer.shows_marks().then(|| {
+                let turned = world_from_motion(recording.scene()) * trajectory.orientation(seen_s);
+                listed(UnitQuaternion::from_rotation_matrix(&turned.to_rotation_matrix()))
+            });
             let radius_px = renderer.radius_px();
             CentreTruth {
                 frame,
@@ -355,31 +447,33 @@ fn centres(
                 u_px: seen.u_px,
                 v_px: seen.v_px,
                 visible: renderer.picture().shows(seen, radius_px),
+                orientation,
             }
         })
         .collect()
 }
 
 /// Image of the ball's centre in the frame of `time_s`: at the time when a rolling shutter exposes its row, and shifted with
-/// the picture.
+/// the picture; and that time, s.
 fn apparent_centre(
     trajectory: &Trajectory,
     renderer: &Renderer,
     shift_px: Vector2<f64>,
     time_s: f64,
-) -> PixelPoint {
+) -> (PixelPoint, f64) {
     let at = |t: f64| {
         let centre = renderer.picture().outline(&trajectory.state(t).position_m).centre;
         PixelPoint::new(centre.u_px + shift_px.x, centre.v_px + shift_px.y)
     };
-    let mut seen = at(time_s);
+    let (mut seen, mut seen_s) = (at(time_s), time_s);
     // Contracts by speed × readout / height each turn, far below 1; ten turns end below 1e-9 px.
     for _ in 0..10 {
-        let again = at(time_s + renderer.row_delay_s(seen.v_px));
+        seen_s = time_s + renderer.row_delay_s(seen.v_px);
+        let again = at(seen_s);
         if again == seen {
             break;
         }
         seen = again;
     }
-    seen
+    (seen, seen_s)
 }

@@ -28,11 +28,13 @@ mod flicker;
 mod floor_slope;
 mod lens;
 mod magnus;
+mod marks;
 mod noise;
 mod pan;
 mod perspective;
 mod reflection;
 mod rolling_shutter;
+mod rotation_blur;
 mod second_ball;
 mod shading;
 mod shadow;
@@ -41,13 +43,17 @@ mod texture;
 mod uneven_light;
 mod wall_shadow;
 
-use super::camera::{BallOutline, PictureEdge, PictureOf, picture_shift_px};
+use super::camera::{
+    BallOutline, Ellipse, Facing, PictureEdge, PictureOf, camera_from_motion, picture_shift_px,
+};
 use super::flight::{BallState, Perturbations, Trajectory};
+use super::marks::BallMarks;
+use super::marks_in_picture::SeenMarks;
 use super::render::{Backdrop, FineGrid};
 use super::scene::{EffectsChoice, Scene, SceneClock, SceneError, SceneSecondBall, Switch};
 use crate::geometry::PixelPoint;
 use crate::rebound::RigidMotion;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -58,7 +64,7 @@ pub use drag::drag_coefficient;
 pub use floor_slope::Plane;
 
 /// All effects, in the order in which they act.
-pub static ALL: [&dyn Effect; 26] = [
+pub static ALL: [&dyn Effect; 28] = [
     &bench::Bench,
     &floor_slope::SlopingFloor,
     &drag::AirDrag,
@@ -71,9 +77,11 @@ pub static ALL: [&dyn Effect; 26] = [
     &bump::Bump,
     &pan::Pan,
     &exposure::ExposureBlur,
+    &rotation_blur::RotationBlur,
     &rolling_shutter::RollingShutter,
     &defocus::Defocus,
     &shading::Shading,
+    &marks::MarkedBall,
     &texture::Texture,
     &shadow::Shadow,
     &wall_shadow::WallShadow,
@@ -211,12 +219,16 @@ pub enum Action {
     PictureShift(Box<dyn PictureShift>),
     /// The exposure is a time average over so many seconds.
     Exposure(f64),
+    /// The ball turns during so many seconds of exposure.
+    RotationBlur(f64),
     /// Rows are exposed one after the other, over so many seconds.
     Readout(f64),
     /// Optical blur with this standard deviation, px.
     Blur(f64),
     /// How bright the ball's surface is.
     Surface(Box<dyn Surface>),
+    /// What is drawn on it.
+    Marks(Box<BallMarks>),
     /// What is behind the ball, added to its plain grey.
     BackdropPattern(Box<dyn BackdropPattern>),
     /// What the ball does to the picture around itself.
@@ -266,6 +278,11 @@ pub trait Warp: Send + Sync {
     fn warp_line(&self, line: &PictureEdge) -> PictureEdge {
         *line
     }
+
+    /// How a ball at `ball_m` lies in its outline, where it is not seen in parallel light.
+    fn facing(&self, _ball_m: &Vector3<f64>) -> Option<Facing> {
+        None
+    }
 }
 
 /// A camera that moves.
@@ -305,6 +322,41 @@ pub struct BallMoment<'a> {
     pub picture: &'a PictureOf,
     /// Its surface.
     pub surface: &'a dyn Surface,
+    /// What is drawn on it, and the rotation from the ball into its plane of motion.
+    pub marks: Option<(&'a BallMarks, UnitQuaternion<f64>)>,
+}
+
+impl<'a> BallMoment<'a> {
+    /// Its marks as the camera sees them, on a grid with cells of `side_px`.
+    #[must_use]
+    pub fn seen_marks(&self, side_px: f64) -> Option<SeenMarks<'a>> {
+        self.marks_seen_at(&self.ball_m, &Matrix3::identity(), &self.outline.ellipse, side_px)
+    }
+
+    /// Its marks as the camera sees them in the floor, where the ball's mirror image has the outline `ellipse`.
+    #[must_use]
+    pub fn mirrored_marks(&self, ellipse: &Ellipse, side_px: f64) -> Option<SeenMarks<'a>> {
+        let floor = self.picture.floor();
+        let normal = floor.out_of_frame(&Vector3::z());
+        let mirror = Matrix3::identity() - normal * normal.transpose() * 2.0;
+        self.marks_seen_at(&floor.mirrored(&self.ball_m), &mirror, ellipse, side_px)
+    }
+
+    fn marks_seen_at(
+        &self,
+        place_m: &Vector3<f64>,
+        mirror: &Matrix3<f64>,
+        ellipse: &Ellipse,
+        side_px: f64,
+    ) -> Option<SeenMarks<'a>> {
+        let (marks, motion_from_ball) = self.marks?;
+        let camera_from_motion = camera_from_motion(self.picture.camera());
+        let ball_from_camera = motion_from_ball.to_rotation_matrix().matrix().transpose()
+            * mirror
+            * camera_from_motion.matrix().transpose();
+        let facing = self.picture.facing(place_m);
+        Some(SeenMarks::new(marks, ball_from_camera, facing, ellipse, side_px))
+    }
 }
 
 /// What the ball does to the picture around itself, painted before the ball.
@@ -544,11 +596,15 @@ pub struct ChosenEffects {
     /// s.
     pub exposure_s: Option<Acting<f64>>,
     /// s.
+    pub rotation_blur_s: Option<Acting<f64>>,
+    /// s.
     pub readout_s: Option<Acting<f64>>,
     /// px.
     pub blur_px: Option<Acting<f64>>,
     /// Brightness of the ball.
     pub surface: Option<Acting<dyn Surface>>,
+    /// Drawn on the ball.
+    pub marks: Option<Acting<BallMarks>>,
     /// Background.
     pub textures: Vec<Acting<dyn BackdropPattern>>,
     /// Around the ball.
@@ -599,9 +655,11 @@ impl ChosenEffects {
             Action::PictureShift(x) => self.shakes.push(acting(x, evaluations)),
             Action::Warp(x) => self.warps.push(acting(x, evaluations)),
             Action::Exposure(s) => self.exposure_s = Some(acting(Box::new(s), evaluations)),
+            Action::RotationBlur(s) => self.rotation_blur_s = Some(acting(Box::new(s), evaluations)),
             Action::Readout(s) => self.readout_s = Some(acting(Box::new(s), evaluations)),
             Action::Blur(px) => self.blur_px = Some(acting(Box::new(px), evaluations)),
             Action::Surface(x) => self.surface = Some(acting(x, evaluations)),
+            Action::Marks(x) => self.marks = Some(acting(x, evaluations)),
             Action::BackdropPattern(x) => self.textures.push(acting(x, evaluations)),
             Action::Layer(x) => self.layers.push(acting(x, evaluations)),
             Action::LightField(x) => self.lights.push(acting(x, evaluations)),

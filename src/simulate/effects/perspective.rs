@@ -15,7 +15,7 @@
 
 use super::{Action, Effect, EffectEstimate, Ideal, Warp};
 use crate::geometry::PixelPoint;
-use crate::simulate::camera::{BallOutline, Ellipse, axis_px, nearness_m};
+use crate::simulate::camera::{BallOutline, Ellipse, Facing, axis_px, ideal_pixel, nearness_m};
 use crate::simulate::scene::{Camera, Scene};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -85,5 +85,26 @@ impl Warp for Pinhole {
                 axes: turn * Matrix2::from_diagonal(&Vector2::new(radial, tangential)) * turn.transpose(),
             },
         }
+    }
+
+    fn facing(&self, ball_m: &Vector3<f64>) -> Option<Facing> {
+        let (middle, q) = (axis_px(&self.camera), self.camera.metres_per_pixel);
+        let ideal = ideal_pixel(&self.camera, ball_m);
+        let before = BallOutline {
+            centre: PixelPoint::new(ideal.x, ideal.y),
+            ellipse: Ellipse::circle(ideal, self.radius_m / q),
+        };
+        let seen = self.warp(ball_m, &before).ellipse;
+        let across_m = (ideal - middle) * q;
+        let depth_m = self.distance_m - nearness_m(&self.camera, ball_m);
+        // A pixel is 1/f of the ray's length along the axis.
+        let per_px = q / self.distance_m;
+        Some(Facing::Pinhole {
+            outline: Ellipse {
+                centre: (seen.centre - middle) * per_px,
+                axes: seen.axes * per_px,
+            },
+            centre: Vector3::new(across_m.x, -across_m.y, -depth_m) / self.radius_m,
+        })
     }
 }

@@ -67,13 +67,16 @@ impl Layer for Mirror {
         // Away from the floor (right, down), in the ball's axes.
         let away = moment.picture.floor().out_of_frame(&Vector3::z());
         let away = Vector2::new(away.x, -away.z);
-        patch.paint(&self.image(moment).ellipse, rows, |unit, at, grey| {
+        let image = self.image(moment).ellipse;
+        let marks = moment.mirrored_marks(&image, patch.side_px());
+        patch.paint(&image, rows, |unit, at, grey| {
             if floor.beyond_px(at) < 0.0 {
                 return grey;
             }
             // What the mirror shows below is above on the ball.
             let upright = normal(unit - away * (2.0 * unit.dot(&away)));
-            grey + self.share * (moment.surface.grey(&upright) as f32 - grey)
+            let albedo = marks.as_ref().map_or(1.0, |marks| marks.albedo(unit));
+            grey + self.share * ((albedo * moment.surface.grey(&upright)) as f32 - grey)
         });
     }
 }

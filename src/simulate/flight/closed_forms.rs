@@ -76,6 +76,11 @@ fn flown(
         start_s: 0.0,
         start,
         path: PhasePath::Nodes { step_s, nodes },
+        turning: Turning {
+            start: UnitQuaternion::identity(),
+            spin_rad_s: spin,
+            change_rad_s2: Vector3::zeros(),
+        },
     };
     path.state(time_s)
 }

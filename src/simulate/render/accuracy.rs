@@ -151,6 +151,9 @@ fn an_exposure_is_the_mean_over_its_time() {
         let fine = Exposure {
             nodes: fine,
             shift_px: Vector2::zeros(),
+            time_s,
+            moves: true,
+            turns: true,
         };
         renderer.add_ball(recording.trajectory(), &fine, 0.7, empty, &mut mean);
         let worst = largest_difference(&found, &mean);

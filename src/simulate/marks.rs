@@ -1,0 +1,332 @@
+//! What is drawn on a ball: the albedo of its surface, as a factor on the ball's own, direction by direction.
+//!
+//! Directions are of length 1, from the ball's centre, in axes that are fixed to the ball: at the launch those of its plane of
+//! motion (x along the launch, y away from a camera at the side, z up), unless `at_launch` says otherwise.
+//!
+//! Every edge of a mark is where a function of the direction n changes its sign. That of a dot or a line is linear, c·n − cos α,
+//! so that over a small square of the picture the share beyond the edge follows from the function's values in the corners: exact for a
+//! straight edge, like what the ball's outline covers of a cell.
+
+use crate::frames::Luma;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::f64::consts::{PI, TAU};
+use std::sync::{Arc, OnceLock};
+
+/// Marks on a ball.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BallMarks {
+    /// Where they are.
+    pub pattern: MarkPattern,
+    /// Their albedo over that of the ball; a picture has its own.
+    pub albedo: f64,
+    /// World from ball at the launch, in the axes of the ball's plane of motion.
+    pub at_launch: UnitQuaternion<f64>,
+}
+
+/// Where the marks are. Directions have the length 1.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MarkPattern {
+    /// Round dots.
+    Dots {
+        /// Their middles.
+        directions: Vec<Vector3<f64>>,
+        /// Half the angle that a dot covers, seen from the ball's centre, rad.
+        radius_rad: f64,
+    },
+    /// Lines round the ball.
+    Lines {
+        /// The poles of their great circles.
+        poles: Vec<Vector3<f64>>,
+        /// Angle across a line, rad.
+        width_rad: f64,
+    },
+    /// The half of the ball around a pole.
+    Half {
+        /// The pole.
+        pole: Vector3<f64>,
+    },
+    /// The seam of a tennis ball.
+    Seam {
+        /// Angle across it, rad.
+        width_rad: f64,
+    },
+    /// A picture that is wrapped round the ball.
+    Picture(BallMap),
+}
+
+/// A picture round a ball: its columns are equal steps of longitude, its rows of latitude from the top (+z) down. Its middle is the
+/// direction −y, which faces a camera at the side; right of it is +x.
+#[derive(Clone, PartialEq)]
+pub struct BallMap {
+    width: usize,
+    height: usize,
+    albedo: Arc<Vec<f32>>,
+}
+
+impl std::fmt::Debug for BallMap {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "BallMap({} x {})", self.width, self.height)
+    }
+}
+
+impl BallMap {
+    /// Of a grey picture, white where the ball is as bright as without it; `None` of one without pixels.
+    #[must_use]
+    pub fn new(picture: &Luma) -> Option<Self> {
+        let albedo = picture.data.iter().map(|grey| f32::from(*grey) / 255.0);
+        (picture.width > 0 && picture.height > 0).then(|| Self {
+            width: picture.width,
+            height: picture.height,
+            albedo: Arc::new(albedo.collect()),
+        })
+    }
+
+    /// The angle from one row to the next, rad.
+    fn pixel_rad(&self) -> f64 {
+        PI / self.height as f64
+    }
+
+    /// Linear between the middles of the four pixels around a direction, of any length.
+    fn albedo(&self, n: &Vector3<f64>) -> f64 {
+        let column = (0.5 + n.x.atan2(-n.y) / TAU) * self.width as f64 - 0.5;
+        let row = (0.5 - n.z.atan2(n.x.hypot(n.y)) / PI) * self.height as f64 - 0.5;
+        let (left, top) = (column.floor(), row.floor());
+        let (right_share, below_share) = (column - left, row - top);
+        // Around the ball columns go on at the other side; beyond a pole its row goes on.
+        let column = |i: f64| i.rem_euclid(self.width as f64) as usize % self.width;
+        let row = |i: f64| i.clamp(0.0, self.height as f64 - 1.0) as usize;
+        let at = |u: f64, v: f64| f64::from(self.albedo[row(v) * self.width + column(u)]);
+        let across = |v: f64| at(left, v) + right_share * (at(left + 1.0, v) - at(left, v));
+        across(top) + below_share * (across(top + 1.0) - across(top))
+    }
+}
+
+/// Directions in the four corners of a small square of the picture: top left, top right, bottom left, bottom right.
+pub(super) type SquareCorners = [Vector3<f64>; 4];
+
+impl BallMarks {
+    /// The albedo in the direction `n`; `None` where an edge, or anything that is not plain, may be within `reach` of it (the length of
+    /// the difference of two directions).
+    pub(super) fn plain_albedo(&self, n: &Vector3<f64>, reach: f64) -> Option<f64> {
+        let mark = |is_marked: bool| if is_marked { self.albedo } else { 1.0 };
+        // A difference of directions changes c·n by its own length at most.
+        match &self.pattern {
+            MarkPattern::Dots {
+                directions,
+                radius_rad,
+            } => {
+                let limit = radius_rad.cos();
+                let mut marked = false;
+                for direction in directions {
+                    let level = direction.dot(n) - limit;
+                    if level.abs() <= reach {
+                        return None;
+                    }
+                    marked |= level > 0.0;
+                }
+                Some(mark(marked))
+            }
+            MarkPattern::Lines { poles, width_rad } => {
+                let limit = (0.5 * width_rad).sin();
+                let mut marked = false;
+                for pole in poles {
+                    let level = limit - pole.dot(n).abs();
+                    if level.abs() <= reach {
+                        return None;
+                    }
+                    marked |= level > 0.0;
+                }
+                Some(mark(marked))
+            }
+            MarkPattern::Half { pole } => {
+                let level = pole.dot(n);
+                (level.abs() > reach).then(|| mark(level > 0.0))
+            }
+            MarkPattern::Seam { width_rad } => {
+                let level = nearest_of_seam(n) - (0.5 * width_rad).cos();
+                (level.abs() > reach).then(|| mark(level > 0.0))
+            }
+            // A cell that is smaller than the picture's pixels is as good as its middle.
+            MarkPattern::Picture(map) => (reach <= 2.0 * map.pixel_rad()).then(|| map.albedo(n)),
+        }
+    }
+
+    /// The mean albedo over the square with these corners.
+    pub(super) fn mean_albedo(&self, corners: &SquareCorners) -> f64 {
+        let first = corners[0];
+        let reach = corners.iter().map(|n| (n - first).norm()).fold(0.0, f64::max);
+        // The share of the square in which c·n is above a limit.
+        let beyond = |c: &Vector3<f64>, limit: f64| {
+            let level = c.dot(&first) - limit;
+            if level.abs() > reach {
+                return if level > 0.0 { 1.0 } else { 0.0 };
+            }
+            share_above_zero(corners.each_ref().map(|n| c.dot(n) - limit))
+        };
+        let marked = match &self.pattern {
+            MarkPattern::Dots {
+                directions,
+                radius_rad,
+            } => {
+                let limit = radius_rad.cos();
+                1.0 - directions.iter().map(|c| 1.0 - beyond(c, limit)).product::<f64>()
+            }
+            MarkPattern::Lines { poles, width_rad } => {
+                let limit = (0.5 * width_rad).sin();
+                let free = |c| 1.0 - beyond(c, -limit) + beyond(c, limit);
+                1.0 - poles.iter().map(free).product::<f64>()
+            }
+            MarkPattern::Half { pole } => beyond(pole, 0.0),
+            MarkPattern::Seam { width_rad } => {
+                let limit = (0.5 * width_rad).cos();
+                share_above_zero(corners.each_ref().map(|n| nearest_of_seam(n) - limit))
+            }
+            MarkPattern::Picture(map) => return map.albedo(&corners.iter().sum()),
+        };
+        1.0 + marked * (self.albedo - 1.0)
+    }
+
+    /// By how much the marks change the ball's brightness at most, as a share.
+    #[must_use]
+    pub fn contrast(&self) -> f64 {
+        match &self.pattern {
+            MarkPattern::Picture(map) => {
+                let darkest = map.albedo.iter().fold(1.0_f32, |least, a| least.min(*a));
+                f64::from(1.0 - darkest)
+            }
+            _ => (1.0 - self.albedo).abs(),
+        }
+    }
+}
+
+/// The share of a square in which a function is above 0, by its values in the corners (in the order of [`SquareCorners`]): exact where
+/// it is linear.
+fn share_above_zero([a, b, c, d]: [f64; 4]) -> f64 {
+    let middle = 0.25 * (a + b + c + d);
+    let (along, down) = (0.5 * (b + d - a - c).abs(), 0.5 * (c + d - a - b).abs());
+    // The values are spread as the sum of two even distributions of these widths.
+    let (wide, narrow) = (along.max(down), along.min(down));
+    let from_middle = middle.abs();
+    let above = if from_middle >= 0.5 * (wide + narrow) {
+        1.0
+    } else if from_middle <= 0.5 * (wide - narrow) {
+        0.5 + from_middle / wide
+    } else {
+        1.0 - (0.5 * (wide + narrow) - from_middle).powi(2) / (2.0 * wide * narrow)
+    };
+    if middle > 0.0 { above } else { 1.0 - above }
+}
+
+/// Points of the seam: so many that between two of them the cosine to a direction is a parabola.
+const SEAM_POINTS: usize = 144;
+const SEAM_STEP: usize = 6;
+/// How far the seam leaves the great circles of which it is bent, as a share.
+const SEAM_BEND: f64 = 0.25;
+
+/// The curve (a cos t + b cos 3t, a sin t − b sin 3t, 2 √(ab) sin 2t) with a + b = 1 lies on the sphere and has the symmetry of a
+/// tennis ball's seam.
+fn seam_point(place: f64) -> Vector3<f64> {
+    let t = place * TAU / SEAM_POINTS as f64;
+    let (a, b) = (1.0 - SEAM_BEND, SEAM_BEND);
+    Vector3::new(
+        a * t.cos() + b * (3.0 * t).cos(),
+        a * t.sin() - b * (3.0 * t).sin(),
+        2.0 * (a * b).sqrt() * (2.0 * t).sin(),
+    )
+}
+
+/// Cosine of the angle between a direction and the nearest point of the seam.
+fn nearest_of_seam(n: &Vector3<f64>) -> f64 {
+    static SEAM: OnceLock<Vec<Vector3<f64>>> = OnceLock::new();
+    let seam = SEAM.get_or_init(|| (0..SEAM_POINTS).map(|place| seam_point(place as f64)).collect());
+    let cosine = |place: usize| seam[place % SEAM_POINTS].dot(n);
+    let largest_of = |places: &mut dyn Iterator<Item = usize>| {
+        places
+            .map(|place| (place, cosine(place)))
+            .fold((0, -1.0), |best, next| if next.1 > best.1 { next } else { best })
+    };
+    // Near the seam its nearest point is near to the nearest of a few.
+    let (around, _) = largest_of(&mut (0..SEAM_POINTS).step_by(SEAM_STEP));
+    let first = around + SEAM_POINTS - SEAM_STEP;
+    let (nearest, largest) = largest_of(&mut (first..=first + 2 * SEAM_STEP));
+    // The top of the parabola through it and its neighbours.
+    let (before, after) = (cosine(nearest + SEAM_POINTS - 1), cosine(nearest + 1));
+    let bend = 2.0 * largest - before - after;
+    if bend > 0.0 {
+        (largest + (after - before).powi(2) / (8.0 * bend)).min(1.0)
+    } else {
+        largest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Counts points of a fine grid.
+    fn counted([a, b, c, d]: [f64; 4]) -> f64 {
+        let at = |i: u32| (f64::from(i) + 0.5) / 400.0;
+        let (along, down) = (0.5 * (b + d - a - c), 0.5 * (c + d - a - b));
+        let middle = 0.25 * (a + b + c + d);
+        let above = (0..400)
+            .flat_map(|i| (0..400).map(move |j| (at(i) - 0.5, at(j) - 0.5)))
+            .filter(|(x, y)| middle + along * x + down * y > 0.0);
+        above.count() as f64 / 160_000.0
+    }
+
+    #[test]
+    fn the_share_beyond_a_straight_edge_is_exact() {
+        for (middle, along, down) in [
+            (0.0, 1.0, 0.0),
+            (0.3, 1.0, 0.2),
+            (-0.1, 0.5, 0.7),
+            (0.45, -0.6, 0.5),
+            (-0.2, 0.0, -1.0),
+            (0.9, 0.3, 0.2),
+        ] {
+            let corner = |x: f64, y: f64| middle + along * x + down * y;
+            let corners = [
+                corner(-0.5, -0.5),
+                corner(0.5, -0.5),
+                corner(-0.5, 0.5),
+                corner(0.5, 0.5),
+            ];
+            let (found, expected) = (share_above_zero(corners), counted(corners));
+            assert!(
+                (found - expected).abs() < 3e-3,
+                "{middle} {along} {down}: {found} {expected}"
+            );
+        }
+        assert_eq!(share_above_zero([1.0; 4]), 1.0);
+        assert_eq!(share_above_zero([-1.0; 4]), 0.0);
+    }
+
+    #[test]
+    fn the_seam_lies_on_the_ball_and_is_near_to_itself() {
+        // Of a seam 10 degrees wide that moves an edge by 0.0002 rad at most.
+        for place in 0..SEAM_POINTS {
+            let between = seam_point(place as f64 + 0.5);
+            assert!((between.norm() - 1.0).abs() < 1e-14);
+            assert!(nearest_of_seam(&between) > 1.0 - 2e-5, "{place}");
+        }
+        assert!(nearest_of_seam(&Vector3::z()) < 0.9);
+    }
+
+    #[test]
+    fn the_middle_of_a_picture_is_the_side_that_faces_a_camera_at_the_side() {
+        // Brighter to the right, in four columns and two rows.
+        let grey = [0, 51, 102, 153, 0, 51, 102, 153];
+        let map = BallMap::new(&Luma {
+            width: 4,
+            height: 2,
+            data: grey.to_vec(),
+        });
+        let map = map.unwrap();
+        let at = |x: f64, y: f64| map.albedo(&Vector3::new(x, y, 0.0));
+        assert!((at(0.0, -1.0) - 0.3).abs() < 1e-6);
+        assert!((at(0.5_f64.sqrt(), -0.5_f64.sqrt()) - 0.4).abs() < 1e-6);
+        assert!((at(-0.5_f64.sqrt(), -0.5_f64.sqrt()) - 0.2).abs() < 1e-6);
+        // Half way round between the last column and the first.
+        assert!((at(0.0, 1.0) - 0.3).abs() < 1e-6);
+    }
+}
