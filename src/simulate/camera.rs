@@ -100,6 +100,15 @@ pub enum Facing {
 }
 
 impl Facing {
+    /// The direction from the ball to the camera, along the same axes as [`Facing::normal`].
+    #[must_use]
+    pub fn towards(&self) -> Vector3<f64> {
+        match self {
+            Self::Parallel => Vector3::z(),
+            Self::Pinhole { centre, .. } => -centre.normalize(),
+        }
+    }
+
     /// Outward normal (right, up, towards the camera) of what is seen at a place in the ball's outline (right, down; the rim at 1). It is
     /// along the axes of the camera before that is rolled.
     #[must_use]

@@ -9,6 +9,7 @@
 
 use crate::frames::Luma;
 use nalgebra::{UnitQuaternion, Vector3};
+use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 use std::sync::{Arc, OnceLock};
 
@@ -105,6 +106,31 @@ impl BallMap {
 pub(super) type SquareCorners = [Vector3<f64>; 4];
 
 impl BallMarks {
+    /// Those of which a camera in the direction `towards` may see something: it sees half of the ball at most.
+    pub(super) fn seen_from(&self, towards: &Vector3<f64>) -> Cow<'_, Self> {
+        let MarkPattern::Dots {
+            directions,
+            radius_rad,
+        } = &self.pattern
+        else {
+            return Cow::Borrowed(self);
+        };
+        let behind = -radius_rad.sin();
+        let seen = directions.iter().filter(|d| d.dot(towards) > behind).copied();
+        Cow::Owned(Self {
+            pattern: MarkPattern::Dots {
+                directions: seen.collect(),
+                radius_rad: *radius_rad,
+            },
+            ..*self
+        })
+    }
+
+    /// Whether it has no edges of its own, only what a picture has.
+    pub(super) fn is_picture(&self) -> bool {
+        matches!(self.pattern, MarkPattern::Picture(_))
+    }
+
     /// The albedo in the direction `n`; `None` where an edge, or anything that is not plain, may be within `reach` of it (the length of
     /// the difference of two directions).
     pub(super) fn plain_albedo(&self, n: &Vector3<f64>, reach: f64) -> Option<f64> {

@@ -1,15 +1,19 @@
 //! Marks as a camera sees them: the mean albedo over each cell of the fine grid.
 //!
+//! A lens's distortion is that of the outline: over the ball it is taken as linear, so that in the corner of a barrel lens marks are off by as
+//! much as the outline's own middle is (0.02 px).
+//!
 //! Cells that no edge comes near have one albedo. The others are cut into squares, whose corners' directions say what share of the
 //! square is beyond the edge ([`super::marks`]); more of them where the ball's surface turns away, near its rim.
 
 use super::camera::{Ellipse, Facing};
 use super::marks::{BallMarks, SquareCorners};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use std::borrow::Cow;
 
 /// Marks of a ball at a moment.
 pub struct SeenMarks<'a> {
-    marks: &'a BallMarks,
+    marks: Cow<'a, BallMarks>,
     /// What the direction of the ball is in which the camera sees one of its own (right, up, towards it); a mirror may be in it.
     ball_from_camera: Matrix3<f64>,
     facing: Facing,
@@ -42,7 +46,7 @@ impl<'a> SeenMarks<'a> {
         let cell = to_unit * side_px;
         let (along, down) = (cell.column(0), cell.column(1));
         Self {
-            marks,
+            marks: marks.seen_from(&(ball_from_camera * facing.towards())),
             ball_from_camera,
             facing,
             cell,
@@ -56,7 +60,8 @@ impl<'a> SeenMarks<'a> {
         if let Some(plain) = self.marks.plain_albedo(&direction, self.reach(unit.norm())) {
             return plain;
         }
-        let squares = if unit.norm() + self.half_diagonal > 1.0 - RIM {
+        let is_at_rim = unit.norm() + self.half_diagonal > 1.0 - RIM;
+        let squares = if is_at_rim && !self.marks.is_picture() {
             SQUARES_AT_RIM
         } else {
             SQUARES
@@ -74,7 +79,7 @@ impl<'a> SeenMarks<'a> {
     fn reach(&self, from_centre: f64) -> f64 {
         let height = |r: f64| (1.0 - r.clamp(0.0, 1.0).powi(2)).sqrt();
         let turned = height(from_centre - self.half_diagonal) - height(from_centre + self.half_diagonal);
-        REACH_MARGIN * turned.hypot(self.half_diagonal)
+        REACH_MARGIN * (turned * turned + self.half_diagonal * self.half_diagonal).sqrt()
     }
 
     /// The mean over those of `squares` × `squares` parts of a cell whose middle is inside the outline; `None` where none is.
