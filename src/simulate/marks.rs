@@ -131,17 +131,23 @@ impl BallMarks {
         matches!(self.pattern, MarkPattern::Picture(_))
     }
 
+    /// What a direction's product with a dot's middle, a pole or the nearest point of the seam is at the edge of a mark.
+    pub(super) fn edge_level(&self) -> f64 {
+        match &self.pattern {
+            MarkPattern::Dots { radius_rad, .. } => radius_rad.cos(),
+            MarkPattern::Lines { width_rad, .. } => (0.5 * width_rad).sin(),
+            MarkPattern::Seam { width_rad } => (0.5 * width_rad).cos(),
+            MarkPattern::Half { .. } | MarkPattern::Picture(_) => 0.0,
+        }
+    }
+
     /// The albedo in the direction `n`; `None` where an edge, or anything that is not plain, may be within `reach` of it (the length of
-    /// the difference of two directions).
-    pub(super) fn plain_albedo(&self, n: &Vector3<f64>, reach: f64) -> Option<f64> {
+    /// the difference of two directions). `limit` is its [`edge_level`](Self::edge_level).
+    pub(super) fn plain_albedo(&self, n: &Vector3<f64>, reach: f64, limit: f64) -> Option<f64> {
         let mark = |is_marked: bool| if is_marked { self.albedo } else { 1.0 };
         // A difference of directions changes c·n by its own length at most.
         match &self.pattern {
-            MarkPattern::Dots {
-                directions,
-                radius_rad,
-            } => {
-                let limit = radius_rad.cos();
+            MarkPattern::Dots { directions, .. } => {
                 let mut marked = false;
                 for direction in directions {
                     let level = direction.dot(n) - limit;
@@ -152,8 +158,7 @@ impl BallMarks {
                 }
                 Some(mark(marked))
             }
-            MarkPattern::Lines { poles, width_rad } => {
-                let limit = (0.5 * width_rad).sin();
+            MarkPattern::Lines { poles, .. } => {
                 let mut marked = false;
                 for pole in poles {
                     let level = limit - pole.dot(n).abs();
@@ -168,8 +173,8 @@ impl BallMarks {
                 let level = pole.dot(n);
                 (level.abs() > reach).then(|| mark(level > 0.0))
             }
-            MarkPattern::Seam { width_rad } => {
-                let level = nearest_of_seam(n) - (0.5 * width_rad).cos();
+            MarkPattern::Seam { .. } => {
+                let level = nearest_of_seam(n) - limit;
                 (level.abs() > reach).then(|| mark(level > 0.0))
             }
             // A cell that is smaller than the picture's pixels is as good as its middle.
@@ -178,7 +183,7 @@ impl BallMarks {
     }
 
     /// The mean albedo over the square with these corners.
-    pub(super) fn mean_albedo(&self, corners: &SquareCorners) -> f64 {
+    pub(super) fn mean_albedo(&self, corners: &SquareCorners, limit: f64) -> f64 {
         let first = corners[0];
         let reach = corners.iter().map(|n| (n - first).norm()).fold(0.0, f64::max);
         // The share of the square in which c·n is above a limit.
@@ -190,21 +195,15 @@ impl BallMarks {
             share_above_zero(corners.each_ref().map(|n| c.dot(n) - limit))
         };
         let marked = match &self.pattern {
-            MarkPattern::Dots {
-                directions,
-                radius_rad,
-            } => {
-                let limit = radius_rad.cos();
+            MarkPattern::Dots { directions, .. } => {
                 1.0 - directions.iter().map(|c| 1.0 - beyond(c, limit)).product::<f64>()
             }
-            MarkPattern::Lines { poles, width_rad } => {
-                let limit = (0.5 * width_rad).sin();
+            MarkPattern::Lines { poles, .. } => {
                 let free = |c| 1.0 - beyond(c, -limit) + beyond(c, limit);
                 1.0 - poles.iter().map(free).product::<f64>()
             }
             MarkPattern::Half { pole } => beyond(pole, 0.0),
-            MarkPattern::Seam { width_rad } => {
-                let limit = (0.5 * width_rad).cos();
+            MarkPattern::Seam { .. } => {
                 share_above_zero(corners.each_ref().map(|n| nearest_of_seam(n) - limit))
             }
             MarkPattern::Picture(map) => return map.albedo(&corners.iter().sum()),

@@ -14,6 +14,7 @@ use std::borrow::Cow;
 /// Marks of a ball at a moment.
 pub struct SeenMarks<'a> {
     marks: Cow<'a, BallMarks>,
+    edge_level: f64,
     /// What the direction of the ball is in which the camera sees one of its own (right, up, towards it); a mirror may be in it.
     ball_from_camera: Matrix3<f64>,
     facing: Facing,
@@ -28,7 +29,7 @@ const SQUARES: usize = 2;
 const SQUARES_AT_RIM: usize = 5;
 const RIM: f64 = 0.06;
 /// A pinhole sees directions change a little faster with the place than parallel light.
-const REACH_MARGIN: f64 = 1.5;
+const PINHOLE_MARGIN: f64 = 1.5;
 /// Corners of [`SQUARES_AT_RIM`].
 const MOST_CORNERS: usize = (SQUARES_AT_RIM + 1) * (SQUARES_AT_RIM + 1);
 
@@ -46,6 +47,7 @@ impl<'a> SeenMarks<'a> {
         let cell = to_unit * side_px;
         let (along, down) = (cell.column(0), cell.column(1));
         Self {
+            edge_level: marks.edge_level(),
             marks: marks.seen_from(&(ball_from_camera * facing.towards())),
             ball_from_camera,
             facing,
@@ -57,7 +59,10 @@ impl<'a> SeenMarks<'a> {
     /// The mean over the cell around `unit`, a place in the outline's own coordinates (right, down; the rim at 1).
     pub fn albedo(&self, unit: Vector2<f64>) -> f64 {
         let direction = self.direction(unit);
-        if let Some(plain) = self.marks.plain_albedo(&direction, self.reach(unit.norm())) {
+        if let Some(plain) = self
+            .marks
+            .plain_albedo(&direction, self.reach(unit.norm()), self.edge_level)
+        {
             return plain;
         }
         let is_at_rim = unit.norm() + self.half_diagonal > 1.0 - RIM;
@@ -67,7 +72,7 @@ impl<'a> SeenMarks<'a> {
             SQUARES
         };
         self.mean(unit, squares)
-            .unwrap_or_else(|| self.marks.mean_albedo(&[direction; 4]))
+            .unwrap_or_else(|| self.marks.mean_albedo(&[direction; 4], self.edge_level))
     }
 
     /// The direction of the ball that is seen at `unit`.
@@ -79,7 +84,11 @@ impl<'a> SeenMarks<'a> {
     fn reach(&self, from_centre: f64) -> f64 {
         let height = |r: f64| (1.0 - r.clamp(0.0, 1.0).powi(2)).sqrt();
         let turned = height(from_centre - self.half_diagonal) - height(from_centre + self.half_diagonal);
-        REACH_MARGIN * (turned * turned + self.half_diagonal * self.half_diagonal).sqrt()
+        let margin = match self.facing {
+            Facing::Parallel => 1.0,
+            Facing::Pinhole { .. } => PINHOLE_MARGIN,
+        };
+        margin * (turned * turned + self.half_diagonal * self.half_diagonal).sqrt()
     }
 
     /// The mean over those of `squares` × `squares` parts of a cell whose middle is inside the outline; `None` where none is.
@@ -105,7 +114,7 @@ impl<'a> SeenMarks<'a> {
                 let first = j * corners + i;
                 let square: SquareCorners =
                     [first, first + 1, first + corners, first + corners + 1].map(|k| directions[k]);
-                sum += self.marks.mean_albedo(&square);
+                sum += self.marks.mean_albedo(&square, self.edge_level);
                 inside += 1;
             }
         }
