@@ -187,6 +187,32 @@ fn the_truth_has_the_spin_of_each_arc_and_the_turning_by_it() {
 }
 
 #[test]
+fn a_dropped_ball_may_spin() {
+    let launch = r#""speed_m_s": 0, "spin_rad_s": [5, -60, 7]"#;
+    let dropped = recording(&text(MU_E, launch, "", r#""marks": {"pattern": "dots"}"#, ""));
+    let truth = dropped.truth();
+    let spin = truth.arcs[0].spin;
+    let found = Vector3::new(spin.x_rad_s, spin.y_rad_s, spin.z_rad_s);
+    assert!((found - Vector3::new(5.0, -60.0, 7.0)).norm() < 1e-9);
+    // Backspin drives it backwards off the floor; there is no ratio that the calibration could say.
+    assert!(truth.bounces[0].rebound.vx_m_s < -0.1);
+    assert!(track::simulate::calibration(&dropped)["launch"]["spin_ratio"].is_null());
+    assert_turns_by_its_spin(&truth);
+    let both = text(
+        MU_E,
+        r#""spin_ratio": [0, 1, 0], "spin_rad_s": [0, 80, 0]"#,
+        "",
+        "",
+        "",
+    );
+    let message = Scene::from_json(&both).unwrap_err().to_string();
+    assert!(
+        message.contains("launch.spin_rad_s") && message.contains("one of"),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_ball_rolls_on_its_bench_and_is_turned_at_the_launch_as_the_scene_says() {
     let launch = r#""speed_m_s": 0.8, "bench": {"seen_s": 0.1}"#;
     let recording = recording(&text(MU_E, launch, "", r#""marks": {"pattern": "halves"}"#, ""));

@@ -181,10 +181,10 @@ fn a_minimal_scene_has_the_defaults_of_the_contract() {
         (
             launch.drop_height_m,
             launch.speed_m_s,
-            launch.spin_ratio,
+            launch.surface_spin_m_s.norm(),
             launch.rise_speed_m_s
         ),
-        (0.10, 1.0, [0.0; 3], 0.0)
+        (0.10, 1.0, 0.0, 0.0)
     );
     assert_eq!(
         (scene.air.density_kg_m3, scene.air.viscosity_pa_s),
@@ -1168,7 +1168,8 @@ fn a_ball_rolls_along_its_bench_until_the_launch() {
         (r#""bench": {"seen_s": 0.1}, "spin_ratio": [0, 0.3, 0.2]"#, 0.3),
     ] {
         let recording = recorded(STEEL, &format!(r#""launch": {{{bench}}}"#), &["bench"]);
-        assert!((recording.scene().launch.spin_ratio[1] - ratio).abs() < 1e-15);
+        // At 1 m/s.
+        assert!((recording.scene().launch.surface_spin_m_s.y - ratio).abs() < 1e-15);
         let truth = recording.truth();
         let launch = truth.launch.unwrap();
         assert_eq!((launch.time_s, launch.rolled_s, launch.edge_x_m), (0.1, 0.1, 0.0));

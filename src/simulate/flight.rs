@@ -20,7 +20,7 @@
 //!
 //! # Spin
 //!
-//! Between impacts the spin stays as it is, about an axis that stays in the world; the [rotation](super::turning) follows. While
+//! Between impacts the spin stays as it is, about an axis that stays in the world; the rotation follows (`turning`). While
 //! ball and floor touch it changes evenly from what it was to what it will be.
 //!
 //! # Piling up
@@ -355,7 +355,7 @@ struct Landing {
 impl FlightFollower<'_> {
     fn run(mut self) -> Result<Trajectory, SceneError> {
         let launch = &self.scene.launch;
-        let mut spin = Vector3::from(launch.spin_ratio) * launch.speed_m_s;
+        let mut spin = launch.surface_spin_m_s;
         let mut time_s = 0.0;
         let mut state = BallState {
             position_m: Vector3::new(0.0, 0.0, launch.drop_height_m + self.scene.ball.radius_m),

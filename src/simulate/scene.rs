@@ -134,8 +134,8 @@ pub struct SceneLaunch {
     pub drop_height_m: f64,
     /// u_o, along x, m/s.
     pub speed_m_s: f64,
-    /// R ω / u_o about x, y, z.
-    pub spin_ratio: [f64; 3],
+    /// R ω about x, y, z, m/s.
+    pub surface_spin_m_s: Vector3<f64>,
     /// Speed upwards, m/s.
     pub rise_speed_m_s: f64,
     /// What it rolls along before, where that is seen.
@@ -910,6 +910,7 @@ fn read_launch(top: &Section<'_>, ball: &SceneBall) -> (SceneLaunch, f64) {
         "speed_m_s",
         "azimuth_deg",
         "spin_ratio",
+        "spin_rad_s",
         "rise_speed_m_s",
         "bench",
     ];
@@ -917,12 +918,21 @@ fn read_launch(top: &Section<'_>, ball: &SceneBall) -> (SceneLaunch, f64) {
     let bench = read_bench(&s);
     let rolling = bench.map_or(0.0, |bench| bench.rolling_ratio(ball.radius_m));
     let azimuth_rad = s.number("azimuth_deg", AZIMUTH_DEG).unwrap_or(0.0).to_radians();
+    let speed_m_s = s.number("speed_m_s", NOT_NEGATIVE).unwrap_or(1.0);
+    let spin = |key: &str| s.numbers(key, FINITE, "a list of 3 numbers").map(Vector3::from);
+    let surface_spin_m_s = match (spin("spin_ratio"), spin("spin_rad_s")) {
+        (Some(_), Some(_)) => {
+            let accepted = "one of spin_ratio and spin_rad_s";
+            s.refuse_value("spin_rad_s", accepted, "remove the other: they say the same");
+            Vector3::zeros()
+        }
+        (None, Some(rad_s)) => rad_s * ball.radius_m,
+        (ratio, None) => ratio.unwrap_or(Vector3::y() * rolling) * speed_m_s,
+    };
     let launch = SceneLaunch {
         drop_height_m: s.number("drop_height_m", NOT_NEGATIVE).unwrap_or(0.10),
-        speed_m_s: s.number("speed_m_s", NOT_NEGATIVE).unwrap_or(1.0),
-        spin_ratio: s
-            .numbers("spin_ratio", FINITE, "a list of 3 numbers")
-            .unwrap_or([0.0, rolling, 0.0]),
+        speed_m_s,
+        surface_spin_m_s,
         rise_speed_m_s: s.number("rise_speed_m_s", FINITE).unwrap_or(0.0),
         bench,
     };
@@ -933,7 +943,7 @@ impl SceneLaunch {
     /// ω of a ball of `radius_m`, rad/s.
     #[must_use]
     pub fn spin_rad_s(&self, radius_m: f64) -> Vector3<f64> {
-        Vector3::from(self.spin_ratio) * (self.speed_m_s / radius_m)
+        self.surface_spin_m_s / radius_m
     }
 }
 

@@ -87,6 +87,8 @@ pub struct SceneLaunchKeys {
     pub speed_m_s: Option<f64>,
     /// R ω / u_o about x, y, z; none, or rolling on a bench.
     pub spin_ratio: Option<[f64; 3]>,
+    /// The same as an angular velocity ω about x, y, z, rad/s, in place of the ratio: also of a ball that is only dropped.
+    pub spin_rad_s: Option<[f64; 3]>,
     /// Speed upwards, m/s; 0.
     pub rise_speed_m_s: Option<f64>,
     /// By how much the plane of motion is turned from the calibrated one, degrees: above 0 the ball comes nearer; 0.

@@ -4,6 +4,7 @@ use super::effects::{self, Decision, Ideal};
 use super::flight::{Perturbations, Trajectory};
 use super::render::{OtherBall, Renderer};
 use super::scene::{EffectsChoice, Scene, SceneError, SceneSecondBall, Stop, Switch};
+use nalgebra::Vector3;
 
 /// Effects that are of the first ball alone, or of the whole picture and file: those come from the first.
 const NOT_ITS_OWN: [&str; 10] = [
@@ -62,7 +63,7 @@ fn alone(scene: &Scene, second: &SceneSecondBall, end_s: f64) -> Scene {
     alone.launch.drop_height_m = second.drop_height_m;
     alone.launch.speed_m_s = second.speed_m_s;
     alone.launch.rise_speed_m_s = second.rise_speed_m_s;
-    alone.launch.spin_ratio = [0.0; 3];
+    alone.launch.surface_spin_m_s = Vector3::zeros();
     alone.launch.bench = None;
     alone.camera.bump = None;
     alone.camera.pan = None;

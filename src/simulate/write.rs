@@ -263,14 +263,16 @@ fn origin_px(recording: &SimulatedRecording) -> [f64; 2] {
     [seen.u_px, seen.v_px]
 }
 
-/// R ω_oy / u_o at the first impact, where the air has slowed the ball and not its spin; a ball that is only dropped has none.
-fn spin_ratio(recording: &SimulatedRecording) -> f64 {
+/// R ω_oy / u_o at the first impact, where the air has slowed the ball and not its spin; of a ball that is only dropped 0 without spin, and
+/// no number with it.
+fn spin_ratio(recording: &SimulatedRecording) -> Option<f64> {
     let launch = &recording.scene().launch;
+    let spin_m_s = launch.surface_spin_m_s.y;
     if launch.speed_m_s == 0.0 {
-        return 0.0;
+        return (spin_m_s == 0.0).then_some(0.0);
     }
     let of_impact = |i: &Impact| i.incident.surface_spin_m_s.y / i.incident.velocity_m_s.x;
     let impacts = recording.trajectory().impacts();
     let ratio = impacts.first().map(of_impact).filter(|r| r.is_finite());
-    ratio.unwrap_or(launch.spin_ratio[1])
+    Some(ratio.unwrap_or(spin_m_s / launch.speed_m_s))
 }

@@ -69,7 +69,7 @@ struct PathDeviation {
 /// The largest deviation while the picture may show the ball.
 pub(super) fn largest(scene: &Scene, ideal: &Ideal, disturbance: &dyn Disturbance) -> LargestDeviation {
     let end_s = ideal.trajectory.end_s();
-    let mut spin = Vector3::from(scene.launch.spin_ratio) * scene.launch.speed_m_s;
+    let mut spin = scene.launch.surface_spin_m_s;
     let mut now = PathDeviation {
         position_m: Vector3::zeros(),
         velocity_m_s: Vector3::zeros(),
