@@ -19,6 +19,7 @@
 //! | [`calibration`] | `calib.json`, made from a board or a ruler, read, checked; the only place where a pixel becomes a metre | [`calibration::Calibration`] |
 //! | [`detect`] | background, moving blobs, the sub-pixel centre of the ball | centres |
 //! | [`flight`] | the freely falling path among all that moves; arcs and the impacts between them | arcs |
+//! | [`rotation`] | how the ball turns in a flight, by the marks on it | [`rotation::RotationFit`] |
 //! | [`impact`] | an impact's angles, restitution, spin; x0 and x | [`impact::Bounce`] |
 //! | [`pipeline`] | one recording from file to result: the order of the steps, nothing else | [`pipeline::Measurement`] |
 //! | [`simulate`] | scenes rendered with known truth; never imports `detect`, `flight`, `impact` or `rebound::fit` | |
@@ -57,6 +58,7 @@ pub mod points;
 pub mod quantity;
 pub mod rebound;
 pub mod report;
+pub mod rotation;
 pub mod schemas;
 pub mod simulate;
 

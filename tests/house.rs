@@ -17,7 +17,7 @@ const FLOORS: [&[&str]; 13] = [
     &["config"],
     &["frames", "points", "rebound"],
     &["calibration", "edits"],
-    &["detect", "flight"],
+    &["detect", "flight", "rotation"],
     &["impact"],
     &["pipeline", "simulate"],
     &["cost"],

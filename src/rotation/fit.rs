@@ -1,0 +1,541 @@
+//! The rotation vector of an arc by likelihood over all its pixels, with a map of the ball that turns and one of the light that stays.
+//!
+//! ```text
+//! ln brightness of pixel p in frame i = gain_i + light(place of p) + albedo(exp(−[ω] t_i) n_p) + noise
+//! ```
+//!
+//! Gain, light and albedo are linear: they are fitted in turn with ω by simultaneous iterative reconstruction (each map takes the
+//! weighted mean of what is left at its nodes, with a prior that holds nodes that few pixels see). ω takes Gauss-Newton steps, with
+//! a common orientation beside it, so that its uncertainty has the share of the map's own orientation.
+//!
+//! A gain free in every frame would take the marks' own share, of halves of two colours most of it: the gain is a parabola in time.
+//!
+//! A frame's own rotation from the fitted motion is then fitted frame by frame. How these scatter against what the pixels promise says
+//! what codec, centres and light add: the covariance is multiplied by that.
+
+use super::cube_map::{CubeGrid, NodeWeights, value_at};
+use super::disc_map::DiscGrid;
+use super::view::BallSamples;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use rayon::prelude::*;
+
+/// Steps of the rate at most, and after how many the curvature is taken anew.
+const ROUNDS: usize = 16;
+const FAR_ROUNDS: usize = 6;
+
+/// Rounds of maps for a rate.
+const MAP_ROUNDS: usize = 5;
+
+/// Rounds of a light alone.
+const STILL_ROUNDS: usize = 6;
+
+/// Weight of the prior that a node of the ball's map is like the rest, in pixels: marks stand far above the noise.
+const HELD: f64 = 0.05;
+
+/// A step below this part of the standard uncertainty ends the fit.
+const SETTLED: f64 = 0.02;
+
+/// The maps of a ball.
+#[derive(Debug, Clone)]
+pub struct BallMaps {
+    /// The ball's grid.
+    pub grid: CubeGrid,
+    /// Logarithm of the albedo at its nodes.
+    pub albedo: Vec<f64>,
+    /// Weight of the pixels that each node has seen.
+    pub seen: Vec<f64>,
+    /// The light's grid.
+    pub disc: DiscGrid,
+    /// Logarithm of the light at its nodes.
+    pub light: Vec<f64>,
+    /// Of each frame's brightness.
+    pub gains: Vec<f64>,
+}
+
+/// A fitted rotation.
+#[derive(Debug, Clone)]
+pub struct RotationFit {
+    /// Rotation vector, rad/s, camera axes (right, down, away).
+    pub rate_rad_s: Vector3<f64>,
+    /// Its covariance, (rad/s)².
+    pub covariance: Matrix3<f64>,
+    /// The maps.
+    pub maps: BallMaps,
+    /// Each frame's rotation beyond the fitted one, rad, camera axes.
+    pub off_rad: Vec<Vector3<f64>>,
+    /// Standard uncertainties of those by the pixels, times `scatter`.
+    pub off_std_rad: Vec<Vector3<f64>>,
+    /// Scatter of the frames over what the pixels promise; at least 1.
+    pub scatter: f64,
+    /// Σ of squared residuals over their weights.
+    pub sum_squares: f64,
+    /// Root mean square residual, logarithm of brightness.
+    pub residual: f64,
+}
+
+impl RotationFit {
+    /// Whether the rates differ by more than their uncertainties: three standard ones of both.
+    #[must_use]
+    pub fn differs_from(&self, other: &Self) -> bool {
+        let off = self.rate_rad_s - other.rate_rad_s;
+        let both = self.covariance + other.covariance;
+        both.cholesky()
+            .is_none_or(|c| off.dot(&c.solve(&off)) > 3.0 * 9.0)
+    }
+}
+
+/// What a fit needs beside the samples.
+#[derive(Debug, Clone)]
+pub struct FitGrids {
+    /// The ball's.
+    pub grid: CubeGrid,
+    /// The light's.
+    pub disc: DiscGrid,
+    /// NodeWeights in the light's grid of each sample.
+    lit: Vec<NodeWeights>,
+}
+
+impl FitGrids {
+    /// For `samples` with pixels of `pixel` radii.
+    #[must_use]
+    pub fn new(samples: &BallSamples, pixel: f64) -> Self {
+        let disc = DiscGrid::with_spacing((2.0 * pixel).max(0.1));
+        Self {
+            grid: CubeGrid::with_spacing(1.2 * pixel),
+            disc,
+            lit: samples.places.iter().map(|&p| disc.corners(p)).collect(),
+        }
+    }
+}
+
+impl BallMaps {
+    fn dark(samples: &BallSamples, grids: &FitGrids) -> Self {
+        Self {
+            grid: grids.grid,
+            albedo: vec![0.0; grids.grid.len()],
+            seen: vec![0.0; grids.grid.len()],
+            disc: grids.disc,
+            light: vec![0.0; grids.disc.len()],
+            gains: vec![0.0; samples.frames()],
+        }
+    }
+
+    /// Root mean square of the albedo's logarithm about its mean, where the ball was seen.
+    #[must_use]
+    pub fn contrast(&self) -> f64 {
+        let all = || self.albedo.iter().zip(&self.seen);
+        let weight: f64 = self.seen.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let mean = all().map(|(a, w)| w * a).sum::<f64>() / weight;
+        (all().map(|(a, w)| w * (a - mean).powi(2)).sum::<f64>() / weight).sqrt()
+    }
+}
+
+/// Gain alone, in the light of `known`: what that leaves over, and maps to go on from.
+#[must_use]
+pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec<f64>, BallMaps) {
+    let mut maps = BallMaps::dark(samples, grids);
+    for (k, light) in maps.light.iter_mut().enumerate() {
+        *light = value_at(&known.light, &known.disc.corners(grids.disc.place(k)));
+    }
+    let lit = samples.values.iter().zip(&grids.lit);
+    let mut residuals: Vec<f64> = lit.map(|(v, c)| v - value_at(&maps.light, c)).collect();
+    take_gains(samples, &mut residuals, &mut maps.gains);
+    (residuals, maps)
+}
+
+/// By how much Σ of squares of the residuals `left` by a still light is less if that drifts: at each place a parabola in time.
+#[must_use]
+pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64]) -> f64 {
+    let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
+    let mut matrices = vec![1e-6 * Matrix3::<f64>::identity(); grids.disc.len()];
+    let mut rights = vec![Vector3::<f64>::zeros(); grids.disc.len()];
+    for (i, t) in samples.times_s.iter().map(|t| t / longest_s).enumerate() {
+        let x = Vector3::new(1.0, t, t * t);
+        for p in samples.of_frame(i) {
+            let [a, b, c, d] = grids.lit[p];
+            let nearest = [b, c, d]
+                .into_iter()
+                .fold(a, |best, n| if n.1 > best.1 { n } else { best });
+            matrices[nearest.0 as usize] += samples.weights[p] * x * x.transpose();
+            rights[nearest.0 as usize] += samples.weights[p] * left[p] * x;
+        }
+    }
+    let explained = matrices
+        .iter()
+        .zip(&rights)
+        .filter_map(|(m, r)| Some(r.dot(&m.cholesky()?.solve(r))));
+    explained.sum()
+}
+
+/// Gain and light alone: as if nothing turned.
+#[must_use]
+pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f64>, BallMaps) {
+    let mut maps = BallMaps::dark(samples, grids);
+    let mut residuals = samples.values.clone();
+    for _ in 0..STILL_ROUNDS {
+        take_gains(samples, &mut residuals, &mut maps.gains);
+        take_map(samples, &mut residuals, &grids.lit, &mut maps.light, 0.0);
+    }
+    (residuals, maps)
+}
+
+/// Moves what the residuals have in common with a parabola in time into the frames' gains: light changes smoothly along a path. (A gain
+/// free in every frame would take the marks' own share, of halves of two colours most of it.)
+fn take_gains(samples: &BallSamples, residuals: &mut [f64], gains: &mut [f64]) {
+    let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
+    let terms = |i: usize| {
+        let t = samples.times_s[i] / longest_s;
+        Vector3::new(1.0, t, t * t)
+    };
+    let mut matrix: Matrix3<f64> = 1e-6 * Matrix3::identity();
+    let mut right = Vector3::zeros();
+    for i in 0..samples.frames() {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for p in samples.of_frame(i) {
+            sum += samples.weights[p] * residuals[p];
+            weight += samples.weights[p];
+        }
+        let x = terms(i);
+        matrix += weight * x * x.transpose();
+        right += sum * x;
+    }
+    let Some(inverse) = matrix.try_inverse() else {
+        return;
+    };
+    let found = inverse * right;
+    for (i, gain) in gains.iter_mut().enumerate() {
+        let part = found.dot(&terms(i));
+        *gain += part;
+        for r in &mut residuals[samples.of_frame(i)] {
+            *r -= part;
+        }
+    }
+}
+
+/// Moves what the residuals have in common at the nodes of a map into it; gives the weight that each node has. `held` is the weight of
+/// the prior that a node is 0.
+fn take_map(
+    samples: &BallSamples,
+    residuals: &mut [f64],
+    corners: &[impl AsRef<[(u32, f32)]>],
+    map: &mut [f64],
+    held: f64,
+) -> Vec<f64> {
+    let mut sums = vec![0.0; map.len()];
+    let mut weights = vec![0.0; map.len()];
+    for ((c, r), w) in corners.iter().zip(residuals.iter()).zip(&samples.weights) {
+        for &(k, part) in c.as_ref() {
+            let part = w * f64::from(part);
+            sums[k as usize] += part * r;
+            weights[k as usize] += part;
+        }
+    }
+    for ((sum, w), m) in sums.iter_mut().zip(&weights).zip(map.iter_mut()) {
+        *sum = (*sum - held * *m) / (w + held).max(1e-9);
+        *m += *sum;
+    }
+    for (c, r) in corners.iter().zip(residuals.iter_mut()) {
+        *r -= value_at(&sums, c.as_ref());
+    }
+    weights
+}
+
+/// ∫ of the turning: by what a frame at `t` turns for a change of the rate, and how the left Jacobian of the rotations has it.
+fn left_jacobian(v: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = v.norm();
+    if angle < 1e-8 {
+        return Matrix3::identity();
+    }
+    let axis = v / angle;
+    let (s, c) = angle.sin_cos();
+    Matrix3::identity() * (s / angle)
+        + axis * axis.transpose() * (1.0 - s / angle)
+        + axis.cross_matrix() * ((1.0 - c) / angle)
+}
+
+/// Slopes of the map at its nodes: the tangent vector along which it grows.
+fn slopes(grid: CubeGrid, map: &[f64]) -> Vec<Vector3<f64>> {
+    let h = 0.5 * grid.spacing_rad();
+    (0..grid.len())
+        .into_par_iter()
+        .map(|k| {
+            let d = grid.direction(k);
+            let other = if d.x.abs() < 0.7 {
+                Vector3::x()
+            } else {
+                Vector3::y()
+            };
+            let one = d.cross(&other).normalize();
+            let two = d.cross(&one);
+            let along = |t: &Vector3<f64>| {
+                let ahead = value_at(map, &grid.corners(&(d + h * t)));
+                let back = value_at(map, &grid.corners(&(d - h * t)));
+                (ahead - back) / (2.0 * h)
+            };
+            along(&one) * one + along(&two) * two
+        })
+        .collect()
+}
+
+/// What a frame says of a rotation of its own: J^T W J and J^T W r.
+#[derive(Clone, Copy)]
+struct OwnRotation {
+    matrix: Matrix3<f64>,
+    right: Vector3<f64>,
+}
+
+struct TurnedBall {
+    turns: Vec<Rotation3<f64>>,
+    /// Of each sample, in the ball's grid: those of both directions.
+    corners: Vec<[(u32, f32); 8]>,
+}
+
+fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedBall {
+    let turns: Vec<Rotation3<f64>> = samples
+        .times_s
+        .iter()
+        .map(|&t| Rotation3::new(t * rate))
+        .collect();
+    let corners = (0..samples.frames())
+        .into_par_iter()
+        .flat_map_iter(|i| {
+            let back = turns[i].inverse();
+            let frame = samples.of_frame(i);
+            frame.map(move |p| {
+                let [one, two] = samples.towards[p].map(|d| grid.corners(&(back * d)));
+                std::array::from_fn(|k| {
+                    let (node, weight) = if k < 4 { one[k] } else { two[k - 4] };
+                    (node, 0.5 * weight)
+                })
+            })
+        })
+        .collect();
+    TurnedBall { turns, corners }
+}
+
+fn frame_equations(
+    samples: &BallSamples,
+    turned: &TurnedBall,
+    slopes: &[Vector3<f64>],
+    residuals: &[f64],
+) -> Vec<OwnRotation> {
+    (0..samples.frames())
+        .into_par_iter()
+        .map(|i| {
+            let turn = turned.turns[i];
+            let mut equations = OwnRotation {
+                matrix: Matrix3::zeros(),
+                right: Vector3::zeros(),
+            };
+            for p in samples.of_frame(i) {
+                let mut row = Vector3::zeros();
+                for (d, corners) in samples.towards[p].iter().zip(turned.corners[p].chunks(4)) {
+                    let slope: Vector3<f64> = corners
+                        .iter()
+                        .map(|&(k, w)| f64::from(w) * slopes[k as usize])
+                        .sum();
+                    row -= d.cross(&(turn * slope));
+                }
+                equations.matrix += samples.weights[p] * row * row.transpose();
+                equations.right += samples.weights[p] * residuals[p] * row;
+            }
+            equations
+        })
+        .collect()
+}
+
+/// The maps fitted for one rate, and what is left.
+struct MapsAtRate {
+    turned: TurnedBall,
+    maps: BallMaps,
+    equations: Vec<OwnRotation>,
+    /// Slope of half of χ² (times the variance) downwards, by the rate.
+    downhill: Vector3<f64>,
+    sum_squares: f64,
+}
+
+/// The maps from `maps` on, for `rate`.
+fn evaluated(
+    samples: &BallSamples,
+    grids: &FitGrids,
+    maps: &BallMaps,
+    rate: &Vector3<f64>,
+    lit: bool,
+) -> MapsAtRate {
+    let mut maps = maps.clone();
+    let turned = turned(samples, grids.grid, rate);
+    let mut residuals = residuals_of(samples, grids, &maps, &turned);
+    for _ in 0..MAP_ROUNDS {
+        maps.seen = take_map(samples, &mut residuals, &turned.corners, &mut maps.albedo, HELD);
+        take_gains(samples, &mut residuals, &mut maps.gains);
+        if !lit {
+            take_map(samples, &mut residuals, &grids.lit, &mut maps.light, 0.0);
+        }
+    }
+    let squares = residuals.iter().zip(&samples.weights).map(|(r, w)| w * r * r);
+    let sum_squares = squares.sum();
+    let slopes = slopes(grids.grid, &maps.albedo);
+    let equations = frame_equations(samples, &turned, &slopes, &residuals);
+    let downhill = equations
+        .iter()
+        .zip(&samples.times_s)
+        .fold(Vector3::zeros(), |sum, (e, &t)| {
+            sum + t * left_jacobian(&(t * rate)).transpose() * e.right
+        });
+    MapsAtRate {
+        turned,
+        maps,
+        equations,
+        downhill,
+        sum_squares,
+    }
+}
+
+/// Curvature of half of χ² (times the variance) by the rate, the maps fitted along: how the slope at `here` changes over steps that turn
+/// the ends of the arc by a part of the grid's spacing. `None` where that is no minimum.
+fn curvature(
+    samples: &BallSamples,
+    grids: &FitGrids,
+    maps: &BallMaps,
+    rate: &Vector3<f64>,
+    lit: bool,
+) -> Option<Matrix3<f64>> {
+    let longest_s = samples.longest_s();
+    let step = 0.3 * grids.grid.spacing_rad() / longest_s;
+    let slope = |k: usize, sign: f64| {
+        let mut at = *rate;
+        at[k] += sign * step;
+        evaluated(samples, grids, maps, &at, lit).downhill
+    };
+    let column = |k: usize| (slope(k, -1.0) - slope(k, 1.0)) / (2.0 * step);
+    let columns: Vec<Vector3<f64>> = (0..3).into_par_iter().map(column).collect();
+    let matrix = Matrix3::from_columns(&columns);
+    let even = 0.5 * (matrix + matrix.transpose());
+    even.cholesky().map(|_| even)
+}
+
+/// The rotation near `start`, from the light of `maps`, which stays if the ball is known to be `lit` so; `None` where the pixels do not
+/// hold it.
+#[must_use]
+pub fn fit(
+    samples: &BallSamples,
+    grids: &FitGrids,
+    maps: &BallMaps,
+    start: Vector3<f64>,
+    lit: bool,
+) -> Option<RotationFit> {
+    let mut maps = BallMaps {
+        light: maps.light.clone(),
+        ..BallMaps::dark(samples, grids)
+    };
+    let lit_by = samples.values.iter().zip(&grids.lit);
+    let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - value_at(&maps.light, c)).collect();
+    take_gains(samples, &mut unlit, &mut maps.gains);
+    let mut rate = start;
+    let count = samples.values.len() as f64;
+    let longest_s = samples.longest_s();
+    // Steps that turn the ends by more than the map is fine lead astray.
+    let most = 2.0 * grids.grid.spacing_rad() / longest_s;
+    let mut found = evaluated(samples, grids, &maps, &rate, lit);
+    let mut bend = None;
+    for round in 0..ROUNDS {
+        maps = found.maps.clone();
+        if bend.is_none() || round == FAR_ROUNDS {
+            bend = curvature(samples, grids, &maps, &rate, lit);
+        }
+        // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
+        let matrix = match bend {
+            Some(matrix) => matrix,
+            None => {
+                let held = found.equations.iter().zip(&samples.times_s);
+                held.fold(Matrix3::zeros(), |sum, (e, &t)| {
+                    let jacobian = t * left_jacobian(&(t * rate));
+                    sum + jacobian.transpose() * e.matrix * jacobian
+                })
+            }
+        };
+        let step = matrix.cholesky()?.solve(&found.downhill);
+        let gain = step.dot(&found.downhill) * count / found.sum_squares;
+        if gain < SETTLED * SETTLED && bend.is_some() {
+            break;
+        }
+        rate += (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
+        found = evaluated(samples, grids, &maps, &rate, lit);
+    }
+    let bend = curvature(samples, grids, &found.maps, &rate, lit)?;
+    Some(found.with_scatter(samples, rate, bend.cholesky()?.inverse()))
+}
+
+impl MapsAtRate {
+    /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.
+    fn with_scatter(self, samples: &BallSamples, rate: Vector3<f64>, inverse: Matrix3<f64>) -> RotationFit {
+        let Self {
+            turned,
+            maps,
+            equations,
+            sum_squares,
+            ..
+        } = self;
+        let frames = samples.frames();
+        let variance = sum_squares / samples.values.len() as f64;
+        // A frame has its part in the map that it is held against.
+        let own = 1.0 / (1.0 - own_part(samples, &turned, &maps)).max(0.3);
+        let mut off_rad = Vec::with_capacity(frames);
+        let mut off_std_rad = Vec::with_capacity(frames);
+        let mut whitened: Vec<Option<Vector3<f64>>> = Vec::with_capacity(frames);
+        for e in &equations {
+            let prior = Matrix3::identity() * (1e-9 * e.matrix.trace().max(f64::MIN_POSITIVE));
+            let chol = (e.matrix + prior).cholesky();
+            off_rad.push(chol.map_or(Vector3::zeros(), |c| own * c.solve(&e.right)));
+            off_std_rad.push(chol.map_or(Vector3::repeat(f64::NAN), |c| {
+                (variance * c.inverse().diagonal()).map(f64::sqrt)
+            }));
+            whitened.push(chol.and_then(|c| {
+                let white = c.l().solve_lower_triangular(&e.right)?;
+                Some(own / variance.sqrt() * white)
+            }));
+        }
+        let chi2: f64 = whitened.iter().flatten().map(Vector3::norm_squared).sum();
+        let freedom = ((3 * frames) as f64 - 6.0).max(1.0);
+        // Neighbouring frames whose codec errs alike are fewer than they are.
+        let pairs = whitened.windows(2).filter_map(|w| Some(w[0]?.dot(&w[1]?)));
+        let alike = (pairs.sum::<f64>() / chi2.max(f64::MIN_POSITIVE)).clamp(0.0, 0.8);
+        let scatter = ((chi2 / freedom).max(1.0) * (1.0 + alike) / (1.0 - alike)).sqrt();
+        RotationFit {
+            rate_rad_s: rate,
+            covariance: scatter * scatter * variance * inverse,
+            maps,
+            off_std_rad: off_std_rad.into_iter().map(|s| scatter * s).collect(),
+            off_rad,
+            scatter,
+            sum_squares,
+            residual: variance.sqrt(),
+        }
+    }
+}
+
+/// The part that a pixel itself has in the map's value there, on average.
+fn own_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 {
+    let mut sum = 0.0;
+    for (c, w) in turned.corners.iter().zip(&samples.weights) {
+        for &(k, part) in c {
+            let part = f64::from(part);
+            sum += w * part * part / maps.seen[k as usize].max(1e-9);
+        }
+    }
+    sum / samples.values.len() as f64
+}
+
+fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned: &TurnedBall) -> Vec<f64> {
+    (0..samples.frames())
+        .into_par_iter()
+        .flat_map_iter(|i| {
+            samples.of_frame(i).map(move |p| {
+                samples.values[p]
+                    - maps.gains[i]
+                    - value_at(&maps.light, &grids.lit[p])
+                    - value_at(&maps.albedo, &turned.corners[p])
+            })
+        })
+        .collect()
+}

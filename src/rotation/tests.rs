@@ -1,0 +1,225 @@
+//! Balls drawn here, ray by ray, with known rates.
+
+use super::*;
+use crate::test_noise::TestNoise;
+use nalgebra::Rotation3;
+
+const INTERVAL_S: f64 = 1.0 / 240.0;
+const NOISE_GREY: f64 = 1.5;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Marks {
+    Dots,
+    Line,
+    Halves,
+    /// Two dots opposite each other on the equator: after half a turn about the line of sight they look alike.
+    Pair,
+    Plain,
+}
+
+impl Marks {
+    fn albedo(self, n: &Vector3<f64>) -> f64 {
+        let near = |x: f64, y: f64, z: f64, degrees: f64| {
+            n.dot(&Vector3::new(x, y, z).normalize()) > degrees.to_radians().cos()
+        };
+        let dark = match self {
+            Self::Dots => {
+                near(1.0, 0.2, 0.1, 14.0)
+                    || near(-0.3, 1.0, 0.2, 14.0)
+                    || near(0.1, -0.4, 1.0, 14.0)
+                    || near(-1.0, -0.5, 0.3, 14.0)
+                    || near(0.3, -1.0, -0.4, 14.0)
+                    || near(0.2, 0.5, -1.0, 14.0)
+            }
+            Self::Line => n.dot(&Vector3::new(1.0, 0.3, 0.1).normalize()).abs() < 0.12,
+            Self::Halves => n.dot(&Vector3::new(1.0, 0.3, 0.2).normalize()) < 0.0,
+            Self::Pair => near(1.0, 0.0, -0.5, 16.0) || near(-1.0, 0.0, -0.5, 16.0),
+            Self::Plain => false,
+        };
+        if dark { 0.35 } else { 1.0 }
+    }
+}
+
+/// A shaded ball of `radius_px` in `frames` frames, 3 × 3 rays a pixel; `drift` is by how much its lamp moves around it, rad/s.
+fn views(
+    marks: Marks,
+    radius_px: f64,
+    frames: usize,
+    rate_rad_s: Vector3<f64>,
+    drift_rad_s: f64,
+    seed: u64,
+) -> Vec<BallView> {
+    let mut noise = TestNoise(seed);
+    let turned = [(); 3].map(|()| noise.between(-3.0, 3.0));
+    let first = if marks == Marks::Pair {
+        Rotation3::identity()
+    } else {
+        Rotation3::new(turned.into())
+    };
+    let reach = radius_px.ceil() as i32;
+    let view = |i: usize| {
+        let time_s = i as f64 * INTERVAL_S;
+        let turn = (Rotation3::new(time_s * rate_rad_s) * first).inverse();
+        let lamp =
+            Rotation3::new(Vector3::z() * drift_rad_s * time_s) * Vector3::new(-0.5, -0.7, -0.6).normalize();
+        let centre = [noise.uniform(), noise.uniform()];
+        let mut pixels = Vec::new();
+        for v in -reach..=reach {
+            for u in -reach..=reach {
+                let place = [
+                    (f64::from(u) - centre[0]) / radius_px,
+                    (f64::from(v) - centre[1]) / radius_px,
+                ];
+                if place[0].hypot(place[1]) > 1.0 - 1.6 / radius_px {
+                    continue;
+                }
+                let mut grey = 0.0;
+                for k in 0..9 {
+                    let at = |axis: i32| f64::from(axis - 1) / (3.0 * radius_px);
+                    let (a, b) = (place[0] + at(k % 3), place[1] + at(k / 3));
+                    let n = Vector3::new(a, b, -(1.0 - a * a - b * b).max(0.0).sqrt());
+                    let light = 0.45 + 0.55 * n.dot(&lamp).max(0.0);
+                    grey += 200.0 * light * marks.albedo(&(turn * n)) / 9.0;
+                }
+                let grey = (grey + NOISE_GREY * noise.normal()).round().clamp(0.0, 255.0);
+                pixels.push(BallPixel { place, grey });
+            }
+        }
+        BallView {
+            time_s,
+            sight: Rotation3::identity(),
+            pixels,
+        }
+    };
+    (0..frames).map(view).collect()
+}
+
+fn search(radius_px: f64) -> RotationSearch<'static> {
+    RotationSearch {
+        noise_grey: NOISE_GREY,
+        blur_px: 0.29,
+        radius_px,
+        light: None,
+    }
+}
+
+/// Rate about the line of sight: off by how much, and its standard uncertainty.
+fn in_plane(fit: &RotationFit, rate_rad_s: Vector3<f64>) -> (f64, f64) {
+    (fit.rate_rad_s.z - rate_rad_s.z, fit.covariance[(2, 2)].sqrt())
+}
+
+#[test]
+fn a_ball_that_turns_about_the_line_of_sight_has_its_rate_whatever_its_marks() {
+    for (marks, radius_px, turns_s, seed) in [
+        (Marks::Dots, 8.0, 20.0, 11),
+        (Marks::Line, 10.0, -33.0, 12),
+        (Marks::Halves, 8.0, 9.0, 13),
+        (Marks::Dots, 15.0, -57.0, 14),
+    ] {
+        let rate = Vector3::new(0.0, 0.0, TAU * turns_s);
+        let views = views(marks, radius_px, 20, rate, 0.0, seed);
+        let fits = search(radius_px).rivals(&views);
+        let fits = fits.unwrap_or_else(|reason| panic!("{marks:?}: {reason:?}"));
+        let (off, std) = in_plane(&fits[0], rate);
+        assert_eq!(fits.len(), 1, "{marks:?}");
+        assert!(
+            off.abs() < 0.004 * rate.norm() && off.abs() < 4.0 * std,
+            "{marks:?}: {off} ± {std}"
+        );
+        assert!(std < 0.01 * rate.norm(), "{marks:?}: {std}");
+    }
+}
+
+#[test]
+fn an_axis_far_from_the_line_of_sight_is_found() {
+    let rate = TAU * 18.0 * Vector3::new(0.7, -0.5, 0.5);
+    for marks in [Marks::Dots, Marks::Halves] {
+        let views = views(marks, 15.0, 24, rate, 0.0, 5);
+        let fits = search(15.0).rivals(&views).unwrap();
+        let off = fits[0].rate_rad_s - rate;
+        assert_eq!(fits.len(), 1, "{marks:?}");
+        assert!(off.norm() < 0.01 * rate.norm(), "{marks:?}: {off}");
+        let chi2 = off.dot(&(fits[0].covariance.try_inverse().unwrap() * off));
+        assert!(chi2 < 25.0, "{marks:?}: {chi2}");
+    }
+}
+
+#[test]
+fn rates_of_plain_balls_are_never_found() {
+    for seed in 0..12 {
+        let rate = Vector3::new(0.0, 0.0, 60.0);
+        let drift = if seed % 2 == 0 { 0.0 } else { 6.0 };
+        let views = views(Marks::Plain, 9.0, 20, rate, drift, seed);
+        let found = search(9.0).rivals(&views);
+        assert!(
+            found.is_err(),
+            "seed {seed}: {:?}",
+            found.map(|f| f[0].rate_rad_s)
+        );
+    }
+}
+
+#[test]
+fn a_pattern_that_looks_alike_after_half_a_turn_has_rivals() {
+    let rate = Vector3::new(0.0, 0.0, TAU * 30.0);
+    let views = views(Marks::Pair, 14.0, 20, rate, 0.0, 3);
+    let fits = search(14.0).rivals(&views).unwrap();
+    assert!(
+        fits.len() > 1,
+        "{:?}",
+        fits.iter().map(|f| f.rate_rad_s).collect::<Vec<_>>()
+    );
+    assert!(
+        fits.iter()
+            .any(|f| (f.rate_rad_s - rate).norm() < 0.02 * rate.norm())
+    );
+}
+
+#[test]
+fn a_rate_near_half_a_turn_a_frame_has_the_other_way_round_as_rival() {
+    let rate = Vector3::new(0.0, 0.0, TAU * 115.0);
+    let views = views(Marks::Dots, 12.0, 20, rate, 0.0, 8);
+    let fits = search(12.0).rivals(&views).unwrap();
+    assert_eq!(fits.len(), 2);
+    assert!(
+        fits.iter()
+            .any(|f| (f.rate_rad_s.z - rate.z).abs() < 0.01 * rate.z)
+    );
+    assert!(fits.iter().any(|f| f.rate_rad_s.z < 0.0));
+}
+
+#[test]
+fn a_ball_that_hardly_turns_needs_the_light_of_another_flight() {
+    let turning = views(Marks::Dots, 12.0, 20, Vector3::new(10.0, 0.0, 110.0), 0.0, 2);
+    let fits = search(12.0).rivals(&turning).unwrap();
+    let rate = Vector3::new(0.0, 0.0, 1.0);
+    let still = views(Marks::Dots, 12.0, 20, rate, 0.0, 2);
+    assert!(search(12.0).rivals(&still).is_err());
+    let lit = RotationSearch {
+        light: Some(&fits[0].maps),
+        ..search(12.0)
+    };
+    let fits = lit.rivals(&still).unwrap();
+    let (off, std) = in_plane(&fits[0], rate);
+    assert!(
+        off.abs() < 0.2 && off.abs() < 4.0 * std.max(0.02),
+        "{off} ± {std}"
+    );
+}
+
+#[test]
+fn a_longer_flight_makes_the_rate_more_exact() {
+    let rate = Vector3::new(0.0, 0.0, 90.0);
+    let views = views(Marks::Dots, 9.0, 60, rate, 0.0, 21);
+    let search = search(9.0);
+    let few = search.rivals(&views[10..10 + SEARCH_FRAMES]).unwrap();
+    let all = search.by_all(&views, &few).unwrap();
+    let ((off_few, std_few), (off, std)) = (in_plane(&few[0], rate), in_plane(&all[0], rate));
+    assert!(off_few.abs() < 4.0 * std_few && off.abs() < 4.0 * std && std < 0.7 * std_few);
+}
+
+#[test]
+fn three_pictures_are_too_few() {
+    let views = views(Marks::Dots, 12.0, 3, Vector3::new(0.0, 0.0, 50.0), 0.0, 1);
+    assert_eq!(search(12.0).rivals(&views).err(), Some(NoRate::FewFrames));
+}

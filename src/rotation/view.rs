@@ -1,0 +1,144 @@
+//! The ball in one frame: the light of its pixels well inside of the outline, and to which directions from its centre they belong.
+
+use nalgebra::{Rotation3, Vector3};
+
+/// Part of the ball's usual brightness that is added before the logarithm is taken: what is black has no logarithm.
+const FLOOR_PART: f64 = 0.1;
+
+/// Sine of the largest angle from the line of sight: beyond it the rim's blur is not small.
+const STEEPEST: f64 = 0.98;
+
+/// A ball's pixels in one frame.
+#[derive(Debug, Clone)]
+pub struct BallView {
+    /// When, s.
+    pub time_s: f64,
+    /// From the axes of the line of sight to the ball (right, down, away) to the camera's.
+    pub sight: Rotation3<f64>,
+    /// The pixels.
+    pub pixels: Vec<BallPixel>,
+}
+
+/// A pixel within the ball's outline.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BallPixel {
+    /// Its place from the centre, in radii: right and down.
+    pub place: [f64; 2],
+    /// Its brightness, grey levels.
+    pub grey: f64,
+}
+
+/// The pixels of all frames as one list: logarithms of brightness, which marks, light and a camera's gain add to.
+#[derive(Debug, Clone)]
+pub struct BallSamples {
+    /// Times of the frames from the middle one, s.
+    pub times_s: Vec<f64>,
+    /// The frames' pixels: frame i has those from `ends[i - 1]` (0) to `ends[i]`.
+    pub ends: Vec<usize>,
+    /// The two directions from the ball's centre, camera axes, whose mean a pixel shows ([`seen_towards`]).
+    pub towards: Vec<[Vector3<f64>; 2]>,
+    /// Places on the disc, radii.
+    pub places: Vec<[f64; 2]>,
+    /// Logarithms of brightness.
+    pub values: Vec<f64>,
+    /// Weights: 1 for a pixel of usual brightness.
+    pub weights: Vec<f64>,
+    /// Standard deviation of a value of weight 1 by the pixels' noise.
+    pub noise: f64,
+}
+
+impl BallSamples {
+    /// Of `views` whose pixels have a noise of `noise_grey`; `None` for fewer than `least` with pixels.
+    #[must_use]
+    pub fn new(views: &[BallView], noise_grey: f64, blur: f64, least: usize) -> Option<Self> {
+        let views: Vec<&BallView> = views.iter().filter(|v| !v.pixels.is_empty()).collect();
+        if views.len() < least.max(1) {
+            return None;
+        }
+        let middle_s = views.iter().map(|v| v.time_s).sum::<f64>() / views.len() as f64;
+        let pixels = || views.iter().flat_map(|v| &v.pixels);
+        let count = pixels().count() as f64;
+        let usual_grey = pixels().map(|p| p.grey).sum::<f64>() / count;
+        let floor_grey = FLOOR_PART * usual_grey.max(1.0);
+        let mut samples = Self {
+            times_s: views.iter().map(|v| v.time_s - middle_s).collect(),
+            ends: Vec::with_capacity(views.len()),
+            towards: Vec::new(),
+            places: Vec::new(),
+            values: Vec::new(),
+            weights: Vec::new(),
+            noise: noise_grey / (usual_grey + floor_grey),
+        };
+        for view in views {
+            for p in &view.pixels {
+                let [a, b] = p.place;
+                let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
+                samples
+                    .towards
+                    .push(seen_towards(p.place, blur, [0.0; 2]).map(|d| view.sight * d));
+                samples.places.push(p.place);
+                samples.values.push(lit_grey.ln());
+                samples.weights.push(1.0);
+            }
+            samples.ends.push(samples.values.len());
+        }
+        Some(samples)
+    }
+
+    /// With directions that know of the light's slope.
+    pub fn with_light(&mut self, views: &[BallView], blur: f64, slope: impl Fn([f64; 2]) -> [f64; 2]) {
+        let mut n = 0;
+        for view in views.iter().filter(|v| !v.pixels.is_empty()) {
+            for p in &view.pixels {
+                self.towards[n] = seen_towards(p.place, blur, slope(p.place)).map(|d| view.sight * d);
+                n += 1;
+            }
+        }
+    }
+
+    /// From the middle to the frame furthest from it, s.
+    #[must_use]
+    pub fn longest_s(&self) -> f64 {
+        self.times_s.iter().fold(0.0, |a, t| a.max(t.abs()))
+    }
+
+    /// Number of frames.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The pixels of frame `i`.
+    #[must_use]
+    pub fn of_frame(&self, i: usize) -> std::ops::Range<usize> {
+        let from = i.checked_sub(1).map_or(0, |before| self.ends[before]);
+        from..self.ends[i]
+    }
+}
+
+/// The two directions whose mean the pixel at `place` shows of a ball that is a sharp picture's `blur` (standard deviation, radii) softer
+/// where it faces the camera.
+///
+/// A picture blurs evenly in its own plane. At the angle θ from the line of sight that is, to second order in the blur σ and beside an
+/// even blur on the sphere,
+///
+/// ```text
+/// σ²/2 [tan²θ f'' + tan θ (2 + tan²θ) f']      f along θ
+/// ```
+///
+/// wider along θ, and from further out: two points at σ tan θ on both sides of a place that is σ²/2 tan θ (2 + tan²θ) further out.
+pub fn seen_towards([a, b]: [f64; 2], blur: f64, slope: [f64; 2]) -> [Vector3<f64>; 2] {
+    let [a, b] = [a + blur * blur * slope[0], b + blur * blur * slope[1]];
+    let sine = a.hypot(b).min(STEEPEST);
+    let tangent = sine / (1.0 - sine * sine).sqrt();
+    let outward = if sine > 0.0 {
+        [a / sine, b / sine]
+    } else {
+        [0.0, 0.0]
+    };
+    [-1.0, 1.0].map(|side| {
+        let planar = (sine + side * blur * sine).min(STEEPEST);
+        let (s, c) = (planar.asin() + blur * blur * tangent).sin_cos();
+        Vector3::new(s * outward[0], s * outward[1], -c)
+    })
+}
