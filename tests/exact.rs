@@ -433,6 +433,7 @@ fn readings_of_a_recording() {
             before_m_s: (a, c),
             after_m_s: (b, d),
             spin_in_m_s: w,
+            measured_spin_out_m_s: f64::NAN,
             inertia_factor: k,
         };
         let inputs = [a, c, b, d, w, k];

@@ -6,8 +6,8 @@
 
 use super::{BatchRecording, LaunchSpin};
 use crate::Build;
-use crate::detect::centre::Accuracy;
 use crate::frames::digest::{of_bytes, of_file, of_recording};
+use crate::pipeline::MeasureSettings;
 use serde_json::{Value, json};
 use std::io;
 use std::path::Path;
@@ -21,12 +21,17 @@ pub struct ResultKey(Value);
 
 impl ResultKey {
     /// Of a recording as it is now. `None` where it cannot be read through; then its process will tell why.
-    pub fn of(recording: &BatchRecording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
-        Self::of_build(Build::THIS, recording, calib, accuracy)
+    pub fn of(recording: &BatchRecording, calib: &[u8], settings: MeasureSettings) -> Option<Self> {
+        Self::of_build(Build::THIS, recording, calib, settings)
     }
 
     /// As `build` of the program makes it.
-    fn of_build(build: Build, recording: &BatchRecording, calib: &[u8], accuracy: Accuracy) -> Option<Self> {
+    fn of_build(
+        build: Build,
+        recording: &BatchRecording,
+        calib: &[u8],
+        settings: MeasureSettings,
+    ) -> Option<Self> {
         let changes = &recording.changes;
         let edits = recording.edits.as_ref().map(std::fs::read).transpose().ok()?;
         Some(Self(json!({
@@ -37,7 +42,8 @@ impl ResultKey {
             "calibration_sha256": of_bytes(calib),
             "edits_sha256": edits.as_deref().map(of_bytes),
             "settings": {
-                "accuracy": accuracy.name(),
+                "accuracy": settings.accuracy.name(),
+                "spin": settings.spin.name(),
                 "spin_ratio": match changes.spin {
                     LaunchSpin::AsCalibrated => json!("as_calibrated"),
                     LaunchSpin::Ratio(ratio) => json!(ratio),
@@ -65,6 +71,8 @@ impl ResultKey {
 mod tests {
     use super::*;
     use crate::batch::CalibrationChanges;
+    use crate::detect::centre::Accuracy;
+    use crate::pipeline::SpinSearch;
     use std::fs;
 
     fn recording(video: &Path) -> BatchRecording {
@@ -84,8 +92,11 @@ mod tests {
         let video = dir.path().join("a.mp4");
         fs::write(&video, "frames").unwrap();
         let r = recording(&video);
-        let key =
-            |r: &BatchRecording, calib: &str, accuracy| ResultKey::of(r, calib.as_bytes(), accuracy).unwrap();
+        let with = |accuracy, spin| MeasureSettings { accuracy, spin };
+        let auto = |accuracy| with(accuracy, SpinSearch::Auto);
+        let key = |r: &BatchRecording, calib: &str, accuracy| {
+            ResultKey::of(r, calib.as_bytes(), auto(accuracy)).unwrap()
+        };
         let first = key(&r, "{}", Accuracy::Standard);
         let copy = dir.path().join("b.mp4");
         fs::copy(&video, &copy).unwrap();
@@ -94,6 +105,8 @@ mod tests {
         assert_eq!(key(&other, "{}", Accuracy::Standard), first);
         assert_ne!(key(&r, "{ }", Accuracy::Standard), first);
         assert_ne!(key(&r, "{}", Accuracy::Fine), first);
+        let off = with(Accuracy::Standard, SpinSearch::Off);
+        assert_ne!(ResultKey::of(&r, b"{}", off).unwrap(), first);
         for changes in [
             CalibrationChanges {
                 spin: LaunchSpin::Unknown,
@@ -125,7 +138,7 @@ mod tests {
                 ..Build::THIS
             },
         ] {
-            let built = ResultKey::of_build(build, &r, b"{}", Accuracy::Standard).unwrap();
+            let built = ResultKey::of_build(build, &r, b"{}", auto(Accuracy::Standard)).unwrap();
             assert_ne!(built, first, "{build:?}");
         }
         fs::write(&video, "frame5").unwrap();

@@ -36,6 +36,7 @@ pub use vetting::RefutedRecordings;
 
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
+use crate::pipeline::{MeasureSettings, SpinSearch};
 use crate::report::page::PageError;
 use crate::report::write::WriteError;
 use std::num::NonZeroUsize;
@@ -103,11 +104,13 @@ impl CalibrationChanges {
     }
 }
 
-/// How a batch is run. Only the accuracy has a part in the results, and what becomes of refuted ones in the fit.
+/// How a batch is run. Only accuracy and spin have a part in the results, and what becomes of refuted ones in the fit.
 #[derive(Debug, Clone, Copy)]
 pub struct BatchSettings {
     /// How centres are found.
     pub accuracy: Accuracy,
+    /// Whether the ball's marks are asked for its spin.
+    pub spin: SpinSearch,
     /// Processes at once.
     pub jobs: NonZeroUsize,
     /// Longest time for a recording.
@@ -118,6 +121,17 @@ pub struct BatchSettings {
     pub again: bool,
     /// What becomes of recordings that gravity or the ball's size refutes.
     pub refuted: RefutedRecordings,
+}
+
+impl BatchSettings {
+    /// What of them a result depends on.
+    #[must_use]
+    pub const fn measuring(&self) -> MeasureSettings {
+        MeasureSettings {
+            accuracy: self.accuracy,
+            spin: self.spin,
+        }
+    }
 }
 
 /// How a recording ended.

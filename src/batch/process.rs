@@ -119,6 +119,7 @@ impl RecordingProcess<'_> {
             give("--edits", edits.into());
         }
         give("--accuracy", self.settings.accuracy.name().into());
+        give("--spin", self.settings.spin.name().into());
         match spin {
             LaunchSpin::AsCalibrated => {}
             LaunchSpin::Ratio(ratio) => give("--spin-ratio", ratio.to_string().into()),

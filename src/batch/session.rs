@@ -235,7 +235,7 @@ fn assess(recording: &BatchRecording, store: &ResultStore, settings: &BatchSetti
     let inputs = MeasurementInputs {
         calib: calib.clone(),
         calibration,
-        key: ResultKey::of(recording, &bytes, settings.accuracy),
+        key: ResultKey::of(recording, &bytes, settings.measuring()),
         bytes: size(&recording.video),
     };
     let up_to_date = inputs.key.as_ref().filter(|_| !settings.again);

@@ -20,7 +20,7 @@ use super::lens::Lens;
 use super::rectification::Rectification;
 use super::viewpoint::Optics;
 use crate::geometry::{PixelPoint, PlanePoint, nearest_ellipse};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 /// The outlines of balls in the calibrated plane.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +75,28 @@ impl<'a> Silhouettes<'a> {
         })
     }
 
+    /// The turn from the camera's own line of sight to that of a ball seen at `seen`, camera axes (right, down, away); none where the camera's
+    /// angles are not known.
+    #[must_use]
+    pub fn sight(&self, seen: PixelPoint) -> Rotation3<f64> {
+        let ideal = self.map.undistort(seen);
+        self.optics
+            .zip(ideal)
+            .map_or_else(Rotation3::identity, |(optics, ideal)| optics.sight(ideal))
+    }
+
+    /// The plane's axes (right, up, towards the camera) in the camera's (right, down, away). Without a homography and the camera's angles the
+    /// plane is taken to be square to the line of sight.
+    #[must_use]
+    pub fn plane_axes(&self) -> Option<Matrix3<f64>> {
+        if let Some(axes) = self.optics.and_then(|o| o.plane_axes()) {
+            return Some(axes);
+        }
+        let j = self.map.jacobian_from_ideal(self.usual)?;
+        let axis = |k: usize| Vector3::new(j[(k, 0)], j[(k, 1)], 0.0).try_normalize(0.0);
+        Some(Matrix3::from_columns(&[axis(0)?, axis(1)?, -Vector3::z()]))
+    }
+
     /// The plane point of the ball whose outline, `radius_px` wide, is seen around `seen`; `None` where the map ends.
     #[must_use]
     pub fn centre_of_outline(&self, seen: PixelPoint, radius_px: f64) -> Option<PlanePoint> {
@@ -126,7 +148,6 @@ fn lens_scale(back: &Matrix2<f64>) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::calibration::{Calibration, MetresPerPixel, Scale};
-    use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
 
     const SIZE: (usize, usize) = (1280, 720);

@@ -28,7 +28,7 @@ use super::lens::Lens;
 use super::rectification::Rectification;
 use crate::config::FileProblem;
 use crate::geometry::{PixelPoint, PlanePoint};
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 /// Where the camera stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,6 +50,8 @@ pub struct Optics {
     focal_px: f64,
     /// √(fx/fy): 1 where pixels are square.
     wide: f64,
+    /// The plane's axes (right, up, out of it) in the camera's (right, down, away), where a homography tells them.
+    plane_axes: Option<Matrix3<f64>>,
 }
 
 impl Viewpoint {
@@ -74,6 +76,7 @@ impl Viewpoint {
                     axis,
                     focal_px: distance,
                     wide: 1.0,
+                    plane_axes: None,
                 },
             }),
         };
@@ -134,6 +137,7 @@ impl Viewpoint {
                 axis,
                 focal_px: focal_px * aspect.sqrt(),
                 wide: 1.0 / aspect.sqrt(),
+                plane_axes: Some(Matrix3::from_columns(&[right, up, normal])),
             },
         })
     }
@@ -161,7 +165,23 @@ impl Optics {
             axis: lens.principal_point(),
             focal_px: (fx * fy).sqrt(),
             wide: (fx / fy).sqrt(),
+            plane_axes: None,
         }
+    }
+
+    /// The turn from the camera's own line of sight to that of a point of the undistorted picture, camera axes (right, down, away).
+    pub(super) fn sight(&self, ideal: PixelPoint) -> Rotation3<f64> {
+        let there = Vector3::new(
+            (ideal.u_px - self.axis.u_px) / self.wide,
+            (ideal.v_px - self.axis.v_px) * self.wide,
+            self.focal_px,
+        );
+        Rotation3::rotation_between(&Vector3::z(), &there).unwrap_or_default()
+    }
+
+    /// The plane's axes (right, up, out of it) in the camera's (right, down, away), where a homography tells them.
+    pub(super) fn plane_axes(&self) -> Option<Matrix3<f64>> {
+        self.plane_axes
     }
 
     /// The image of a ball's centre whose outline, `radius_px` wide, is around `middle`.
@@ -196,7 +216,6 @@ impl Optics {
 mod tests {
     use super::*;
     use crate::calibration::{Calibration, MetresPerPixel, Scale};
-    use nalgebra::Rotation3;
     use proptest::prelude::*;
 
     const SIZE: (usize, usize) = (1280, 720);

@@ -1,6 +1,6 @@
 //! `track batch PATH... --out DIR`: many recordings, and the process of a single one of them.
 
-use super::measure::accuracy_levels;
+use super::measure::{accuracy_levels, spin_searches};
 use super::messages::{is_verbose, progress_bar, set_style};
 use super::{Status, answer, detail, note, say};
 use crate::batch::plan::{self, BatchPlan, BatchRequest};
@@ -12,7 +12,7 @@ use crate::batch::{
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
 use crate::edits::Edits;
-use crate::pipeline::measure_edited;
+use crate::pipeline::{MeasureSettings, SpinSearch, measure_edited};
 use crate::report::escape::on_one_line;
 use crate::report::formats::{batch_formats, write_recording};
 use crate::report::series_table;
@@ -45,6 +45,9 @@ pub struct BatchArgs {
     /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
     #[arg(long, value_name = "LEVEL", default_value_t, value_parser = accuracy_levels())]
     pub accuracy: Accuracy,
+    /// Whether the ball's marks are asked for its spin: auto looks whether it has any.
+    #[arg(long, value_name = "HOW", default_value = "auto", value_parser = spin_searches())]
+    pub spin: SpinSearch,
     /// Stop a recording that is not done after so many seconds.
     #[arg(long, value_name = "SECONDS", default_value = "1800", value_parser = seconds)]
     pub timeout_s: Duration,
@@ -90,6 +93,9 @@ pub struct RecordingArgs {
     /// How centres are found.
     #[arg(long, value_parser = accuracy_levels())]
     pub accuracy: Accuracy,
+    /// Whether marks are asked for spin.
+    #[arg(long, default_value = "auto", value_parser = spin_searches())]
+    pub spin: SpinSearch,
     /// In place of the calibration's.
     #[arg(long, value_parser = spin)]
     pub spin_ratio: Option<LaunchSpin>,
@@ -138,7 +144,10 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
         &args.video,
         &calibration,
         &name,
-        args.accuracy,
+        MeasureSettings {
+            accuracy: args.accuracy,
+            spin: args.spin,
+        },
         &edits,
         &mut |_| {},
     )?;
@@ -166,6 +175,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
     let share = |whole: u64| (whole / jobs.get() as u64).max(LEAST_MEMORY_BYTES);
     let settings = BatchSettings {
         accuracy: args.accuracy,
+        spin: args.spin,
         jobs,
         time_limit: args.timeout_s,
         memory_bytes: args

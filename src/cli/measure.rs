@@ -5,6 +5,7 @@ use super::{Status, answer, detail, interrupt, note, say};
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
 use crate::edits::{self, Edits};
+use crate::pipeline::{MeasureSettings, SpinSearch};
 use crate::pipeline::{Measurement, Outcome, PointUse, Progress, measure_edited};
 use crate::report::documents::json_text;
 use crate::report::documents::result::ResultDocument;
@@ -27,6 +28,9 @@ pub struct MeasureArgs {
     /// What to spend time on: fast for screening, fine for the last hundredth of a pixel.
     #[arg(long, value_name = "LEVEL", default_value_t, value_parser = accuracy_levels())]
     pub accuracy: Accuracy,
+    /// Whether the ball's marks are asked for its spin: auto looks whether it has any.
+    #[arg(long, value_name = "HOW", default_value = "auto", value_parser = spin_searches())]
+    pub spin: SpinSearch,
     /// What you say of the recording: the edits that the page of track review saved (<name>.edits.json).
     #[arg(long, value_name = "FILE")]
     pub edits: Option<PathBuf>,
@@ -74,6 +78,14 @@ pub fn accuracy_levels() -> impl TypedValueParser<Value = Accuracy> {
     })
 }
 
+/// Reads whether marks are looked at.
+pub fn spin_searches() -> impl TypedValueParser<Value = SpinSearch> {
+    PossibleValuesParser::new(SpinSearch::ALL.map(SpinSearch::name)).map(|name| {
+        let named = |search: &SpinSearch| search.name() == name;
+        SpinSearch::ALL.into_iter().find(named).unwrap_or_default()
+    })
+}
+
 /// Measures and reports.
 ///
 /// # Errors
@@ -104,7 +116,10 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<Status> {
         &args.video,
         &calibration,
         &args.calib.display().to_string(),
-        args.accuracy,
+        MeasureSettings {
+            accuracy: args.accuracy,
+            spin: args.spin,
+        },
         &edits,
         &mut |p| {
             let before = step;

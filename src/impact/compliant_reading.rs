@@ -331,10 +331,7 @@ mod tests {
             tangential_restitution: Quantity::new(e_x + e_x_off, 0.01),
             spin_in_m_s: known(incoming.surface_spin_m_s.y),
             spin_out_m_s: known(after.surface_spin_m_s.y),
-            azimuth_rad: None,
-            correlations: Vec::new(),
-            along_floor: None,
-            impossible: None,
+            ..Bounce::default()
         }
     }
 

@@ -74,6 +74,9 @@ impl<'a> MeasuredMotion<'a> {
             place_up: places_std_px * units_per_px,
             ahead: places_std_px * units_per_px,
             lift_times_law: lift.times_law().1,
+            // In units of their own.
+            spin_in: 1.0,
+            spin_out: 1.0,
             bench_rate: flight.launch.map_or(0.0, |l| l.rate.1),
             // Set below, from the motion.
             half_contact_s: 0.0,
@@ -102,6 +105,7 @@ impl<'a> MeasuredMotion<'a> {
             zero,
             steady,
             slope_sources: SlopeSources::default(),
+            seen_spins: Vec::new(),
         };
         motion
             .in_contact()

@@ -64,6 +64,10 @@ named_entries! {
         /// How far the ball is ahead of where pictures show it, on its way down and on its way up, plane units: a codec leaves it where it was
         /// predicted.
         ahead,
+        /// Spin seen before an impact, in its own standard uncertainties.
+        spin_in,
+        /// The same after it.
+        spin_out,
     }
 }
 

@@ -21,6 +21,7 @@ mod inputs;
 pub mod motion;
 pub mod reading;
 pub mod relations;
+pub mod seen_spin;
 mod side_bounce;
 mod spin;
 pub mod spin_lift;
@@ -30,6 +31,7 @@ use crate::quantity::Quantity;
 use crate::rebound::model::BounceReading;
 use crate::rebound::{ModelName, Preferred, Regime};
 use compliant_reading::CompliantReading;
+use seen_spin::SpinSource;
 
 /// Velocity of the centre just before or after an impact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -116,6 +118,14 @@ pub struct Bounce {
     pub spin_in_m_s: Option<Quantity>,
     /// R ω_y after, m/s.
     pub spin_out_m_s: Option<Quantity>,
+    /// R ω_y before as the ball's marks show it, m/s.
+    pub measured_spin_in_m_s: Option<Quantity>,
+    /// R ω_y after as the ball's marks show it, m/s.
+    pub measured_spin_out_m_s: Option<Quantity>,
+    /// Where `spin_in_m_s` comes from.
+    pub spin_in_source: Option<SpinSource>,
+    /// k = (vt − v't) / (Rω' − Rω), where both spins were measured and differ.
+    pub inertia_factor: Option<Quantity>,
     /// Deviation of the rebound in the floor plane, rad; top view only.
     pub azimuth_rad: Option<Quantity>,
     /// How the errors of the velocities hang together; nothing of those that have no uncertainty.

@@ -2,6 +2,7 @@
 
 use super::contact::SoftBall;
 use super::inputs::{InputValues, MotionInputs};
+use super::seen_spin::SpinCandidates;
 use super::spin_lift::SpinLift;
 use crate::calibration::{Ball, Calibration, View};
 use crate::flight::Flight;
@@ -35,6 +36,8 @@ pub struct MeasuredMotion<'a> {
     pub(super) steady: bool,
     /// How the floor's slope follows from impacts and calibration.
     pub(super) slope_sources: SlopeSources,
+    /// What pictures show of the spin, arc by arc; empty where nobody looked.
+    pub(super) seen_spins: Vec<SpinCandidates>,
 }
 
 /// Where x = 0 and the height 0 lie.

@@ -124,10 +124,7 @@ mod tests {
             tangential_restitution: Quantity::new(e_x, std),
             spin_in_m_s: None,
             spin_out_m_s: None,
-            azimuth_rad: None,
-            correlations: Vec::new(),
-            along_floor: None,
-            impossible: None,
+            ..Bounce::default()
         }
     }
 

@@ -12,6 +12,8 @@ pub struct ImpactVelocities {
     pub after_m_s: (f64, f64),
     /// R ω_oy, m/s; NaN where it is not known.
     pub spin_in_m_s: f64,
+    /// R ω_y after as it was measured, m/s; NaN where it was not.
+    pub measured_spin_out_m_s: f64,
     /// k.
     pub inertia_factor: f64,
 }
@@ -67,8 +69,15 @@ impl ImpactVelocities {
 
     /// e_x = −(v_x − R ω_y) / (v_ox − R ω_oy) \[17\]. As v_x − R ω_y is the slip before less (1 + 1/k)(v_ox − v_x), it is
     /// (v_ox − v_x) / (s (v_ox − R ω_oy)) − 1.
+    /// With the spin after as it was measured, where it was.
     #[must_use]
     pub fn tangential_restitution(&self) -> f64 {
-        -(self.after_m_s.0 - self.spin_out_m_s()) / self.slip_in_m_s()
+        let measured = self.measured_spin_out_m_s;
+        let spin_out = if measured.is_finite() {
+            measured
+        } else {
+            self.spin_out_m_s()
+        };
+        -(self.after_m_s.0 - spin_out) / self.slip_in_m_s()
     }
 }

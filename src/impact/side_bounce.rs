@@ -4,6 +4,7 @@ use super::floor::turned;
 use super::inputs::InputValues;
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
 use super::relations::ImpactVelocities;
+use super::seen_spin::{SPIN_CHANGE_SIGMAS, SpinSource};
 use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, reading};
 use crate::numeric::propagation::OutputQuantities;
 
@@ -46,6 +47,10 @@ enum SideOutput {
     BeforeNormal,
     AfterTangent,
     AfterNormal,
+    MeasuredSpinIn,
+    MeasuredSpinOut,
+    MeasuredSpinChange,
+    InertiaFactor,
 }
 
 impl MeasuredMotion<'_> {
@@ -63,10 +68,16 @@ impl MeasuredMotion<'_> {
         let t = t - 2.0 * p.errors.ahead * self.scale(p) / (b.vh - a.vh);
         let slope = self.slope(p);
         let (before, after) = (turned(&a, slope), turned(&b, slope));
+        let seen_in = self.seen_spin_m_s(k, p.errors.spin_in);
+        let seen_out = self.seen_spin_m_s(k + 1, p.errors.spin_out);
         let velocities = ImpactVelocities {
             before_m_s: (before.vr, before.vh),
             after_m_s: (after.vr, after.vh),
-            spin_in_m_s: history.map_or(f64::NAN, |h| self.spin_in(p, h)),
+            spin_in_m_s: match history {
+                Some(history) => self.spin_in(p, k, history),
+                None => seen_in,
+            },
+            measured_spin_out_m_s: if seen_in.is_finite() { seen_out } else { f64::NAN },
             inertia_factor: self.calibration.ball.inertia_factor,
         };
         vec![
@@ -90,6 +101,10 @@ impl MeasuredMotion<'_> {
             before.vh,
             after.vr,
             after.vh,
+            seen_in,
+            seen_out,
+            seen_out - seen_in,
+            velocities.lost_m_s() / (seen_out - seen_in),
         ]
     }
 
@@ -146,6 +161,11 @@ impl MeasuredMotion<'_> {
             tangential_restitution: e_x,
             spin_in_m_s: possible(Out::SpinIn),
             spin_out_m_s: possible(Out::SpinOut),
+            measured_spin_in_m_s: quantity(Out::MeasuredSpinIn),
+            measured_spin_out_m_s: quantity(Out::MeasuredSpinOut),
+            spin_in_source: possible(Out::SpinIn).and(self.spin_source(k, history)),
+            inertia_factor: quantity(Out::InertiaFactor)
+                .filter(|_| stands_out(Out::MeasuredSpinChange, SPIN_CHANGE_SIGMAS)),
             azimuth_rad: None,
             correlations: correlations(
                 &out,
@@ -167,6 +187,20 @@ impl MeasuredMotion<'_> {
             }),
             impossible,
         }
+    }
+}
+
+impl MeasuredMotion<'_> {
+    /// Where the spin before the impact at the end of arc `k` comes from.
+    fn spin_source(&self, k: usize, history: Option<&[usize]>) -> Option<SpinSource> {
+        if self.seen_spin(k).is_some() {
+            return Some(SpinSource::Measured);
+        }
+        Some(if history?.is_empty() {
+            SpinSource::Launch
+        } else {
+            SpinSource::PreviousBounce
+        })
     }
 }
 

@@ -28,7 +28,8 @@ impl MeasuredMotion<'_> {
         let p = &self.inputs.best();
         let unit = self.x_sign / self.scale(p);
         let inertia = self.calibration.ball.inertia_factor;
-        let mut spin = Some(self.spin_in(p, &[]) * unit).filter(|s| s.is_finite());
+        let seen = |k: usize| Some(self.seen_spin_m_s(k, 0.0) * unit).filter(|s| s.is_finite());
+        let mut spin = Some(self.spin_in(p, 0, &[]) * unit).filter(|s| s.is_finite());
         let mut spins = vec![spin];
         let slope = self.slope(p);
         for k in 0..self.arcs().saturating_sub(1) {
@@ -37,18 +38,24 @@ impl MeasuredMotion<'_> {
                 .filter(|_| self.kind(k) == Some(ImpactKind::Floor))
                 .map(|s| s + gained)
                 .filter(|s| s.is_finite());
+            spin = seen(k + 1).or(spin);
             spins.push(spin);
         }
         spins
     }
 
-    /// R ω_y before the impact at `k`, m/s: the launch's spin, changed at each bounce before (spin stays in flight); NaN
-    /// where the launch's is not known, or the launch was not seen.
-    pub(super) fn spin_in(&self, p: &InputValues<'_>, history: &[usize]) -> f64 {
+    /// R ω_y before the impact at the end of arc `k`, m/s: as the pictures show it on that arc, or on an earlier one or at the launch,
+    /// changed at each bounce of the `history` since (spin stays in flight); NaN where none is known, or the launch was not seen.
+    pub(super) fn spin_in(&self, p: &InputValues<'_>, k: usize, history: &[usize]) -> f64 {
+        if let Some((seen, spin)) = self.last_seen_spin(p, k)
+            && (seen == k || history.contains(&seen))
+        {
+            let since = history.iter().filter(|&&j| j >= seen);
+            return spin + self.spin_gained_at(p, since);
+        }
         let Some(ratio) = self.calibration.launch.spin_ratio.filter(|_| self.launch_seen) else {
             return f64::NAN;
         };
-        let inertia = self.calibration.ball.inertia_factor;
         // A ball that rolls off its bench has the spin of its speed there, which the air then slows; a number is of the first impact.
         let rolls_until = || self.edge_s(p).unwrap_or(self.flight.spans[0].0);
         let since = if self.calibration.launch.rolling {
@@ -60,9 +67,13 @@ impl MeasuredMotion<'_> {
         if history.is_empty() {
             return ratio * launch;
         }
-        let slope = self.slope(p);
-        let gained = |&j: &usize| self.spin_gained(p, slope, j) / inertia;
-        ratio * launch + history.iter().map(gained).sum::<f64>()
+        ratio * launch + self.spin_gained_at(p, history.iter())
+    }
+
+    /// What the impacts at the ends of these arcs add to R ω, m/s.
+    fn spin_gained_at<'k>(&self, p: &InputValues<'_>, impacts: impl Iterator<Item = &'k usize>) -> f64 {
+        let (slope, inertia) = (self.slope(p), self.calibration.ball.inertia_factor);
+        impacts.map(|&j| self.spin_gained(p, slope, j) / inertia).sum()
     }
 
     /// k times what the impact between arcs k and k + 1 adds to R ω, m/s: what the ball loses along the floor.

@@ -19,7 +19,7 @@ use crate::impact::error_budget::{
 };
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, median};
 use crate::quantity::Quantity;
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Rotation3, Vector2};
 
 /// A rim that differs from what is behind it by less than this part of where it differs most is faded.
 const FADED_PART: f64 = 0.25;
@@ -124,11 +124,7 @@ impl<'a> BallPictures<'a> {
     where
         'a: 's,
     {
-        let drawn = self.silhouette(s, disc.centre);
-        let drawn = drawn.and_then(|drawn| {
-            let stretch = self.camera.readout.stretch(velocity_px_s)? * drawn.stretch;
-            Some(Silhouette { stretch, ..drawn })
-        });
+        let drawn = self.drawn(s, disc, velocity_px_s);
         let drawn = drawn.filter(|drawn| drawn.elongation() * disc.radius_px > ROUND_ENOUGH_PX);
         let mut patch = Patch {
             affine: drawn.and_then(|drawn| AffinePatch::new(disc.centre, drawn.stretch)),
@@ -138,6 +134,23 @@ impl<'a> BallPictures<'a> {
             shadow.cast(&mut patch, disc.centre);
         }
         patch
+    }
+
+    /// How the picture draws a ball like `disc` that moves with `velocity_px_s`.
+    fn drawn(&self, s: &Sighting, disc: &Disc, velocity_px_s: [f64; 2]) -> Option<Silhouette> {
+        let drawn = self.silhouette(s, disc.centre)?;
+        let stretch = self.camera.readout.stretch(velocity_px_s)? * drawn.stretch;
+        Some(Silhouette { stretch, ..drawn })
+    }
+
+    /// The linear map from a circle to the outline of such a ball.
+    pub fn stretch(&self, s: &Sighting, disc: &Disc, velocity_px_s: [f64; 2]) -> Option<Matrix2<f64>> {
+        Some(self.drawn(s, disc, velocity_px_s)?.stretch)
+    }
+
+    /// The turn from the camera's own line of sight to that of a place of a sighting's frame, camera axes (right, down, away).
+    pub fn sight(&self, s: &Sighting, p: PixelPoint) -> Rotation3<f64> {
+        self.silhouettes.sight(s.registration.reference_from_frame(p))
     }
 
     /// When and where the arcs say that a sighting's frame, taken at `frame_s`, shows the ball.

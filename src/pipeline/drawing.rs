@@ -3,7 +3,9 @@
 
 use super::decode::Decoded;
 use super::in_metres::WorldFrame;
-use super::measurement::{ArcMotion, ArcSample, ArcTrace, PointUse, Strobe, StrobeBall, UnusedReason};
+use super::measurement::{
+    ArcMotion, ArcSample, ArcSpin, ArcTrace, PointUse, Strobe, StrobeBall, UnusedReason,
+};
 use super::spots::{BallCentre, with_id};
 use crate::calibration::Rectification;
 use crate::detect::crop::Crop;
@@ -16,7 +18,12 @@ use std::sync::Arc;
 const ARC_POINTS: usize = 48;
 
 /// The arcs as polylines, each up to the impacts at its ends.
-pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<ArcTrace> {
+pub fn arcs(
+    flight: &Flight,
+    map: &Rectification,
+    frame: &WorldFrame,
+    spins: &[Option<ArcSpin>],
+) -> Vec<ArcTrace> {
     (0..flight.fit.arcs())
         .map(|k| {
             let before = k.checked_sub(1).and_then(|i| flight.impacts[i]);
@@ -48,7 +55,11 @@ pub fn arcs(flight: &Flight, map: &Rectification, frame: &WorldFrame) -> Vec<Arc
                 vx_m_s,
                 up_m_s,
             };
-            ArcTrace { samples, motion }
+            ArcTrace {
+                samples,
+                motion,
+                spin: spins.get(k).cloned().flatten(),
+            }
         })
         .collect()
 }

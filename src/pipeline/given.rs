@@ -86,7 +86,7 @@ pub fn measure_points(
                 method: METHOD,
                 warnings,
             };
-            let impacts = impacts(camera, &clocked, &refined).map_err(NotMeasured::NoScale)?;
+            let impacts = impacts(camera, &clocked, &refined, &[]).map_err(NotMeasured::NoScale)?;
             Ok(MeasuredLaunch { refined, impacts })
         };
         let measured = found.iter().filter_map(|l| Some((l.is_best, each(l).ok()?)));

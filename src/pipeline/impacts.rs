@@ -1,6 +1,7 @@
 //! From the flight to metres: bounces, distances, gravity, "up", the floor, the bench, with what the models make of them.
 
 use super::ball_model::{self, BallModel};
+use super::ball_rotation::{self, ArcRotation};
 use super::calibration_uncertainty;
 use super::camera::CalibratedCamera;
 use super::clock::Clocked;
@@ -16,11 +17,12 @@ use crate::impact::compliant_reading::KnownContact;
 use crate::impact::error_budget::{CHROMA_COMMON_PART, CHROMA_PLACES_PART, LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
 use crate::impact::motion::{ImpactKind, MeasuredMotion};
+use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_lift::SpinLift;
 use crate::impact::{Bounce, reading};
 use crate::quantity::Quantity;
 
-/// The impacts of `refined`.
+/// The impacts of `refined`, whose arcs show the `rotations`.
 ///
 /// # Errors
 /// Where the calibration's scale rests on what was not measured.
@@ -28,6 +30,7 @@ pub fn impacts(
     camera: &CalibratedCamera<'_>,
     clocked: &Clocked,
     refined: &Refined,
+    rotations: &[ArcRotation],
 ) -> Result<Impacts, CalibrationError> {
     let calibration = camera.calibration;
     let ball = refined.ball.as_ref();
@@ -50,15 +53,17 @@ pub fn impacts(
             ball,
             radius_px,
             metres_per_unit: camera.metres_per_unit(flight, radius_px)?,
+            seen_spins: Vec::new(),
         })
     };
+
     // The bounces tell the spins, these the lift, which bends the arcs, too; those without it are the ones that bounce.
-    let plain = scaled(&flight)?;
+    let plain = scaled(&flight)?.with_spins(refined, rotations);
     let (free, _) = plain.motion(&flight, SpinLift::default()).without_lift();
     let (first_look, facts) = (&refined.tracked.first_look, camera.facts(plain.metres_per_unit));
     let departure = free.likeliest_departure(first_look, &facts);
     let mut flight = flight.departing(departure, first_look, &facts).unwrap_or(flight);
-    let scaled = scaled(&flight)?;
+    let scaled = scaled(&flight)?.with_spins(refined, rotations);
     let metres_per_unit = scaled.metres_per_unit;
     let (free, lift) = scaled.motion(&flight, SpinLift::default()).without_lift();
     flight.extra = free.extra;
@@ -70,15 +75,22 @@ pub fn impacts(
         motion = motion.with_doubted_scale(part);
     }
     let bounces = motion.bounces();
-    let radius_seen_m = || Some(radius_px?.value * camera.ball_units_per_px() * metres_per_unit.value);
-    let radius_m = calibration.ball.radius_m.or_else(radius_seen_m);
+    let radius_m = scaled.radius_m();
     let alone: Vec<Bounce> = bounces.iter().map(|(_, b)| b.clone()).collect();
     let walls = (0..flight.impacts.len()).filter(|&k| motion.kind(k) == Some(ImpactKind::Wall));
     let drag = Quantity::new(free.fit.drag(), free.fit.covariance[(DRAG, DRAG)].max(0.0).sqrt());
+    let frame = WorldFrame::new(&motion, &bounces, radius_m, calibration);
+    let spin = |k: usize| {
+        let (from, to) = flight.spans[k];
+        let here = |r: &&ArcRotation| (r.span_s.0..=r.span_s.1).contains(&(0.5 * (from + to)));
+        let rotation = rotations.iter().find(here)?;
+        ball_rotation::arc_spin(camera, refined, &frame, rotation, motion.seen_spin(k))
+    };
     let impacts = Impacts {
+        spins: (0..flight.fit.arcs()).map(spin).collect(),
         metres_per_px: Some(metres_per_unit.scaled(camera.units_per_px())),
         drag_per_m: drag.map(|beta| beta.scaled(1.0 / metres_per_unit.value)),
-        frame: WorldFrame::new(&motion, &bounces, radius_m, calibration),
+        frame,
         radius_px,
         radius_m,
         shake,
@@ -123,6 +135,8 @@ struct Scaled<'a> {
     ball: Option<&'a BallModel>,
     radius_px: Option<Quantity>,
     metres_per_unit: Quantity,
+    /// What pictures show of the arcs' spins.
+    seen_spins: Vec<SeenSpin>,
 }
 
 impl Scaled<'_> {
@@ -146,6 +160,21 @@ impl Scaled<'_> {
         };
         let calibration = self.camera.calibration;
         MeasuredMotion::new(flight, calibration, self.metres_per_unit, errors, lift)
+            .with_seen_spins(&self.seen_spins)
+    }
+
+    /// The same with the spins that the `rotations` of the arcs show.
+    fn with_spins(mut self, refined: &Refined, rotations: &[ArcRotation]) -> Self {
+        let seen = |radius_m| ball_rotation::seen_spins(self.camera, refined, rotations, radius_m);
+        self.seen_spins = self.radius_m().map(seen).unwrap_or_default();
+        self
+    }
+
+    /// The ball's radius as given or as seen, m.
+    fn radius_m(&self) -> Option<f64> {
+        let seen_m =
+            || Some(self.radius_px?.value * self.camera.ball_units_per_px() * self.metres_per_unit.value);
+        self.camera.calibration.ball.radius_m.or_else(seen_m)
     }
 
     /// What a ball that is seen too large or too small says of its centres, px: where a side of it fades into what is behind, what

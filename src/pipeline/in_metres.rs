@@ -1,6 +1,6 @@
 //! What the flight says in metres, and the frame of the world that points are drawn in.
 
-use super::measurement::{UpTilt, Warning};
+use super::measurement::{ArcSpin, UpTilt, Warning};
 use crate::calibration::{Calibration, View};
 use crate::flight::Flight;
 use crate::flight::shake::Shake;
@@ -8,6 +8,7 @@ use crate::geometry::{PlanePoint, WorldPoint};
 use crate::impact::motion::MeasuredMotion;
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
+use nalgebra::Matrix3;
 
 /// What the flight says in metres.
 #[derive(Debug)]
@@ -24,6 +25,8 @@ pub struct Impacts {
     pub radius_px: Option<Quantity>,
     /// The same as given or as seen, m.
     pub radius_m: Option<f64>,
+    /// What the ball's marks say of its spin, arc by arc; `None` of a plain ball.
+    pub spins: Vec<Option<ArcSpin>>,
     /// A swing that the ball alone shows.
     pub shake: Option<Shake>,
     /// Magnitude of the acceleration, where it can be checked.
@@ -94,6 +97,13 @@ impl WorldFrame {
             self.x_sign * self.metres_per_unit * (right * cos + up * sin),
             self.metres_per_unit * (up * cos - right * sin),
         )
+    }
+
+    /// The turn from the plane's axes (right, up, towards the camera) to the world's (x along the launch, y, z up).
+    pub fn turn_from_plane(&self) -> Matrix3<f64> {
+        let (sin, cos) = self.lean;
+        let x = self.x_sign;
+        Matrix3::new(x * cos, x * sin, 0.0, 0.0, 0.0, -x, -sin, cos, 0.0)
     }
 
     pub fn world(&self, right: f64, up: f64) -> WorldPoint {

@@ -1,5 +1,6 @@
 //! One launch of a recording, from its first centres to its impacts.
 
+use super::ball_rotation;
 use super::camera::CalibratedCamera;
 use super::clock::Clocked;
 use super::decode::Decoded;
@@ -26,6 +27,8 @@ pub struct LaunchMeasurement<'a> {
     pub centres: &'a [BallCentre],
     /// The centre method asked for.
     pub accuracy: Accuracy,
+    /// Whether the ball's marks are asked for its spin.
+    pub looks_at_marks: bool,
     /// Times at which a person says that there is no impact, s.
     pub not_impacts_s: &'a [f64],
 }
@@ -162,7 +165,13 @@ impl<'a> LaunchMeasurement<'a> {
         if let Some(later) = later {
             *clock = later;
         }
-        let impacts = impacts::impacts(self.camera, clock, &refined).map_err(NotMeasured::NoScale)?;
+        let rotations = if self.looks_at_marks {
+            ball_rotation::of_arcs(self.camera, self.decoded, &refined)
+        } else {
+            Vec::new()
+        };
+        let impacts =
+            impacts::impacts(self.camera, clock, &refined, &rotations).map_err(NotMeasured::NoScale)?;
         Ok(MeasuredLaunch { refined, impacts })
     }
 

@@ -6,6 +6,7 @@ use crate::frames::{Chroma, Luma, digest};
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
+use crate::rotation::BallMaps;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -267,6 +268,49 @@ pub struct ArcTrace {
     pub samples: Vec<ArcSample>,
     /// In its middle.
     pub motion: ArcMotion,
+    /// How the ball turned; `None` where it is plain.
+    pub spin: Option<ArcSpin>,
+}
+
+/// How the ball turned on an arc, by the marks on it.
+#[derive(Debug, Clone)]
+pub struct ArcSpin {
+    /// Rates about x, y and z, rad/s; about y positive where the top moves along x. `None` where several suit, or none.
+    pub rate_rad_s: Option<[Quantity; 3]>,
+    /// The rates about y that suit the pictures, where several do, rad/s.
+    pub candidates_rad_s: Vec<f64>,
+    /// Why there is no rate, or how it was told from others.
+    pub reason: Option<String>,
+    /// Frame by frame, where there is a rate.
+    pub turning: Option<Turning>,
+}
+
+/// A rotation frame by frame, camera axes (right, down, away).
+#[derive(Debug, Clone)]
+pub struct Turning {
+    /// Rotation vector, rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// When the ball lies as its map does, s.
+    pub middle_s: f64,
+    /// The frames.
+    pub frames: Vec<TurnedFrame>,
+    /// The ball's albedo and light.
+    pub maps: Arc<BallMaps>,
+}
+
+/// How far the ball had turned in a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TurnedFrame {
+    /// The frame in presentation order.
+    pub frame: usize,
+    /// Its time, s.
+    pub time_s: f64,
+    /// About the axis by the steady rate, rad.
+    pub turned_rad: f64,
+    /// By how much more its own pixels have it, rad.
+    pub residual_rad: f64,
+    /// Standard uncertainty of that, rad.
+    pub std_rad: f64,
 }
 
 /// Where a ball is and how fast, on an arc.

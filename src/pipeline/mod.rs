@@ -6,6 +6,7 @@
 //! | `clock` | when each frame was taken; duplicate and missing frames | `clock::Clocked` |
 //! | `launches` | the ball among all that moves, each time that it is set free (`track`, by first centres or given ones) | `launches::TrackedLaunch` |
 //! | `launch` | one launch after the other, `refine`: appearance, centres, scale and flight in turn | `refine::Refined` |
+//! | | `ball_rotation`: how the ball turns on each arc, by its marks | `ball_rotation::ArcRotation` |
 //! | | and `impacts`, in metres: bounces, distances, the checks | `in_metres::Impacts` |
 //! | `result` | all of it put together | [`Measurement`] |
 //!
@@ -13,6 +14,7 @@
 //! that come from elsewhere enter there ([`measure_points`]): `track::tracked` takes any `spots::BallCentre`s and times.
 
 mod ball_model;
+mod ball_rotation;
 mod calibration_uncertainty;
 mod camera;
 mod centres;
@@ -54,6 +56,39 @@ use result::RecordingFacts;
 use std::path::Path;
 use warnings::{of_file, of_launches, rejection};
 
+/// How a recording is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeasureSettings {
+    /// How centres are found.
+    pub accuracy: Accuracy,
+    /// Whether the ball's marks are asked for its spin.
+    pub spin: SpinSearch,
+}
+
+/// Whether the ball's marks are asked for its spin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SpinSearch {
+    /// Where it has any.
+    #[default]
+    Auto,
+    /// No.
+    Off,
+}
+
+impl SpinSearch {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Auto, Self::Off];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Off => "off",
+        }
+    }
+}
+
 /// Measures `video`. `calibration_name` is what messages call the calibration.
 ///
 /// # Errors
@@ -71,7 +106,10 @@ pub fn measure(
         video,
         calibration,
         calibration_name,
-        accuracy,
+        MeasureSettings {
+            accuracy,
+            spin: SpinSearch::Auto,
+        },
         &Edits::default(),
         progress,
     )
@@ -85,10 +123,11 @@ pub fn measure_edited(
     video: &Path,
     calibration: &Calibration,
     calibration_name: &str,
-    accuracy: Accuracy,
+    settings: MeasureSettings,
     edits: &Edits,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Measurement, MeasureError> {
+    let MeasureSettings { accuracy, spin } = settings;
     let misfit = |source| MeasureError::Calibration {
         name: calibration_name.to_owned(),
         video: video.display().to_string(),
@@ -122,6 +161,7 @@ pub fn measure_edited(
         decoded: &decoded,
         centres: &centres,
         accuracy,
+        looks_at_marks: spin == SpinSearch::Auto,
         not_impacts_s: &edits.not_impacts_s,
     };
     let launches_by = |camera: &CalibratedCamera<'_>| {

@@ -104,7 +104,7 @@ pub fn measured(
         distances: impacts.distances,
         readings: impacts.readings,
         bounces: impacts.bounces.into_iter().map(|(_, b)| b).collect(),
-        arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame),
+        arcs: drawing::arcs(&impacts.flight, &camera.map, &impacts.frame, &impacts.spins),
         drag_per_m: impacts.drag_per_m,
         edits: None,
         strobe,

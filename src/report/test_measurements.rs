@@ -163,6 +163,7 @@ fn arcs() -> Vec<ArcTrace> {
                     }
                 })
                 .collect(),
+            spin: None,
             motion: ArcMotion {
                 time_s: flight.time_s,
                 place: WorldPoint {
@@ -205,6 +206,10 @@ fn bounces() -> Vec<Bounce> {
                 tangential_restitution: q(-sideways(&after) / sideways(&before), 0.0056),
                 spin_in_m_s: q(before.spin, if before.spin == 0.0 { f64::NAN } else { 0.0041 }),
                 spin_out_m_s: q(after.spin, 0.0041),
+                measured_spin_in_m_s: None,
+                measured_spin_out_m_s: None,
+                spin_in_source: None,
+                inertia_factor: None,
                 azimuth_rad: None,
                 correlations: vec![Correlation {
                     of: (Speed::IncidentVx, Speed::ReboundVx),

@@ -1,6 +1,7 @@
 //! Numbers and findings in words, shared by the table and the page.
 
 use crate::impact::compliant_reading::{CompliantReading, FrictionSource};
+use crate::impact::seen_spin::SpinSource;
 use crate::impact::{BenchLaunch, FloorSource, XSource};
 use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
@@ -347,6 +348,16 @@ pub(super) fn trimmed(number: f64, places: usize) -> String {
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
         text
+    }
+}
+
+/// Where a spin comes from, as files have it.
+#[must_use]
+pub const fn spin_source(source: SpinSource) -> &'static str {
+    match source {
+        SpinSource::Measured => "measured",
+        SpinSource::Launch => "launch",
+        SpinSource::PreviousBounce => "previous_bounce",
     }
 }
 

@@ -7,8 +7,8 @@
 //!
 //! Assumed: a ball that turns steadily about an axis that stays (free flight), whose light is the same wherever it flies in the frames
 //! given, but for a brightness that changes smoothly, and marks that stay. A ball without marks leaves nothing but noise beside its light,
-//! and what is left of one whose light drifts is explained by that: neither has a rotation here. Nor has one that turns by less than its
-//! marks are wide, unless its light is [known](RotationSearch::light) from another flight: else its marks cannot be told from its light.
+//! and what is left of one whose light drifts is explained by that: neither has a rotation here. Nor has one that turns by less than a
+//! turn, unless its light is [known](RotationSearch::light) from another flight: else its marks are not told from its light.
 //!
 //! Rates beyond half a turn a frame are seen as slower ones the other way round; those a little beyond are given as rivals
 //! ([`BEYOND_ALIAS`]). A pattern that looks alike after a part of a turn has several rates, all of which are given.
@@ -86,65 +86,84 @@ pub enum NoRate {
     Plain,
     /// Something does, and no steady rotation explains it.
     Unexplained,
+    /// The ball turns by less than a turn: its marks are not told from its light.
+    LessThanATurn,
+}
+
+/// The pixels of some views, and what of them speaks for marks.
+struct RotationEvidence {
+    samples: BallSamples,
+    grids: FitGrids,
+    /// What the light leaves over.
+    left: Vec<f64>,
+    /// The light.
+    maps: BallMaps,
+    /// Mean square of what is left over by a light that drifts, and what noise is of that.
+    drifting: f64,
+    noise: f64,
+}
+
+impl RotationEvidence {
+    fn new(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Self, NoRate> {
+        let blur = search.blur_px / search.radius_px;
+        let samples = BallSamples::new(views, search.noise_grey, blur, LEAST_FRAMES);
+        let samples = samples.ok_or(NoRate::FewFrames)?;
+        let grids = FitGrids::new(&samples, 1.0 / search.radius_px);
+        let (left, maps) = match search.light {
+            Some(light) => fit::lit_as(&samples, &grids, light),
+            None => fit::still(&samples, &grids),
+        };
+        let noise = samples.noise.powi(2);
+        let mean_square = |squares: f64| squares / samples.values.len() as f64;
+        let squares: f64 = left.iter().map(|r| r * r).sum();
+        if mean_square(squares) < LEAST_MARKS * LEAST_MARKS * noise {
+            return Err(NoRate::Plain);
+        }
+        if let Some(light) = search.light {
+            let as_marked = mean_square(squares).sqrt() / light.contrast();
+            if !(1.0 / AS_MARKED..AS_MARKED).contains(&as_marked) {
+                return Err(NoRate::Unexplained);
+            }
+        }
+        let drift = match search.light {
+            Some(_) => 0.0,
+            None => fit::explained_by_drift(&samples, &grids, &left),
+        };
+        let drifting = mean_square(squares - drift);
+        if drifting < LEAST_MARKS * LEAST_MARKS * noise {
+            return Err(NoRate::Plain);
+        }
+        Ok(Self {
+            samples,
+            grids,
+            left,
+            maps,
+            drifting,
+            noise,
+        })
+    }
+
+    /// Whether a rotation explains most of what else nothing does.
+    fn is_explained_by(&self, fit: &RotationFit) -> bool {
+        let left = fit.sum_squares / self.samples.values.len() as f64;
+        self.drifting - left > LEAST_EXPLAINED * (self.drifting - self.noise)
+    }
 }
 
 impl RotationSearch<'_> {
-    /// The rates that `rivals`, found in [the middle](SEARCH_FRAMES) of a flight, become by all its views.
-    ///
-    /// # Errors
-    /// Why there is none.
-    pub fn by_all(&self, views: &[BallView], rivals: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
-        let (samples, grids) = self.samples(views)?;
-        let again = |f: &RotationFit| fit::fit(&samples, &grids, &f.maps, f.rate_rad_s, self.light.is_some());
-        let fits = rivals.iter().filter_map(again).map(|f| self.with_axis_std(f));
-        let fits = told_apart(fits.collect(), &samples);
-        if fits.is_empty() {
-            return Err(NoRate::Unexplained);
-        }
-        Ok(fits)
-    }
-
-    fn samples(&self, views: &[BallView]) -> Result<(BallSamples, FitGrids), NoRate> {
-        let blur = self.blur_px / self.radius_px;
-        let samples =
-            BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES).ok_or(NoRate::FewFrames)?;
-        let grids = FitGrids::new(&samples, 1.0 / self.radius_px);
-        Ok((samples, grids))
-    }
-
     /// The rates that views of one flight show, in time order and no more than [`SEARCH_FRAMES`]: the most likely first, rivals behind it.
     ///
     /// # Errors
     /// Why there is none.
     pub fn rivals(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
-        let (samples, grids) = self.samples(views)?;
-        let (left, maps) = match self.light {
-            Some(light) => fit::lit_as(&samples, &grids, light),
-            None => fit::still(&samples, &grids),
-        };
-        let variance = |sum_squares: f64| sum_squares / samples.values.len() as f64;
-        let left_squares: f64 = left.iter().map(|r| r * r).sum();
-        let noise = samples.noise.powi(2);
-        let still = variance(left_squares);
-        if still < LEAST_MARKS * LEAST_MARKS * noise {
-            return Err(NoRate::Plain);
-        }
-        let marks = self.light.map(BallMaps::contrast);
-        let as_marked = marks.is_none_or(|m| (1.0 / AS_MARKED..AS_MARKED).contains(&(still.sqrt() / m)));
+        let lit = self.light.is_some();
+        let evidence = RotationEvidence::new(self, views)?;
+        let (samples, left) = (&evidence.samples, &evidence.left);
         let mut steps: Vec<f64> = samples.times_s.windows(2).map(|w| w[1] - w[0]).collect();
-        let interval_s = median(&mut steps)
-            .filter(|_| as_marked)
-            .ok_or(NoRate::Unexplained)?;
-        let products = LagProducts::new(
-            &samples,
-            &left,
-            interval_s,
-            1.0 / self.radius_px,
-            self.light.is_some(),
-        );
-        let products = products.ok_or(NoRate::Plain)?;
-        let fitted = |start: Vector3<f64>| fit::fit(&samples, &grids, &maps, start, self.light.is_some());
-        let candidates = products.best(MOST_FITTED);
+        let interval_s = median(&mut steps).ok_or(NoRate::FewFrames)?;
+        let products = LagProducts::new(samples, left, interval_s, 1.0 / self.radius_px, lit);
+        let candidates = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
+        let fitted = |start| fit::fit(samples, &evidence.grids, &evidence.maps, start, lit);
         let likely = candidates.iter().filter(|c| c.score > 0.0);
         let mut fits: Vec<RotationFit> = likely.filter_map(|c| fitted(c.rate_rad_s)).collect();
         fits.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
@@ -152,26 +171,44 @@ impl RotationSearch<'_> {
             .first()
             .and_then(|best| other_way(best.rate_rad_s, interval_s));
         fits.extend(other_way.and_then(fitted));
-        // What a light that drifts leaves over is what speaks for marks.
-        let drift = match self.light {
-            Some(_) => 0.0,
-            None => fit::explained_by_drift(&samples, &grids, &left),
-        };
-        let drifting = variance(left_squares - drift);
-        let likely =
-            |f: &RotationFit| drifting - variance(f.sum_squares) > LEAST_EXPLAINED * (drifting - noise);
-        if drifting < LEAST_MARKS * LEAST_MARKS * noise {
-            return Err(NoRate::Plain);
+        self.told_apart(fits, &evidence)
+    }
+
+    /// The rates that `rivals`, found in some of a flight's views, become by all of them.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn by_all(&self, views: &[BallView], rivals: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
+        let lit = self.light.is_some();
+        let evidence = RotationEvidence::new(self, views)?;
+        let (samples, grids) = (&evidence.samples, &evidence.grids);
+        let again = |f: &RotationFit| fit::fit(samples, grids, &f.maps, f.rate_rad_s, lit);
+        let fits = self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)?;
+        let turned = fits[0].rate_rad_s.norm() * (samples.times_s[samples.frames() - 1] - samples.times_s[0]);
+        if !lit && turned < TAU {
+            return Err(NoRate::LessThanATurn);
         }
-        let fits: Vec<RotationFit> = fits
-            .into_iter()
-            .filter(likely)
-            .map(|f| self.with_axis_std(f))
-            .collect();
-        if fits.is_empty() {
-            return Err(NoRate::Unexplained);
+        Ok(fits)
+    }
+
+    /// The best of `fits` and its rivals, each once, of those that the `evidence` is explained by.
+    fn told_apart(
+        &self,
+        mut fits: Vec<RotationFit>,
+        evidence: &RotationEvidence,
+    ) -> Result<Vec<RotationFit>, NoRate> {
+        fits.retain(|f| evidence.is_explained_by(f));
+        fits.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
+        let best = fits.first().ok_or(NoRate::Unexplained)?;
+        let unit = best.sum_squares / evidence.samples.values.len() as f64 * best.scatter.powi(2);
+        let most = (1.0 + GRID_PART) * best.sum_squares + RIVAL * unit;
+        let mut rivals: Vec<RotationFit> = Vec::new();
+        for f in fits {
+            if f.sum_squares <= most && rivals.iter().all(|r| r.differs_from(&f)) {
+                rivals.push(self.with_axis_std(f));
+            }
         }
-        Ok(told_apart(fits, &samples))
+        Ok(rivals)
     }
 
     /// The fit with the share of the axis' direction in its covariance.
@@ -198,21 +235,4 @@ fn other_way(rate_rad_s: Vector3<f64>, interval_s: f64) -> Option<Vector3<f64>> 
     let angle = rate_rad_s.norm() * interval_s;
     let other = rate_rad_s * (1.0 - TAU / angle);
     (other.norm() * interval_s < BEYOND_ALIAS * PI).then_some(other)
-}
-
-/// The best of `fits` and its rivals, each once.
-fn told_apart(mut fits: Vec<RotationFit>, samples: &BallSamples) -> Vec<RotationFit> {
-    fits.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
-    let Some(best) = fits.first() else {
-        return fits;
-    };
-    let unit = best.sum_squares / samples.values.len() as f64 * best.scatter.powi(2);
-    let most = (1.0 + GRID_PART) * best.sum_squares + RIVAL * unit;
-    let mut rivals: Vec<RotationFit> = Vec::new();
-    for f in fits {
-        if f.sum_squares <= most && rivals.iter().all(|r| r.differs_from(&f)) {
-            rivals.push(f);
-        }
-    }
-    rivals
 }

@@ -71,7 +71,6 @@ impl BallSamples {
         };
         for view in views {
             for p in &view.pixels {
-                let [a, b] = p.place;
                 let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
                 samples
                     .towards

@@ -8,8 +8,8 @@ use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, FloorSource, Readings, XSource,
 };
 use crate::pipeline::{
-    ArcMotion, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, TimeSource, Track, TrackPoint,
-    UpSource, VideoFacts, View,
+    ArcMotion, ArcSpin, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, TimeSource, Track,
+    TrackPoint, UpSource, VideoFacts, View,
 };
 use crate::quantity::Quantity;
 use crate::rebound::ModelName;
@@ -167,6 +167,23 @@ pub struct ArcDocument {
     /// Sideways; only in a top view.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vy_m_s: Option<f64>,
+    /// How the ball turned, by the marks on it; `null` of a plain ball.
+    pub spin: Option<ArcSpinDocument>,
+}
+
+/// How the ball turned on an arc.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ArcSpinDocument {
+    /// In the plane of motion, positive where the top moves along x. All rates are `null` where several suit the pictures, or none.
+    pub y_rad_s: Option<Quantity>,
+    /// About x.
+    pub x_rad_s: Option<Quantity>,
+    /// About z.
+    pub z_rad_s: Option<Quantity>,
+    /// The rates about y that suit the pictures, where several do; the most likely first.
+    pub candidates_rad_s: Vec<f64>,
+    /// Why there is no rate, or how it was told from the other candidates.
+    pub reason: Option<String>,
 }
 
 /// The ball in the frames.
@@ -272,6 +289,14 @@ pub struct BounceDocument {
     pub spin_in_m_s: Option<Quantity>,
     /// R ω after.
     pub spin_out_m_s: Option<Quantity>,
+    /// R ω before as the ball's marks show it.
+    pub measured_spin_in_m_s: Option<Quantity>,
+    /// R ω after as the ball's marks show it.
+    pub measured_spin_out_m_s: Option<Quantity>,
+    /// Where `spin_in_m_s` comes from: `measured`, `launch` (the calibration's) or `previous_bounce`.
+    pub spin_in_source: Option<&'static str>,
+    /// k of the ball, where both spins were measured: 0.4 of a solid one, 0.667 of a thin shell.
+    pub inertia_factor: Option<Quantity>,
     /// Deviation of the rebound in the floor's plane; top view only.
     pub azimuth_deg: Option<Quantity>,
     /// Correlations of the errors of `incident` and `rebound`, by the names of a series' columns: `a__b`.
@@ -498,7 +523,19 @@ fn arc(arc: &ArcTrace, view: View) -> Option<ArcDocument> {
         vz_m_s: side.then_some(up_m_s),
         y_m: top.then_some(place.up_m),
         vy_m_s: top.then_some(up_m_s),
+        spin: arc.spin.as_ref().map(arc_spin),
     })
+}
+
+fn arc_spin(spin: &ArcSpin) -> ArcSpinDocument {
+    let about = |axis: usize| quantity(spin.rate_rad_s.map(|rate| rate[axis]));
+    ArcSpinDocument {
+        y_rad_s: about(1),
+        x_rad_s: about(0),
+        z_rad_s: about(2),
+        candidates_rad_s: spin.candidates_rad_s.clone(),
+        reason: spin.reason.clone(),
+    }
 }
 
 fn track(track: &Track, view: View) -> TrackDocument<'_> {
@@ -556,6 +593,10 @@ fn bounce(bounce: &Bounce) -> BounceDocument {
         tangential_restitution: quantity(bounce.tangential_restitution),
         spin_in_m_s: quantity(bounce.spin_in_m_s),
         spin_out_m_s: quantity(bounce.spin_out_m_s),
+        measured_spin_in_m_s: quantity(bounce.measured_spin_in_m_s),
+        measured_spin_out_m_s: quantity(bounce.measured_spin_out_m_s),
+        spin_in_source: bounce.spin_in_source.map(words::spin_source),
+        inertia_factor: quantity(bounce.inertia_factor),
         azimuth_deg: degrees(bounce.azimuth_rad),
         correlations: correlations(&bounce.correlations),
         along_floor: bounce.along_floor.as_ref().map(along_floor),
@@ -704,7 +745,9 @@ mod tests {
         );
         assert_eq!(
             keys(&result["arcs"][0]),
-            ["from_s", "to_s", "time_s", "x_m", "z_m", "vx_m_s", "vz_m_s"]
+            [
+                "from_s", "to_s", "time_s", "x_m", "z_m", "vx_m_s", "vz_m_s", "spin"
+            ]
         );
         assert_eq!(
             keys(&result["track"]),
@@ -729,6 +772,10 @@ mod tests {
                 "tangential_restitution",
                 "spin_in_m_s",
                 "spin_out_m_s",
+                "measured_spin_in_m_s",
+                "measured_spin_out_m_s",
+                "spin_in_source",
+                "inertia_factor",
                 "azimuth_deg",
                 "correlations",
                 "along_floor"

@@ -1,0 +1,326 @@
+//! How the ball turns on each arc of a flight, from its pictures at the refined centres.
+//!
+//! Each picture is taken from well inside of the ball's outline, undone of what the camera draws out (perspective, lens, rolling shutter), of
+//! the frame's light and of the black level. The arcs' rates are searched for one by one; an arc that shows none by itself is looked at once
+//! more in the light that another arc taught.
+//!
+//! Assumed: the light on the ball is the same along its path but for a smooth change of brightness. A ball without marks costs a look at some
+//! [`SEARCH_FRAMES`] of its pictures.
+
+use super::ball_model::BallPictures;
+use super::camera::CalibratedCamera;
+use super::decode::Decoded;
+use super::in_metres::WorldFrame;
+use super::measurement::{ArcSpin, TurnedFrame, Turning};
+use super::refine::Refined;
+use super::spots::{BallCentre, with_id};
+use crate::flight::{Flight, SpotUse};
+use crate::impact::seen_spin::SeenSpin;
+use crate::quantity::Quantity;
+use crate::rotation::{BallPixel, BallView, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES};
+use nalgebra::{Matrix3, Vector2, Vector3};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Balls larger than twice this radius are looked at in blocks of pixels, px.
+const FINE_RADIUS_PX: f64 = 16.0;
+
+/// A ball of fewer pixels shows nothing, px.
+const LEAST_RADIUS_PX: f64 = 5.0;
+
+/// Blur of a picture whose ball was not learned, px.
+const USUAL_BLUR_PX: f64 = 0.9;
+
+/// How far inside of the outline pixels show nothing of what is behind the ball: so many times the blur, and px.
+const CLEAR_BLURS: f64 = 2.0;
+const CLEAR_PX: f64 = 0.3;
+
+/// Noise that rounding alone makes, grey levels.
+const LEAST_NOISE_GREY: f64 = 0.3;
+
+/// What the pictures of an arc show.
+#[derive(Debug, Clone)]
+pub struct ArcRotation {
+    /// First and last time of its pictures, s.
+    pub span_s: (f64, f64),
+    /// The frames of its pictures.
+    pub frames: Vec<usize>,
+    /// Their times, s.
+    pub times_s: Vec<f64>,
+    /// The rates, the most likely first, or why there is none.
+    pub rates: Result<Vec<RotationFit>, NoRate>,
+}
+
+/// The pictures of a refined flight.
+struct FlightPictures<'a> {
+    decoded: &'a Decoded,
+    pictures: BallPictures<'a>,
+    refined: &'a Refined,
+    /// Pixels along each side of a block that is taken as one.
+    block: usize,
+    blur_px: f64,
+}
+
+/// What the pictures of each arc of `refined` show of the ball's rotation.
+pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refined) -> Vec<ArcRotation> {
+    let tracked = &refined.tracked;
+    let flight = &tracked.flight;
+    let radius_px = match &refined.ball {
+        Some(ball) => ball.radius_px.value,
+        None => return Vec::new(),
+    };
+    if !camera.falls() || radius_px < LEAST_RADIUS_PX {
+        return Vec::new();
+    }
+    let block = (radius_px / FINE_RADIUS_PX).max(1.0) as usize;
+    let appearance = refined.ball.as_ref().and_then(|ball| ball.appearance.as_ref());
+    let own_blur_px = appearance.map_or(USUAL_BLUR_PX, |a| a.blur_px);
+    let pictures = FlightPictures {
+        decoded,
+        pictures: BallPictures::new(decoded, camera, tracked.optics),
+        refined,
+        block,
+        blur_px: own_blur_px,
+    };
+    let size = block as f64;
+    let search = RotationSearch {
+        noise_grey: decoded.detector.background.noise_grey.max(LEAST_NOISE_GREY) / size,
+        blur_px: own_blur_px.hypot(((size * size - 1.0) / 12.0).sqrt()),
+        radius_px,
+        light: None,
+    };
+    let arcs: Vec<Vec<(BallCentre, f64)>> = (0..flight.fit.arcs())
+        .map(|k| pictures.of_arc(flight, k))
+        .collect();
+    let mut found: Vec<ArcRotation> = arcs
+        .iter()
+        .map(|arc| ArcRotation {
+            span_s: (
+                arc.first().map_or(f64::NAN, |(_, t)| *t),
+                arc.last().map_or(f64::NAN, |(_, t)| *t),
+            ),
+            frames: arc.iter().map(|(c, _)| c.frame).collect(),
+            times_s: arc.iter().map(|(_, t)| *t).collect(),
+            rates: pictures.rates(arc, &search),
+        })
+        .collect();
+    // The arc whose marks scatter least about a sure rate teaches the light.
+    let sure = |r: &ArcRotation| match &r.rates {
+        Ok(rates) if rates.len() == 1 => Some((rates[0].residual, rates[0].maps.clone())),
+        _ => None,
+    };
+    let taught = found.iter().filter_map(sure).min_by(|a, b| a.0.total_cmp(&b.0));
+    if let Some((_, light)) = taught {
+        for (arc, found) in arcs.iter().zip(&mut found) {
+            if found.rates.is_err() {
+                let lit = RotationSearch {
+                    light: Some(&light),
+                    ..search
+                };
+                found.rates = pictures.rates(arc, &lit).or(found.rates.clone());
+            }
+        }
+    }
+    found
+}
+
+impl FlightPictures<'_> {
+    /// The centres that arc `k` was fitted to, with their times.
+    fn of_arc(&self, flight: &Flight, k: usize) -> Vec<(BallCentre, f64)> {
+        let used = flight.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
+        used.filter_map(|p| Some((*with_id(&self.refined.tracked.centres, p.spot.id)?, p.spot.time_s)))
+            .collect()
+    }
+
+    fn rates(
+        &self,
+        arc: &[(BallCentre, f64)],
+        search: &RotationSearch<'_>,
+    ) -> Result<Vec<RotationFit>, NoRate> {
+        let spare = arc.len().saturating_sub(SEARCH_FRAMES);
+        let middle = self.views(&arc[spare / 2..arc.len() - spare.div_ceil(2)]);
+        let mut rivals = search.rivals(&middle);
+        if spare == 0 {
+            return search.by_all(&middle, &rivals?);
+        }
+        if rivals.is_err() {
+            // What turns too slowly to show it within those.
+            let step = arc.len().div_ceil(SEARCH_FRAMES);
+            let sparse: Vec<(BallCentre, f64)> = arc.iter().step_by(step).copied().collect();
+            rivals = search.rivals(&self.views(&sparse));
+        }
+        let rivals = rivals?;
+        search.by_all(&self.views(arc), &rivals)
+    }
+
+    fn views(&self, arc: &[(BallCentre, f64)]) -> Vec<BallView> {
+        arc.par_iter().filter_map(|(c, t)| self.view(c, *t)).collect()
+    }
+
+    /// The ball's pixels around a centre; `None` where memory had no room for them.
+    fn view(&self, centre: &BallCentre, time_s: f64) -> Option<BallView> {
+        let s = &self.decoded.sightings[centre.id];
+        let crop = &s.blob.crop;
+        if crop.luma.data.is_empty() {
+            return None;
+        }
+        let disc = centre.centre.disc;
+        let velocity = self
+            .pictures
+            .velocity_px_s(&self.refined.tracked.flight, time_s)?;
+        let back = self.pictures.stretch(s, &disc, velocity)?.try_inverse()?;
+        let black = f64::from(self.decoded.info.luma_range.black);
+        let sweep_px = disc.swept_px[0].hypot(disc.swept_px[1]);
+        let inside = 1.0 - (CLEAR_BLURS * self.blur_px + CLEAR_PX + 0.5 * sweep_px) / disc.radius_px;
+        let n = self.block;
+        let reach = disc.radius_px * 1.5 + n as f64;
+        let from = |centre: f64, corner: usize| ((centre - reach - corner as f64).floor().max(0.0)) as usize;
+        let to = |centre: f64, corner: usize, size: usize| {
+            ((centre + reach - corner as f64).ceil().max(0.0) as usize).min(size)
+        };
+        let (u, v) = (disc.centre.u_px, disc.centre.v_px);
+        let columns = from(u, crop.u)..to(u, crop.u, crop.luma.width);
+        let rows = from(v, crop.v)..to(v, crop.v, crop.luma.height);
+        let gain = s.registration.gain.max(f64::MIN_POSITIVE);
+        let mut pixels = Vec::new();
+        for row in rows.clone().step_by(n).filter(|r| r + n <= rows.end) {
+            for column in columns.clone().step_by(n).filter(|c| c + n <= columns.end) {
+                let middle = 0.5 * (n as f64 - 1.0);
+                let off = Vector2::new(
+                    (crop.u + column) as f64 + middle - u,
+                    (crop.v + row) as f64 + middle - v,
+                );
+                let place = back * off / disc.radius_px;
+                if place.norm() > inside {
+                    continue;
+                }
+                let block = (row..row + n).flat_map(|r| &crop.luma.row(r)[column..column + n]);
+                let sum: f64 = block.map(|&p| f64::from(p)).sum();
+                let grey = sum / (n * n) as f64;
+                pixels.push(BallPixel {
+                    place: [place.x, place.y],
+                    grey: (grey - s.registration.offset_grey) / gain - black,
+                });
+            }
+        }
+        Some(BallView {
+            time_s,
+            sight: self.pictures.sight(s, disc.centre),
+            pixels,
+        })
+    }
+}
+
+/// From the camera's axes to the plane's: right, up, towards the camera.
+fn plane_from_camera(camera: &CalibratedCamera<'_>, refined: &Refined) -> Option<Matrix3<f64>> {
+    let axes = camera.silhouettes(refined.tracked.optics).plane_axes()?;
+    axes.try_inverse()
+}
+
+/// The surface spins that the pictures of the arcs show of a ball of `radius_m`.
+pub fn seen_spins(
+    camera: &CalibratedCamera<'_>,
+    refined: &Refined,
+    rotations: &[ArcRotation],
+    radius_m: f64,
+) -> Vec<SeenSpin> {
+    let Some(to_plane) = plane_from_camera(camera, refined) else {
+        return Vec::new();
+    };
+    let out = to_plane.row(2).transpose();
+    let spin = |f: &RotationFit| {
+        let std = (out.dot(&(f.covariance * out))).max(0.0).sqrt();
+        Quantity::new(-radius_m * out.dot(&f.rate_rad_s), radius_m * std)
+    };
+    let arc = |r: &ArcRotation| SeenSpin {
+        span_s: r.span_s,
+        candidates_m_s: r.rates.iter().flatten().filter_map(spin).collect(),
+    };
+    rotations.iter().map(arc).collect()
+}
+
+/// What is reported of an arc's `rotation`, of which the bounces left the candidate `chosen`; `None` of a plain ball.
+pub fn arc_spin(
+    camera: &CalibratedCamera<'_>,
+    refined: &Refined,
+    frame: &WorldFrame,
+    rotation: &ArcRotation,
+    chosen: Option<usize>,
+) -> Option<ArcSpin> {
+    let rates = match &rotation.rates {
+        Ok(rates) => &rates[..],
+        Err(NoRate::Plain) => return None,
+        Err(_) => &[],
+    };
+    let to_world = frame.turn_from_plane() * plane_from_camera(camera, refined)?;
+    let world = |f: &RotationFit| -> Option<[Quantity; 3]> {
+        let rate = to_world * f.rate_rad_s;
+        let covariance = to_world * f.covariance * to_world.transpose();
+        let one = |k: usize| Quantity::new(rate[k], covariance[(k, k)].max(0.0).sqrt());
+        Some([one(0)?, one(1)?, one(2)?])
+    };
+    let several = rates.len() > 1;
+    let about_y = |f: &RotationFit| (to_world * f.rate_rad_s).y;
+    let fit = chosen.and_then(|i| rates.get(i));
+    Some(ArcSpin {
+        rate_rad_s: fit.and_then(world),
+        candidates_rad_s: if several {
+            rates.iter().map(about_y).collect()
+        } else {
+            Vec::new()
+        },
+        reason: reason(rotation, fit.is_some()),
+        turning: fit.map(|f| turning(rotation, f)),
+    })
+}
+
+/// Why there is no rate, or how it was told from its rivals.
+fn reason(rotation: &ArcRotation, is_told: bool) -> Option<String> {
+    let frames = rotation.frames.len();
+    match &rotation.rates {
+        Ok(rates) if rates.len() > 1 && is_told => Some(format!(
+            "{} rates suit the pictures alike; of these the bounce allows this one alone, for inertia factors from 0.2 to 0.67",
+            rates.len()
+        )),
+        Ok(rates) if rates.len() > 1 => Some(format!(
+            "{} rates suit the pictures alike: the marks look the same after a part of a turn, or the ball makes about half a turn a frame. A mark that stands alone, or a higher frame rate, tells them apart",
+            rates.len()
+        )),
+        Ok(_) => None,
+        Err(NoRate::FewFrames) => Some(format!("{frames} pictures of the ball on this arc are too few")),
+        Err(NoRate::LessThanATurn) => Some(
+            "the ball makes less than one turn while it is seen on this arc, so that its marks are not told from the light on it"
+                .to_owned(),
+        ),
+        Err(NoRate::Plain | NoRate::Unexplained) => Some(
+            "something on the ball changes from frame to frame, but no steady rotation explains it: marks that are too faint or too small, reflections, or a rotation too fast for the frame rate"
+                .to_owned(),
+        ),
+    }
+}
+
+/// The turning frame by frame.
+fn turning(rotation: &ArcRotation, fit: &RotationFit) -> Turning {
+    let rate = fit.rate_rad_s.norm();
+    let axis = fit.rate_rad_s.try_normalize(0.0).unwrap_or_else(Vector3::z);
+    let middle_s = rotation.times_s.iter().sum::<f64>() / rotation.times_s.len() as f64;
+    let seen = rotation
+        .frames
+        .iter()
+        .zip(&rotation.times_s)
+        .zip(fit.off_rad.iter().zip(&fit.off_std_rad));
+    let frame =
+        |((&frame, &time_s), (off, std)): ((&usize, &f64), (&Vector3<f64>, &Vector3<f64>))| TurnedFrame {
+            frame,
+            time_s,
+            turned_rad: rate * (time_s - middle_s),
+            residual_rad: off.dot(&axis),
+            std_rad: std.component_mul(&axis).norm(),
+        };
+    Turning {
+        rate_rad_s: fit.rate_rad_s.into(),
+        middle_s,
+        frames: seen.map(frame).collect(),
+        maps: Arc::new(fit.maps.clone()),
+    }
+}
