@@ -1,16 +1,20 @@
-//! Spin that the pictures show, arc by arc, and the bounces that tell rivals apart.
+//! Spin that the pictures show, arc by arc, and what tells rivals apart.
 //!
-//! Where several rates suit an arc's pictures, the bounce between it and its neighbour decides: the tangential impulse changes the spin by
+//! Where several rates suit an arc's pictures, those count that a ball from a bench or a hand can have: R ω up to [`MOST_SPEEDS`] times the
+//! fastest speed at which it is seen (one that rolls has 1). Of what is left the bounce between the arc and its neighbour decides: the tangential impulse changes the spin by
 //!
 //! ```text
 //! R ω' − R ω = (v_t − v_t') / k        k the inertia factor, from 0.2 (a heavy core) to 2/3 (a thin shell)
 //! ```
 //!
-//! Assumed: no ball is outside of that range. A pair of rates that it allows may be the wrong one still where two are: then neither is chosen.
+//! Assumed: no ball is outside of these ranges; a reason beside the rate says that they decided. A pair of rates that it allows may be the wrong one still where two are: then neither is chosen.
 
 use super::inputs::InputValues;
 use super::motion::{ImpactKind, MeasuredMotion};
 use crate::quantity::Quantity;
+
+/// Surface speed over the fastest speed of the centre, at most.
+pub const MOST_SPEEDS: f64 = 3.0;
 
 /// Inertia factors that balls have.
 const INERTIA_FACTORS: std::ops::RangeInclusive<f64> = 0.2..=0.67;
@@ -41,20 +45,59 @@ pub enum SpinSource {
     PreviousBounce,
 }
 
+/// Which of the spins that suit an arc's pictures it is, and what told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChosenSpin {
+    /// Its place among the candidates.
+    pub index: usize,
+    /// What told.
+    pub told_by: SpinEvidence,
+}
+
+/// What tells a spin from its rivals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SpinEvidence {
+    /// The pictures.
+    #[default]
+    Pictures,
+    /// The others are too fast for a ball of this speed.
+    Speed,
+    /// The bounce beside it.
+    Bounce,
+}
+
 /// What is known of the spin of an arc.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SpinCandidates {
     candidates_m_s: Vec<Quantity>,
-    /// Those that no bounce is against.
+    /// Those that nothing is against.
     possible: Vec<usize>,
+    told_by: SpinEvidence,
 }
 
 impl SpinCandidates {
-    fn new(candidates_m_s: Vec<Quantity>) -> Self {
+    /// Those that a ball can have whose fastest speed is `speed_m_s`, where any is.
+    fn new(candidates_m_s: Vec<Quantity>, speed_m_s: f64) -> Self {
+        let all: Vec<usize> = (0..candidates_m_s.len()).collect();
+        let slow = |&i: &usize| candidates_m_s[i].value.abs() <= MOST_SPEEDS * speed_m_s;
+        let slow: Vec<usize> = all.iter().copied().filter(slow).collect();
+        let by_speed = !slow.is_empty() && slow.len() < all.len();
         Self {
-            possible: (0..candidates_m_s.len()).collect(),
+            possible: if by_speed { slow } else { all },
             candidates_m_s,
+            told_by: if by_speed {
+                SpinEvidence::Speed
+            } else {
+                SpinEvidence::Pictures
+            },
         }
+    }
+
+    fn leave(&mut self, possible: Vec<usize>) {
+        if possible.len() < self.possible.len() {
+            self.told_by = SpinEvidence::Bounce;
+        }
+        self.possible = possible;
     }
 
     fn chosen(&self) -> Option<usize> {
@@ -74,12 +117,16 @@ impl MeasuredMotion<'_> {
     #[must_use]
     pub fn with_seen_spins(mut self, seen: &[SeenSpin]) -> Self {
         let middle = |k: usize| 0.5 * (self.flight.spans[k].0 + self.flight.spans[k].1);
+        let fastest_m_s = self.fastest_m_s();
         let of = |k: usize| {
             let here = seen
                 .iter()
                 .find(|s| (s.span_s.0..=s.span_s.1).contains(&middle(k)));
             let to_world = |q: &Quantity| q.scaled(self.x_sign);
-            SpinCandidates::new(here.map_or(Vec::new(), |s| s.candidates_m_s.iter().map(to_world).collect()))
+            SpinCandidates::new(
+                here.map_or(Vec::new(), |s| s.candidates_m_s.iter().map(to_world).collect()),
+                fastest_m_s,
+            )
         };
         self.seen_spins = (0..self.arcs()).map(of).collect();
         // Once forwards and once back: what one bounce decided may decide the next.
@@ -118,14 +165,34 @@ impl MeasuredMotion<'_> {
         left.0.dedup();
         left.1.sort_unstable();
         left.1.dedup();
-        self.seen_spins[k].possible = left.0;
-        self.seen_spins[k + 1].possible = left.1;
+        self.seen_spins[k].leave(left.0);
+        self.seen_spins[k + 1].leave(left.1);
+    }
+
+    /// Speed of the centre at the ends of the arcs, at most, m/s.
+    fn fastest_m_s(&self) -> f64 {
+        let p = self.inputs.best();
+        let ends = self
+            .flight
+            .spans
+            .iter()
+            .enumerate()
+            .flat_map(|(k, s)| [(k, s.0), (k, s.1)]);
+        let speed = |(k, t): (usize, f64)| {
+            let m = self.world(&p, k, t);
+            m.vr.hypot(m.vh)
+        };
+        ends.map(speed).fold(0.0, f64::max)
     }
 
     /// Which of the spins that suit the pictures of arc `k` it is; `None` where that is open, or nothing was seen.
     #[must_use]
-    pub fn seen_spin(&self, k: usize) -> Option<usize> {
-        self.seen_spins.get(k)?.chosen()
+    pub fn seen_spin(&self, k: usize) -> Option<ChosenSpin> {
+        let arc = self.seen_spins.get(k)?;
+        Some(ChosenSpin {
+            index: arc.chosen()?,
+            told_by: arc.told_by,
+        })
     }
 
     /// R ω_y on arc `k` as the pictures show it, m/s, `error` standard uncertainties off; NaN where they do not.

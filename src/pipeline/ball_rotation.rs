@@ -15,9 +15,11 @@ use super::measurement::{ArcSpin, TurnedFrame, Turning};
 use super::refine::Refined;
 use super::spots::{BallCentre, with_id};
 use crate::flight::{Flight, SpotUse};
-use crate::impact::seen_spin::SeenSpin;
+use crate::impact::seen_spin::{ChosenSpin, MOST_SPEEDS, SeenSpin, SpinEvidence};
 use crate::quantity::Quantity;
-use crate::rotation::{BallPixel, BallView, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES};
+use crate::rotation::{
+    BallPixel, BallView, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, TEACHING_TURNS,
+};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -106,7 +108,9 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
         .collect();
     // The arc whose marks scatter least about a sure rate teaches the light.
     let sure = |r: &ArcRotation| match &r.rates {
-        Ok(rates) if rates.len() == 1 => Some((rates[0].residual, rates[0].maps.clone())),
+        Ok(rates) if rates.len() == 1 && rates[0].turns(r.span_s.1 - r.span_s.0) > TEACHING_TURNS => {
+            Some((rates[0].residual, rates[0].maps.clone()))
+        }
         _ => None,
     };
     let taught = found.iter().filter_map(sure).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -128,8 +132,12 @@ impl FlightPictures<'_> {
     /// The centres that arc `k` was fitted to, with their times.
     fn of_arc(&self, flight: &Flight, k: usize) -> Vec<(BallCentre, f64)> {
         let used = flight.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
-        used.filter_map(|p| Some((*with_id(&self.refined.tracked.centres, p.spot.id)?, p.spot.time_s)))
-            .collect()
+        let kept = |c: &BallCentre| !self.decoded.sightings[c.id].blob.crop.luma.data.is_empty();
+        used.filter_map(|p| {
+            let centre = with_id(&self.refined.tracked.centres, p.spot.id).filter(|c| kept(c))?;
+            Some((*centre, p.spot.time_s))
+        })
+        .collect()
     }
 
     fn rates(
@@ -245,7 +253,7 @@ pub fn arc_spin(
     refined: &Refined,
     frame: &WorldFrame,
     rotation: &ArcRotation,
-    chosen: Option<usize>,
+    chosen: Option<ChosenSpin>,
 ) -> Option<ArcSpin> {
     let rates = match &rotation.rates {
         Ok(rates) => &rates[..],
@@ -261,7 +269,7 @@ pub fn arc_spin(
     };
     let several = rates.len() > 1;
     let about_y = |f: &RotationFit| (to_world * f.rate_rad_s).y;
-    let fit = chosen.and_then(|i| rates.get(i));
+    let fit = chosen.and_then(|c| rates.get(c.index));
     Some(ArcSpin {
         rate_rad_s: fit.and_then(world),
         candidates_rad_s: if several {
@@ -269,18 +277,25 @@ pub fn arc_spin(
         } else {
             Vec::new()
         },
-        reason: reason(rotation, fit.is_some()),
+        reason: reason(rotation, chosen),
         turning: fit.map(|f| turning(rotation, f)),
     })
 }
 
 /// Why there is no rate, or how it was told from its rivals.
-fn reason(rotation: &ArcRotation, is_told: bool) -> Option<String> {
+fn reason(rotation: &ArcRotation, chosen: Option<ChosenSpin>) -> Option<String> {
     let frames = rotation.frames.len();
     match &rotation.rates {
-        Ok(rates) if rates.len() > 1 && is_told => Some(format!(
-            "{} rates suit the pictures alike; of these the bounce allows this one alone, for inertia factors from 0.2 to 0.67",
-            rates.len()
+        Ok(rates) if rates.len() > 1 && chosen.is_some() => Some(format!(
+            "{} rates suit the pictures alike; {}",
+            rates.len(),
+            match chosen.map(|c| c.told_by) {
+                Some(SpinEvidence::Bounce) =>
+                    "of these the bounce allows this one alone, for inertia factors from 0.2 to 0.67".to_owned(),
+                _ => format!(
+                    "with the others the ball's surface would be more than {MOST_SPEEDS} times as fast as the ball itself"
+                ),
+            }
         )),
         Ok(rates) if rates.len() > 1 => Some(format!(
             "{} rates suit the pictures alike: the marks look the same after a part of a turn, or the ball makes about half a turn a frame. A mark that stands alone, or a higher frame rate, tells them apart",
@@ -288,8 +303,8 @@ fn reason(rotation: &ArcRotation, is_told: bool) -> Option<String> {
         )),
         Ok(_) => None,
         Err(NoRate::FewFrames) => Some(format!("{frames} pictures of the ball on this arc are too few")),
-        Err(NoRate::LessThanATurn) => Some(
-            "the ball makes less than one turn while it is seen on this arc, so that its marks are not told from the light on it"
+        Err(NoRate::TooFewTurns) => Some(
+            "the ball makes too few turns while it is seen on this arc (1.25 are the least), so that its marks are not told from the light on it"
                 .to_owned(),
         ),
         Err(NoRate::Plain | NoRate::Unexplained) => Some(
@@ -317,10 +332,12 @@ fn turning(rotation: &ArcRotation, fit: &RotationFit) -> Turning {
             residual_rad: off.dot(&axis),
             std_rad: std.component_mul(&axis).norm(),
         };
+    // Of pictures without pixels nothing is known.
+    let all_seen = fit.off_rad.len() == rotation.frames.len();
     Turning {
         rate_rad_s: fit.rate_rad_s.into(),
         middle_s,
-        frames: seen.map(frame).collect(),
+        frames: seen.filter(|_| all_seen).map(frame).collect(),
         maps: Arc::new(fit.maps.clone()),
     }
 }

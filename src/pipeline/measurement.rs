@@ -7,6 +7,7 @@ use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
 use crate::rotation::BallMaps;
+use nalgebra::{Rotation3, Vector3};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -296,6 +297,29 @@ pub struct Turning {
     pub frames: Vec<TurnedFrame>,
     /// The ball's albedo and light.
     pub maps: Arc<BallMaps>,
+}
+
+impl Turning {
+    /// Two directions of the ball square to its axis and that axis, as the ball lies in the middle.
+    #[must_use]
+    pub fn ball_axes(&self) -> [Vector3<f64>; 3] {
+        let axis = Vector3::from(self.rate_rad_s)
+            .try_normalize(0.0)
+            .unwrap_or_else(Vector3::z);
+        let other = if axis.x.abs() < 0.7 {
+            Vector3::x()
+        } else {
+            Vector3::y()
+        };
+        let one = axis.cross(&other).normalize();
+        [one, axis.cross(&one), axis]
+    }
+
+    /// By what the ball is turned at a time from how it lies in the middle.
+    #[must_use]
+    pub fn turn_at(&self, time_s: f64) -> Rotation3<f64> {
+        Rotation3::new(Vector3::from(self.rate_rad_s) * (time_s - self.middle_s))
+    }
 }
 
 /// How far the ball had turned in a frame.

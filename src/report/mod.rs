@@ -12,6 +12,7 @@
 //! | [`recording_page`] | `<stem>.report.html`: picture, numbers and plots in one file |
 //! | [`figure`] | the figure layer over plotters that every plot is made of |
 //! | [`strobe`], [`track_plots`] | the stroboscopic picture of that page, its plots |
+//! | `spin_section` | how the ball turned: its part of that page |
 //! | [`series_page`] | `report.html`: the paper's figures from a series, its parameters, its rows (`chart`, `series_figures`, `series_rows`) |
 //! | [`batch_page`] | `report.html` of a batch: the same with a list of its recordings |
 //! | [`cost_page`] | `cost.html`: work-precision diagrams (`work_precision`); `cost.svg` |
@@ -44,6 +45,7 @@ mod series_figures;
 pub mod series_page;
 mod series_rows;
 pub mod series_table;
+pub mod spin_section;
 pub mod strobe;
 pub mod table;
 pub mod track_plots;

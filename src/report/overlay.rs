@@ -11,11 +11,14 @@
 use super::drawing_geometry;
 use crate::frames::Yuv420;
 use crate::geometry::PixelPoint;
-use crate::pipeline::{Measurement, PointUse, View};
+use crate::pipeline::{Measurement, PointUse, TrackPoint, View};
 use std::collections::BTreeMap;
 
 /// At most this many past centres are shown, so that a long clip costs no more a frame than a short one.
 const TRAIL: usize = 600;
+
+/// Length of an arm of the cross that turns with the ball, radii.
+const TURNED_ARM: f64 = 0.85;
 
 /// A colour of the video.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +78,8 @@ struct DrawnBall {
     frame: usize,
     centre: PixelPoint,
     used: bool,
+    /// Two arms that turn with the ball, radii; of a ball without seen marks there are none.
+    turned: Option<[[f64; 2]; 2]>,
 }
 
 impl Overlay {
@@ -120,22 +125,24 @@ impl Overlay {
 
     fn draw_ball(&self, ball: DrawnBall, picture: &mut Yuv420) {
         let ink = if ball.used { USED } else { UNUSED };
-        let arm = (0.4 * self.radius_px).clamp(2.0 * self.stroke_px, 6.0 * self.stroke_px);
+        let short = (0.4 * self.radius_px).clamp(2.0 * self.stroke_px, 6.0 * self.stroke_px);
         let PixelPoint { u_px, v_px } = ball.centre;
+        // A cross that turns with the ball, where its marks tell how.
+        let long = |arm: [f64; 2]| arm.map(|part| TURNED_ARM * self.radius_px * part);
+        let arms = ball
+            .turned
+            .map_or([[short, 0.0], [0.0, short]], |arms| arms.map(long));
         // First wider in black, so that it shows on a bright ball or wall, too.
         for (ink, stroke, opacity) in [(SHADE, 2.2 * self.stroke_px, 0.45), (ink, self.stroke_px, 1.0)] {
             let mut lines = CoverageMask::default();
             lines.circle(ball.centre, self.radius_px, stroke, !ball.used);
-            lines.line(
-                PixelPoint::new(u_px - arm, v_px),
-                PixelPoint::new(u_px + arm, v_px),
-                stroke,
-            );
-            lines.line(
-                PixelPoint::new(u_px, v_px - arm),
-                PixelPoint::new(u_px, v_px + arm),
-                stroke,
-            );
+            for [du, dv] in arms {
+                lines.line(
+                    PixelPoint::new(u_px - du, v_px - dv),
+                    PixelPoint::new(u_px + du, v_px + dv),
+                    stroke,
+                );
+            }
             lines.lay(picture, ink, opacity);
         }
     }
@@ -165,17 +172,29 @@ fn balls(measurement: &Measurement) -> Vec<DrawnBall> {
     let points = measurement
         .each_launch()
         .iter()
-        .flat_map(|launch| &launch.track.points);
+        .flat_map(|launch| launch.track.points.iter().map(move |point| (launch, point)));
     let mut balls: Vec<DrawnBall> = points
-        .filter(|point| point.pixel.u_px.is_finite() && point.pixel.v_px.is_finite())
-        .map(|point| DrawnBall {
+        .filter(|(_, point)| point.pixel.u_px.is_finite() && point.pixel.v_px.is_finite())
+        .map(|(launch, point)| DrawnBall {
             frame: point.frame,
             centre: point.pixel,
             used: matches!(point.use_, PointUse::Used(_)),
+            turned: turned(launch, point),
         })
         .collect();
     balls.sort_by_key(|ball| ball.frame);
     balls
+}
+
+/// Two arms square to the axis of rotation as a point's frame has them, radii.
+fn turned(launch: &Measurement, point: &TrackPoint) -> Option<[[f64; 2]; 2]> {
+    let PointUse::Used(arc) = point.use_ else {
+        return None;
+    };
+    let turning = launch.arcs.get(arc)?.spin.as_ref()?.turning.as_ref()?;
+    let turn = turning.turn_at(point.time_s);
+    let [one, two, _] = turning.ball_axes().map(|axis| turn * axis);
+    Some([[one.x, one.y], [two.x, two.y]])
 }
 
 /// Where the ball touched: at the lowest place of its outline in a side view, at its centre in a top view. From the first

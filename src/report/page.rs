@@ -4,7 +4,7 @@
 //! Pages are `maud` templates, which escape whatever is put into them; only finished SVG goes in as it is.
 
 use super::escape::without_controls;
-use super::{figure, strobe};
+use super::{figure, spin_section, strobe};
 use crate::config::made_by::PAGE_MARK;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use thiserror::Error;
@@ -21,6 +21,9 @@ pub enum PageError {
     /// The picture failed.
     #[error(transparent)]
     Strobe(#[from] strobe::StrobeError),
+    /// The pictures of how the ball turned failed.
+    #[error(transparent)]
+    Spin(#[from] spin_section::SpinPictureError),
 }
 
 /// A whole page; `style` comes after the one that all share.

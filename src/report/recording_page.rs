@@ -2,6 +2,7 @@
 
 use super::figure::PlotUse;
 use super::page::{PageError, document, fact, symbol_html, warning};
+use super::spin_section::spin_section;
 use super::strobe::{self, StrobePicture};
 use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
 use super::track_plots::{self, Coordinate, Plot};
@@ -69,6 +70,7 @@ impl LaunchSections {
         let up = track_plots::coordinate_plot(measurement, Coordinate::Up, PlotUse::Page)?;
         // Numbers of a recording that is not to be trusted would be read all the same.
         let trusted = measurement.outcome == Outcome::Measured;
+        let spin = spin_section(measurement)?;
         Ok(Self {
             picture_and_numbers: html! {
                 @if let Some(picture) = &picture { (picture_section(measurement, picture)) }
@@ -80,6 +82,7 @@ impl LaunchSections {
                 @if trusted {
                     (scene_section(measurement))
                     (bounce_section(measurement))
+                    (spin)
                 }
                 (track_section(measurement))
             },
@@ -481,7 +484,7 @@ fn bounce_section(measurement: &Measurement) -> Markup {
                 "“Before” and “after” are just before and after the impact"
                 @if spins {
                     "; " (symbol_html("Rω")) " is the surface speed from spin. It and " (symbol_html("e_x"))
-                    " follow from the change of " (symbol_html("v_x")) ", for the spin before the bounce as given or assumed"
+                    " follow from the change of " (symbol_html("v_x")) ", for the spin before the bounce as measured, given or assumed"
                 }
                 "."
             }

@@ -63,7 +63,7 @@ pub(super) struct BounceRow {
 }
 
 /// The rows of the per-bounce table in reading order.
-pub(super) const BOUNCE_ROWS: [BounceRow; 16] = [
+pub(super) const BOUNCE_ROWS: [BounceRow; 19] = [
     row("time", "t", "s", |b| b.time_s),
     row("place", "x", "m", |b| b.x_m),
     first(row("x velocity before", "v_ox", "m/s", |b| b.incident.vx_m_s)),
@@ -84,6 +84,9 @@ pub(super) const BOUNCE_ROWS: [BounceRow; 16] = [
     row("tang. restitution", "e_x", "", |b| b.tangential_restitution),
     first(row("spin before", "Rω_o", "m/s", |b| b.spin_in_m_s)),
     row("spin after", "Rω", "m/s", |b| b.spin_out_m_s),
+    row("spin before, seen", "Rω_o", "m/s", |b| b.measured_spin_in_m_s),
+    row("spin after, seen", "Rω", "m/s", |b| b.measured_spin_out_m_s),
+    row("inertia factor", "k", "", |b| b.inertia_factor),
 ];
 
 const fn row(

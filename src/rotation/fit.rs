@@ -74,6 +74,12 @@ pub struct RotationFit {
 }
 
 impl RotationFit {
+    /// Turns in `duration_s`.
+    #[must_use]
+    pub fn turns(&self, duration_s: f64) -> f64 {
+        self.rate_rad_s.norm() * duration_s / std::f64::consts::TAU
+    }
+
     /// Whether the rates differ by more than their uncertainties: three standard ones of both.
     #[must_use]
     pub fn differs_from(&self, other: &Self) -> bool {

@@ -7,8 +7,8 @@
 //!
 //! Assumed: a ball that turns steadily about an axis that stays (free flight), whose light is the same wherever it flies in the frames
 //! given, but for a brightness that changes smoothly, and marks that stay. A ball without marks leaves nothing but noise beside its light,
-//! and what is left of one whose light drifts is explained by that: neither has a rotation here. Nor has one that turns by less than a
-//! turn, unless its light is [known](RotationSearch::light) from another flight: else its marks are not told from its light.
+//! and what is left of one whose light drifts is explained by that: neither has a rotation here. Nor has one that turns by less than
+//! [`LEAST_TURNS`], unless its light is [known](RotationSearch::light) from another flight: else its marks are not told from its light.
 //!
 //! Rates beyond half a turn a frame are seen as slower ones the other way round; those a little beyond are given as rivals
 //! ([`BEYOND_ALIAS`]). A pattern that looks alike after a part of a turn has several rates, all of which are given.
@@ -61,6 +61,12 @@ const BEYOND_ALIAS: f64 = 1.25;
 const AXIS_STD: f64 = 0.5;
 const TILTED_AXIS_STD: f64 = 1.5;
 
+/// Turns in a flight below which marks are not told from the light: it moves the rates of slower balls by many times their uncertainties.
+const LEAST_TURNS: f64 = 1.25;
+
+/// Turns in a flight that teach the light on the ball.
+pub const TEACHING_TURNS: f64 = 2.0;
+
 /// A known light leaves marks over that stand out as much as those of the flight it is known from, to this factor.
 const AS_MARKED: f64 = 3.0;
 
@@ -86,8 +92,8 @@ pub enum NoRate {
     Plain,
     /// Something does, and no steady rotation explains it.
     Unexplained,
-    /// The ball turns by less than a turn: its marks are not told from its light.
-    LessThanATurn,
+    /// The ball turns too little ([`LEAST_TURNS`]): its marks are not told from its light.
+    TooFewTurns,
 }
 
 /// The pixels of some views, and what of them speaks for marks.
@@ -184,9 +190,8 @@ impl RotationSearch<'_> {
         let (samples, grids) = (&evidence.samples, &evidence.grids);
         let again = |f: &RotationFit| fit::fit(samples, grids, &f.maps, f.rate_rad_s, lit);
         let fits = self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)?;
-        let turned = fits[0].rate_rad_s.norm() * (samples.times_s[samples.frames() - 1] - samples.times_s[0]);
-        if !lit && turned < TAU {
-            return Err(NoRate::LessThanATurn);
+        if !lit && fits[0].turns(samples.times_s[samples.frames() - 1] - samples.times_s[0]) < LEAST_TURNS {
+            return Err(NoRate::TooFewTurns);
         }
         Ok(fits)
     }
