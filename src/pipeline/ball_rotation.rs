@@ -1,8 +1,8 @@
 //! How the ball turns on each arc of a flight, from its pictures at the refined centres.
 //!
 //! Each picture is taken from well inside of the ball's outline, undone of what the camera draws out (perspective, lens, rolling shutter), of
-//! the frame's light and of the black level. The arcs' rates are searched for one by one; an arc that shows none by itself is looked at once
-//! more in the light that another arc taught.
+//! the frame's light and of the black level. The arcs' rates are searched for one by one; an arc that shows none by itself, or
+//! makes too few turns, is looked at once more in the light that all arcs have in common.
 //!
 //! Assumed: the light on the ball is the same along its path but for a smooth change of brightness. A ball without marks costs a look at some
 //! [`SEARCH_FRAMES`] of its pictures.
@@ -17,9 +17,7 @@ use super::spots::{BallCentre, with_id};
 use crate::flight::{Flight, SpotUse};
 use crate::impact::seen_spin::{ChosenSpin, MOST_SPEEDS, SeenSpin, SpinEvidence};
 use crate::quantity::Quantity;
-use crate::rotation::{
-    BallPixel, BallView, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, TEACHING_TURNS,
-};
+use crate::rotation::{BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -106,25 +104,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
             rates: pictures.rates(arc, &search),
         })
         .collect();
-    // The arc whose marks scatter least about a sure rate teaches the light.
-    let sure = |r: &ArcRotation| match &r.rates {
-        Ok(rates) if rates.len() == 1 && rates[0].turns(r.span_s.1 - r.span_s.0) > TEACHING_TURNS => {
-            Some((rates[0].residual, rates[0].maps.clone()))
-        }
-        _ => None,
-    };
-    let taught = found.iter().filter_map(sure).min_by(|a, b| a.0.total_cmp(&b.0));
-    if let Some((_, light)) = taught {
-        for (arc, found) in arcs.iter().zip(&mut found) {
-            if found.rates.is_err() {
-                let lit = RotationSearch {
-                    light: Some(&light),
-                    ..search
-                };
-                found.rates = pictures.rates(arc, &lit).or(found.rates.clone());
-            }
-        }
-    }
+    pictures.settle_slow(&arcs, &search, &mut found);
     found
 }
 
@@ -149,7 +129,7 @@ impl FlightPictures<'_> {
         let middle = self.views(&arc[spare / 2..arc.len() - spare.div_ceil(2)]);
         let mut rivals = search.rivals(&middle);
         if spare == 0 {
-            return search.by_all(&middle, &rivals?);
+            return rivals;
         }
         if rivals.is_err() {
             // What turns too slowly to show it within those.
@@ -159,6 +139,46 @@ impl FlightPictures<'_> {
         }
         let rivals = rivals?;
         search.by_all(&self.views(arc), &rivals)
+    }
+
+    /// Looks once more at the arcs that showed no rate, or made too few turns for their marks to be told from the light: in the light that all
+    /// arcs have in common.
+    fn settle_slow(
+        &self,
+        arcs: &[Vec<(BallCentre, f64)>],
+        search: &RotationSearch<'_>,
+        found: &mut [ArcRotation],
+    ) {
+        let is_open = |r: &ArcRotation| match &r.rates {
+            Ok(rates) => rates[0].turns(r.span_s.1 - r.span_s.0) < LEAST_TURNS,
+            Err(_) => true,
+        };
+        if !found.iter().any(is_open) || found.iter().all(|r| r.rates.is_err()) {
+            return;
+        }
+        let views: Vec<Vec<BallView>> = arcs.iter().map(|arc| self.views(arc)).collect();
+        let shown = || {
+            views
+                .iter()
+                .zip(found.iter())
+                .filter_map(|(v, r)| Some((&v[..], r.rates.as_ref().ok()?.first()?)))
+        };
+        let light = search.common_light(&shown().collect::<Vec<_>>());
+        for (arc, found) in arcs.iter().zip(found.iter_mut()) {
+            if !is_open(found) {
+                continue;
+            }
+            let lit = light.as_ref().map(|(light, _)| RotationSearch {
+                light: Some(light),
+                ..*search
+            });
+            let again = lit.and_then(|lit| self.rates(arc, &lit).ok());
+            let without = || match &found.rates {
+                Ok(_) => Err(NoRate::TooFewTurns),
+                Err(reason) => Err(*reason),
+            };
+            found.rates = again.map_or_else(without, Ok);
+        }
     }
 
     fn views(&self, arc: &[(BallCentre, f64)]) -> Vec<BallView> {
@@ -304,7 +324,7 @@ fn reason(rotation: &ArcRotation, chosen: Option<ChosenSpin>) -> Option<String> 
         Ok(_) => None,
         Err(NoRate::FewFrames) => Some(format!("{frames} pictures of the ball on this arc are too few")),
         Err(NoRate::TooFewTurns) => Some(
-            "the ball makes too few turns while it is seen on this arc (1.25 are the least), so that its marks are not told from the light on it"
+            "the ball makes too few turns while it is seen (1.25 on an arc, or 2 on several together, are the least), so that its marks are not told from the light on it"
                 .to_owned(),
         ),
         Err(NoRate::Plain | NoRate::Unexplained) => Some(

@@ -23,6 +23,9 @@ use rayon::prelude::*;
 const ROUNDS: usize = 16;
 const FAR_ROUNDS: usize = 6;
 
+/// Steps of a candidate.
+const ROUGH_ROUNDS: usize = 5;
+
 /// Rounds of maps for a rate.
 const MAP_ROUNDS: usize = 5;
 
@@ -420,6 +423,47 @@ fn curvature(
     even.cholesky().map(|_| even)
 }
 
+/// The light of `maps` alone, with the gains that it leaves.
+fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMaps {
+    let mut maps = BallMaps {
+        light: maps.light.clone(),
+        ..BallMaps::dark(samples, grids)
+    };
+    let lit_by = samples.values.iter().zip(&grids.lit);
+    let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - value_at(&maps.light, c)).collect();
+    take_gains(samples, &mut unlit, &mut maps.gains);
+    maps
+}
+
+/// Σ of squares left by the best maps for a rate, from the light of `maps`, which stays if the ball is known to be `lit` so.
+#[must_use]
+pub fn left_by(
+    samples: &BallSamples,
+    grids: &FitGrids,
+    maps: &BallMaps,
+    rate: &Vector3<f64>,
+    lit: bool,
+) -> f64 {
+    evaluated(samples, grids, &unmarked(samples, grids, maps), rate, lit).sum_squares
+}
+
+/// The light that the pixels show where the ball's `fit` is taken away, with what it weighs at each node.
+#[must_use]
+pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RotationFit) -> (Vec<f64>, Vec<f64>) {
+    let turned = turned(samples, grids.grid, &fit.rate_rad_s);
+    let dark = BallMaps {
+        light: vec![0.0; grids.disc.len()],
+        ..fit.maps.clone()
+    };
+    let mut residuals = residuals_of(samples, grids, &dark, &turned);
+    let mut light = dark.light;
+    let mut weights = Vec::new();
+    for _ in 0..STILL_ROUNDS {
+        weights = take_map(samples, &mut residuals, &grids.lit, &mut light, 0.0);
+    }
+    (light, weights)
+}
+
 /// The rotation near `start`, from the light of `maps`, which stays if the ball is known to be `lit` so; `None` where the pixels do not
 /// hold it.
 #[must_use]
@@ -430,13 +474,7 @@ pub fn fit(
     start: Vector3<f64>,
     lit: bool,
 ) -> Option<RotationFit> {
-    let mut maps = BallMaps {
-        light: maps.light.clone(),
-        ..BallMaps::dark(samples, grids)
-    };
-    let lit_by = samples.values.iter().zip(&grids.lit);
-    let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - value_at(&maps.light, c)).collect();
-    take_gains(samples, &mut unlit, &mut maps.gains);
+    let mut maps = unmarked(samples, grids, maps);
     let mut rate = start;
     let count = samples.values.len() as f64;
     let longest_s = samples.longest_s();
@@ -450,16 +488,7 @@ pub fn fit(
             bend = curvature(samples, grids, &maps, &rate, lit);
         }
         // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
-        let matrix = match bend {
-            Some(matrix) => matrix,
-            None => {
-                let held = found.equations.iter().zip(&samples.times_s);
-                held.fold(Matrix3::zeros(), |sum, (e, &t)| {
-                    let jacobian = t * left_jacobian(&(t * rate));
-                    sum + jacobian.transpose() * e.matrix * jacobian
-                })
-            }
-        };
+        let matrix = bend.unwrap_or_else(|| found.held_curvature(samples, &rate));
         let step = matrix.cholesky()?.solve(&found.downhill);
         let gain = step.dot(&found.downhill) * count / found.sum_squares;
         if gain < SETTLED * SETTLED && bend.is_some() {
@@ -472,7 +501,44 @@ pub fn fit(
     Some(found.with_scatter(samples, rate, bend.cholesky()?.inverse()))
 }
 
+/// A rate nearer to the minimum than `start`, by a few steps with the maps held, and Σ of squares there: enough to see which of many
+/// candidates are worth a fit.
+#[must_use]
+pub fn rough(
+    samples: &BallSamples,
+    grids: &FitGrids,
+    maps: &BallMaps,
+    start: Vector3<f64>,
+    lit: bool,
+) -> (Vector3<f64>, f64) {
+    let mut rate = start;
+    let most = 2.0 * grids.grid.spacing_rad() / samples.longest_s();
+    let mut found = evaluated(samples, grids, &unmarked(samples, grids, maps), &rate, lit);
+    for _ in 0..ROUGH_ROUNDS {
+        let Some(chol) = found.held_curvature(samples, &rate).cholesky() else {
+            break;
+        };
+        let step = chol.solve(&found.downhill);
+        let next = rate + (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
+        let there = evaluated(samples, grids, &found.maps, &next, lit);
+        if there.sum_squares > found.sum_squares {
+            break;
+        }
+        (rate, found) = (next, there);
+    }
+    (rate, found.sum_squares)
+}
+
 impl MapsAtRate {
+    /// Curvature of half of χ² (times the variance) by the rate, the maps held.
+    fn held_curvature(&self, samples: &BallSamples, rate: &Vector3<f64>) -> Matrix3<f64> {
+        let held = self.equations.iter().zip(&samples.times_s);
+        held.fold(Matrix3::zeros(), |sum, (e, &t)| {
+            let jacobian = t * left_jacobian(&(t * rate));
+            sum + jacobian.transpose() * e.matrix * jacobian
+        })
+    }
+
     /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.
     fn with_scatter(self, samples: &BallSamples, rate: Vector3<f64>, inverse: Matrix3<f64>) -> RotationFit {
         let Self {

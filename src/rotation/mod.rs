@@ -38,14 +38,31 @@ const LEAST_FRAMES: usize = 4;
 /// A ball on which this many times the noise is left over by a still picture carries marks, perhaps.
 const LEAST_MARKS: f64 = 1.5;
 
-/// Part of what a still picture leaves over, beside noise, that a rotation must explain.
-const LEAST_EXPLAINED: f64 = 0.7;
+/// Part of what a still picture leaves over, beside noise, that a rotation must explain. A codec's own noise, which nobody knows, is in that.
+const LEAST_EXPLAINED: f64 = 0.25;
+
+/// So many times what [`CONTROLS`] explain a rotation must explain: any map that turns takes up some noise.
+const LEAST_OVER_CONTROLS: f64 = 2.0;
+
+/// Rotations a frame of no ball in particular, rad.
+const CONTROLS: [[f64; 3]; 5] = [
+    [1.9, 0.4, -0.8],
+    [-0.7, 1.6, 0.9],
+    [0.5, -1.1, 2.1],
+    [-1.3, -0.9, -1.2],
+    [0.8, 0.7, -2.4],
+];
 
 /// Rates that are fitted, at most.
 const MOST_FITTED: usize = 12;
 
 /// Frames by which rates are searched for and rivals told apart, at most: those in the middle. The rest then makes the rate exact.
 pub const SEARCH_FRAMES: usize = 40;
+
+/// Candidates that leave more than this many times Σ of squares of the best are no rivals; those that turn the ends of the arc within so
+/// little of each other are one, rad.
+const ROUGH_RIVAL: f64 = 1.7;
+const ONE_START_RAD: f64 = 0.05;
 
 /// Rates whose likelihoods are within this of the best are rivals (twice the logarithm).
 const RIVAL: f64 = 9.0;
@@ -62,9 +79,12 @@ const AXIS_STD: f64 = 0.5;
 const TILTED_AXIS_STD: f64 = 1.5;
 
 /// Turns in a flight below which marks are not told from the light: it moves the rates of slower balls by many times their uncertainties.
-const LEAST_TURNS: f64 = 1.25;
+pub const LEAST_TURNS: f64 = 1.25;
 
-/// Turns in a flight that teach the light on the ball.
+/// Rounds of light and rates.
+const COMMON_ROUNDS: usize = 4;
+
+/// Turns in all flights together that teach the light on the ball.
 pub const TEACHING_TURNS: f64 = 2.0;
 
 /// A known light leaves marks over that stand out as much as those of the flight it is known from, to this factor.
@@ -111,10 +131,7 @@ struct RotationEvidence {
 
 impl RotationEvidence {
     fn new(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Self, NoRate> {
-        let blur = search.blur_px / search.radius_px;
-        let samples = BallSamples::new(views, search.noise_grey, blur, LEAST_FRAMES);
-        let samples = samples.ok_or(NoRate::FewFrames)?;
-        let grids = FitGrids::new(&samples, 1.0 / search.radius_px);
+        let (samples, grids) = search.samples(views).ok_or(NoRate::FewFrames)?;
         let (left, maps) = match search.light {
             Some(light) => fit::lit_as(&samples, &grids, light),
             None => fit::still(&samples, &grids),
@@ -171,12 +188,35 @@ impl RotationSearch<'_> {
         let candidates = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
         let fitted = |start| fit::fit(samples, &evidence.grids, &evidence.maps, start, lit);
         let likely = candidates.iter().filter(|c| c.score > 0.0);
-        let mut fits: Vec<RotationFit> = likely.filter_map(|c| fitted(c.rate_rad_s)).collect();
+        let rough = likely.map(|c| fit::rough(samples, &evidence.grids, &evidence.maps, c.rate_rad_s, lit));
+        let mut rough: Vec<(Vector3<f64>, f64)> = rough.collect();
+        rough.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.1);
+        let mut starts: Vec<Vector3<f64>> = Vec::new();
+        for (rate, left) in rough {
+            let apart = |other: &Vector3<f64>| (rate - other).norm() * samples.longest_s() > ONE_START_RAD;
+            if left <= most && starts.iter().all(apart) {
+                starts.push(rate);
+            }
+        }
+        let mut fits: Vec<RotationFit> = starts.into_iter().filter_map(fitted).collect();
         fits.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
         let other_way = fits
             .first()
             .and_then(|best| other_way(best.rate_rad_s, interval_s));
         fits.extend(other_way.and_then(fitted));
+        let left_squares: f64 = left.iter().map(|r| r * r).sum();
+        let by_chance = CONTROLS.map(|turn| {
+            let rate = Vector3::from(turn) / interval_s;
+            left_squares - fit::left_by(samples, &evidence.grids, &evidence.maps, &rate, lit)
+        });
+        // Marks in a known light are what they are, whether they turn or not.
+        let by_chance = if lit {
+            0.0
+        } else {
+            by_chance.into_iter().fold(0.0, f64::max)
+        };
+        fits.retain(|f| left_squares - f.sum_squares > LEAST_OVER_CONTROLS * by_chance);
         self.told_apart(fits, &evidence)
     }
 
@@ -189,11 +229,52 @@ impl RotationSearch<'_> {
         let evidence = RotationEvidence::new(self, views)?;
         let (samples, grids) = (&evidence.samples, &evidence.grids);
         let again = |f: &RotationFit| fit::fit(samples, grids, &f.maps, f.rate_rad_s, lit);
-        let fits = self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)?;
-        if !lit && fits[0].turns(samples.times_s[samples.frames() - 1] - samples.times_s[0]) < LEAST_TURNS {
-            return Err(NoRate::TooFewTurns);
+        self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)
+    }
+
+    /// The light that several flights of the ball have in common, from their views and the rates that each showed by itself, with those rates
+    /// as they are in that light: fitted in turn, since a slow ball's marks pass for light in one flight and not in all. `None` where they do
+    /// not make [`TEACHING_TURNS`] together.
+    #[must_use]
+    pub fn common_light(
+        &self,
+        flights: &[(&[BallView], &RotationFit)],
+    ) -> Option<(BallMaps, Vec<RotationFit>)> {
+        let duration_s = |views: &[BallView]| Some(views.last()?.time_s - views.first()?.time_s);
+        let turns = |(views, f): &(&[BallView], &RotationFit)| f.turns(duration_s(views).unwrap_or(0.0));
+        if flights.iter().map(turns).sum::<f64>() < TEACHING_TURNS {
+            return None;
         }
-        Ok(fits)
+        let most = flights.iter().max_by(|a, b| turns(a).total_cmp(&turns(b)))?;
+        let mut light = most.1.maps.clone();
+        let samples = flights.iter().map(|(views, _)| self.samples(views));
+        let samples: Vec<(BallSamples, FitGrids)> = samples.collect::<Option<_>>()?;
+        let mut fits: Vec<RotationFit> = flights.iter().map(|(_, f)| (*f).clone()).collect();
+        for _ in 0..COMMON_ROUNDS {
+            let lit = |((samples, grids), f): (&(BallSamples, FitGrids), &RotationFit)| {
+                fit::fit(samples, grids, &light, f.rate_rad_s, true)
+            };
+            fits = samples.iter().zip(&fits).map(lit).collect::<Option<_>>()?;
+            let mut sums = vec![0.0; light.light.len()];
+            let mut all = vec![1e-9; light.light.len()];
+            for ((samples, grids), f) in samples.iter().zip(&fits) {
+                let (part, weights) = fit::light_beside(samples, grids, f);
+                for (k, w) in weights.iter().enumerate() {
+                    sums[k] += w * part[k];
+                    all[k] += w;
+                }
+            }
+            light.light = sums.iter().zip(&all).map(|(sum, w)| sum / w).collect();
+        }
+        let fits = fits.into_iter().map(|f| self.with_axis_std(f)).collect();
+        Some((light, fits))
+    }
+
+    fn samples(&self, views: &[BallView]) -> Option<(BallSamples, FitGrids)> {
+        let blur = self.blur_px / self.radius_px;
+        let samples = BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES)?;
+        let grids = FitGrids::new(&samples, 1.0 / self.radius_px);
+        Some((samples, grids))
     }
 
     /// The best of `fits` and its rivals, each once, of those that the `evidence` is explained by.
