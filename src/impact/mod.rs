@@ -24,6 +24,7 @@ pub mod relations;
 pub mod seen_spin;
 mod side_bounce;
 mod spin;
+pub mod spin_candidates;
 pub mod spin_lift;
 mod top_view;
 

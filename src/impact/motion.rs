@@ -2,7 +2,7 @@
 
 use super::contact::SoftBall;
 use super::inputs::{InputValues, MotionInputs};
-use super::seen_spin::SpinCandidates;
+use super::spin_candidates::SpinCandidates;
 use super::spin_lift::SpinLift;
 use crate::calibration::{Ball, Calibration, View};
 use crate::flight::Flight;

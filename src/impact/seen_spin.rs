@@ -1,6 +1,6 @@
 //! Spin that the pictures show, arc by arc, and what tells rivals apart.
 //!
-//! Where several rates suit an arc's pictures, those count that a ball from a bench or a hand can have: R ω up to [`MOST_SPEEDS`] times the
+//! Where several rates suit an arc's pictures, those count that a ball from a bench or a hand can have: R ω up to [`MOST_SPEEDS`](super::spin_candidates::MOST_SPEEDS) times the
 //! fastest speed at which it is seen (one that rolls has 1). Of what is left the bounce between the arc and its neighbour decides: the tangential impulse changes the spin by
 //!
 //! ```text
@@ -11,10 +11,8 @@
 
 use super::inputs::InputValues;
 use super::motion::{ImpactKind, MeasuredMotion};
+use super::spin_candidates::{ChosenSpin, SpinCandidates};
 use crate::quantity::Quantity;
-
-/// Surface speed over the fastest speed of the centre, at most.
-pub const MOST_SPEEDS: f64 = 3.0;
 
 /// Inertia factors that balls have.
 const INERTIA_FACTORS: std::ops::RangeInclusive<f64> = 0.2..=0.67;
@@ -45,73 +43,6 @@ pub enum SpinSource {
     PreviousBounce,
 }
 
-/// Which of the spins that suit an arc's pictures it is, and what told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ChosenSpin {
-    /// Its place among the candidates.
-    pub index: usize,
-    /// What told.
-    pub told_by: SpinEvidence,
-}
-
-/// What tells a spin from its rivals.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum SpinEvidence {
-    /// The pictures.
-    #[default]
-    Pictures,
-    /// The others are too fast for a ball of this speed.
-    Speed,
-    /// The bounce beside it.
-    Bounce,
-}
-
-/// What is known of the spin of an arc.
-#[derive(Debug, Clone, Default)]
-pub(super) struct SpinCandidates {
-    candidates_m_s: Vec<Quantity>,
-    /// Those that nothing is against.
-    possible: Vec<usize>,
-    told_by: SpinEvidence,
-}
-
-impl SpinCandidates {
-    /// Those that a ball can have whose fastest speed is `speed_m_s`, where any is.
-    fn new(candidates_m_s: Vec<Quantity>, speed_m_s: f64) -> Self {
-        let all: Vec<usize> = (0..candidates_m_s.len()).collect();
-        let slow = |&i: &usize| candidates_m_s[i].value.abs() <= MOST_SPEEDS * speed_m_s;
-        let slow: Vec<usize> = all.iter().copied().filter(slow).collect();
-        let by_speed = !slow.is_empty() && slow.len() < all.len();
-        Self {
-            possible: if by_speed { slow } else { all },
-            candidates_m_s,
-            told_by: if by_speed {
-                SpinEvidence::Speed
-            } else {
-                SpinEvidence::Pictures
-            },
-        }
-    }
-
-    fn leave(&mut self, possible: Vec<usize>) {
-        if possible.len() < self.possible.len() {
-            self.told_by = SpinEvidence::Bounce;
-        }
-        self.possible = possible;
-    }
-
-    fn chosen(&self) -> Option<usize> {
-        match self.possible[..] {
-            [one] => Some(one),
-            _ => None,
-        }
-    }
-
-    fn possible_m_s(&self) -> impl Iterator<Item = (usize, Quantity)> {
-        self.possible.iter().map(|&i| (i, self.candidates_m_s[i]))
-    }
-}
-
 impl MeasuredMotion<'_> {
     /// The same with the spins that pictures show.
     #[must_use]
@@ -140,10 +71,10 @@ impl MeasuredMotion<'_> {
     /// Leaves of the spins around the impact between arcs `k` and `k + 1` those that it allows.
     fn tell_apart(&mut self, k: usize) {
         let (before, after) = (&self.seen_spins[k], &self.seen_spins[k + 1]);
-        let is_open = before.possible.len() > 1 || after.possible.len() > 1;
+        let is_open = before.possible().len() > 1 || after.possible().len() > 1;
         if !is_open
-            || before.possible.is_empty()
-            || after.possible.is_empty()
+            || before.possible().is_empty()
+            || after.possible().is_empty()
             || self.kind(k) != Some(ImpactKind::Floor)
         {
             return;
@@ -191,7 +122,7 @@ impl MeasuredMotion<'_> {
         let arc = self.seen_spins.get(k)?;
         Some(ChosenSpin {
             index: arc.chosen()?,
-            told_by: arc.told_by,
+            told_by: arc.told_by(),
         })
     }
 
@@ -199,7 +130,7 @@ impl MeasuredMotion<'_> {
     pub(super) fn seen_spin_m_s(&self, k: usize, error: f64) -> f64 {
         let seen = || {
             let arc = self.seen_spins.get(k)?;
-            let q = arc.candidates_m_s[arc.chosen()?];
+            let q = arc.chosen_m_s()?;
             Some(q.value + error * q.std_uncertainty.unwrap_or(0.0))
         };
         seen().unwrap_or(f64::NAN)

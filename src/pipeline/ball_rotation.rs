@@ -11,11 +11,12 @@ use super::ball_model::BallPictures;
 use super::camera::CalibratedCamera;
 use super::decode::Decoded;
 use super::in_metres::WorldFrame;
-use super::measurement::{ArcSpin, TurnedFrame, Turning};
+use super::measurement::{ArcSpin, BallTurning, TurnedFrame};
 use super::refine::Refined;
 use super::spots::{BallCentre, with_id};
 use crate::flight::{Flight, SpotUse};
-use crate::impact::seen_spin::{ChosenSpin, MOST_SPEEDS, SeenSpin, SpinEvidence};
+use crate::impact::seen_spin::SeenSpin;
+use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence};
 use crate::quantity::Quantity;
 use crate::rotation::{BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -168,7 +169,7 @@ impl FlightPictures<'_> {
             if !is_open(found) {
                 continue;
             }
-            let lit = light.as_ref().map(|(light, _)| RotationSearch {
+            let lit = light.as_ref().map(|light| RotationSearch {
                 light: Some(light),
                 ..*search
             });
@@ -335,7 +336,7 @@ fn reason(rotation: &ArcRotation, chosen: Option<ChosenSpin>) -> Option<String> 
 }
 
 /// The turning frame by frame.
-fn turning(rotation: &ArcRotation, fit: &RotationFit) -> Turning {
+fn turning(rotation: &ArcRotation, fit: &RotationFit) -> BallTurning {
     let rate = fit.rate_rad_s.norm();
     let axis = fit.rate_rad_s.try_normalize(0.0).unwrap_or_else(Vector3::z);
     let middle_s = rotation.times_s.iter().sum::<f64>() / rotation.times_s.len() as f64;
@@ -354,7 +355,7 @@ fn turning(rotation: &ArcRotation, fit: &RotationFit) -> Turning {
         };
     // Of pictures without pixels nothing is known.
     let all_seen = fit.off_rad.len() == rotation.frames.len();
-    Turning {
+    BallTurning {
         rate_rad_s: fit.rate_rad_s.into(),
         middle_s,
         frames: seen.filter(|_| all_seen).map(frame).collect(),

@@ -283,12 +283,12 @@ pub struct ArcSpin {
     /// Why there is no rate, or how it was told from others.
     pub reason: Option<String>,
     /// Frame by frame, where there is a rate.
-    pub turning: Option<Turning>,
+    pub turning: Option<BallTurning>,
 }
 
 /// A rotation frame by frame, camera axes (right, down, away).
 #[derive(Debug, Clone)]
-pub struct Turning {
+pub struct BallTurning {
     /// Rotation vector, rad/s.
     pub rate_rad_s: [f64; 3],
     /// When the ball lies as its map does, s.
@@ -299,7 +299,7 @@ pub struct Turning {
     pub maps: Arc<BallMaps>,
 }
 
-impl Turning {
+impl BallTurning {
     /// Two directions of the ball square to its axis and that axis, as the ball lies in the middle.
     #[must_use]
     pub fn ball_axes(&self) -> [Vector3<f64>; 3] {

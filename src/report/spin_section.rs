@@ -4,10 +4,9 @@
 use super::chart::{Chart, LineStyle, PlotPoint, PointMarker};
 use super::figure::{PlotError, PlotUse};
 use super::jpeg::jpeg;
-use super::page::symbol_html;
 use super::words::{NO_VALUE, format_quantity};
 use crate::frames::Luma;
-use crate::pipeline::{ArcSpin, Measurement, StrobeBall, Turning};
+use crate::pipeline::{ArcSpin, BallTurning, Measurement, StrobeBall};
 use crate::rotation::cube_map::value_at;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -79,7 +78,7 @@ pub(super) fn spin_section(measurement: &Measurement) -> Result<Markup, SpinPict
             @for figure in &figures { (figure) }
             p.soft {
                 "Rates are positive about y where the top of the ball moves along x. "
-                (symbol_html("Rω")) " of the bounces is the radius times the rate about y. "
+                i { "Rω" } " of the bounces is the radius times the rate about y. "
                 "The ball unwrapped: longitude about the axis of rotation to the right, its north pole at the top, what was never seen in plain \
                  grey. Pictures of the ball as they are, and below them the same ones without the light on the ball, turned back by the fitted rotation to the middle of the arc: \
                  where that is right, they look alike."
@@ -115,7 +114,11 @@ fn rates(k: usize, spin: &ArcSpin) -> Markup {
 }
 
 /// What is drawn of an arc.
-fn arc_figures(measurement: &Measurement, k: usize, turning: &Turning) -> Result<Markup, SpinPictureError> {
+fn arc_figures(
+    measurement: &Measurement,
+    k: usize,
+    turning: &BallTurning,
+) -> Result<Markup, SpinPictureError> {
     let arc = k + 1;
     let chart = angle_chart(turning, arc);
     let plot = chart.map(|chart| chart.svg(PlotUse::Page)).transpose()?;
@@ -144,7 +147,7 @@ fn picture(luma: &Luma, words: &str) -> Result<Markup, SpinPictureError> {
 }
 
 /// Turned angle against time, with what each picture has beyond the steady rate.
-fn angle_chart(turning: &Turning, arc: usize) -> Option<Chart> {
+fn angle_chart(turning: &BallTurning, arc: usize) -> Option<Chart> {
     let (first, last) = (turning.frames.first()?, turning.frames.last()?);
     let every = turning.frames.len().div_ceil(MOST_POINTS).max(1);
     let turns = |rad: f64| (rad - first.turned_rad) / TAU;
@@ -187,7 +190,7 @@ fn angle_chart(turning: &Turning, arc: usize) -> Option<Chart> {
 }
 
 /// The ball's albedo by longitude and latitude about the axis of rotation.
-fn unwrapped(turning: &Turning) -> Luma {
+fn unwrapped(turning: &BallTurning) -> Luma {
     let [one, two, axis] = turning.ball_axes();
     let (width, height) = (2 * MAP_HEIGHT_PX, MAP_HEIGHT_PX);
     let mut values = Vec::with_capacity(width * height);
@@ -227,7 +230,7 @@ fn stretched(values: &[Option<f64>], width: usize) -> Luma {
 }
 
 /// Pictures of the ball spread over the arc: as they are in the upper row, in the lower without its light and turned back to the middle.
-fn turned_back(turning: &Turning, balls: &[StrobeBall]) -> Option<Luma> {
+fn turned_back(turning: &BallTurning, balls: &[StrobeBall]) -> Option<Luma> {
     let ball = |frame: usize| balls.iter().find(|b| b.frame == frame);
     let seen: Vec<_> = turning
         .frames

@@ -23,6 +23,9 @@ use rayon::prelude::*;
 const ROUNDS: usize = 16;
 const FAR_ROUNDS: usize = 6;
 
+/// The curvature stands for rates that turn the ends of the arc by no more of the map's spacing.
+const NEAR_SPACINGS: f64 = 0.5;
+
 /// Steps of a candidate.
 const ROUGH_ROUNDS: usize = 5;
 
@@ -91,6 +94,17 @@ impl RotationFit {
         both.cholesky()
             .is_none_or(|c| off.dot(&c.solve(&off)) > 3.0 * 9.0)
     }
+}
+
+/// A rotation near a minimum, without uncertainties.
+#[derive(Debug, Clone)]
+pub struct RoughFit {
+    /// Rotation vector, rad/s, camera axes.
+    pub rate_rad_s: Vector3<f64>,
+    /// The maps.
+    pub maps: BallMaps,
+    /// Σ of squared residuals over their weights.
+    pub sum_squares: f64,
 }
 
 /// What a fit needs beside the samples.
@@ -449,7 +463,7 @@ pub fn left_by(
 
 /// The light that the pixels show where the ball's `fit` is taken away, with what it weighs at each node.
 #[must_use]
-pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RotationFit) -> (Vec<f64>, Vec<f64>) {
+pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RoughFit) -> (Vec<f64>, Vec<f64>) {
     let turned = turned(samples, grids.grid, &fit.rate_rad_s);
     let dark = BallMaps {
         light: vec![0.0; grids.disc.len()],
@@ -482,10 +496,12 @@ pub fn fit(
     let most = 2.0 * grids.grid.spacing_rad() / longest_s;
     let mut found = evaluated(samples, grids, &maps, &rate, lit);
     let mut bend = None;
+    let mut since_rad = 0.0;
     for round in 0..ROUNDS {
         maps = found.maps.clone();
         if bend.is_none() || round == FAR_ROUNDS {
             bend = curvature(samples, grids, &maps, &rate, lit);
+            since_rad = 0.0;
         }
         // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
         let matrix = bend.unwrap_or_else(|| found.held_curvature(samples, &rate));
@@ -494,14 +510,18 @@ pub fn fit(
         if gain < SETTLED * SETTLED && bend.is_some() {
             break;
         }
-        rate += (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
+        let step = (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
+        rate += step;
+        since_rad += step.norm() * longest_s;
         found = evaluated(samples, grids, &maps, &rate, lit);
     }
-    let bend = curvature(samples, grids, &found.maps, &rate, lit)?;
+    // Nearby the curvature stands.
+    let stands = bend.filter(|_| since_rad < NEAR_SPACINGS * grids.grid.spacing_rad());
+    let bend = stands.or_else(|| curvature(samples, grids, &found.maps, &rate, lit))?;
     Some(found.with_scatter(samples, rate, bend.cholesky()?.inverse()))
 }
 
-/// A rate nearer to the minimum than `start`, by a few steps with the maps held, and Σ of squares there: enough to see which of many
+/// A rate nearer to the minimum than `start`, by a few steps with the maps held: enough to see which of many
 /// candidates are worth a fit.
 #[must_use]
 pub fn rough(
@@ -510,7 +530,7 @@ pub fn rough(
     maps: &BallMaps,
     start: Vector3<f64>,
     lit: bool,
-) -> (Vector3<f64>, f64) {
+) -> RoughFit {
     let mut rate = start;
     let most = 2.0 * grids.grid.spacing_rad() / samples.longest_s();
     let mut found = evaluated(samples, grids, &unmarked(samples, grids, maps), &rate, lit);
@@ -526,7 +546,11 @@ pub fn rough(
         }
         (rate, found) = (next, there);
     }
-    (rate, found.sum_squares)
+    RoughFit {
+        rate_rad_s: rate,
+        maps: found.maps,
+        sum_squares: found.sum_squares,
+    }
 }
 
 impl MapsAtRate {

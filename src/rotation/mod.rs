@@ -27,7 +27,7 @@ pub use fit::{BallMaps, RotationFit};
 pub use view::{BallPixel, BallSamples, BallView};
 
 use crate::numeric::robust::median;
-use fit::FitGrids;
+use fit::{FitGrids, RoughFit};
 use nalgebra::{Matrix3, Vector3};
 use search::LagProducts;
 use std::f64::consts::{PI, TAU};
@@ -57,7 +57,10 @@ const CONTROLS: [[f64; 3]; 5] = [
 const MOST_FITTED: usize = 12;
 
 /// Frames by which rates are searched for and rivals told apart, at most: those in the middle. The rest then makes the rate exact.
-pub const SEARCH_FRAMES: usize = 40;
+pub const SEARCH_FRAMES: usize = 32;
+
+/// Candidates of less than this part of the best score are no rivals.
+const LEAST_SCORE: f64 = 0.6;
 
 /// Candidates that leave more than this many times Σ of squares of the best are no rivals; those that turn the ends of the arc within so
 /// little of each other are one, rad.
@@ -187,16 +190,23 @@ impl RotationSearch<'_> {
         let products = LagProducts::new(samples, left, interval_s, 1.0 / self.radius_px, lit);
         let candidates = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
         let fitted = |start| fit::fit(samples, &evidence.grids, &evidence.maps, start, lit);
-        let likely = candidates.iter().filter(|c| c.score > 0.0);
+        let least = LEAST_SCORE * candidates.first().map_or(0.0, |best| best.score);
+        let likely = candidates.iter().filter(|c| c.score > least.max(0.0));
         let rough = likely.map(|c| fit::rough(samples, &evidence.grids, &evidence.maps, c.rate_rad_s, lit));
-        let mut rough: Vec<(Vector3<f64>, f64)> = rough.collect();
-        rough.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.1);
+        let mut rough: Vec<RoughFit> = rough.collect();
+        rough.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
+        let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.sum_squares);
         let mut starts: Vec<Vector3<f64>> = Vec::new();
-        for (rate, left) in rough {
-            let apart = |other: &Vector3<f64>| (rate - other).norm() * samples.longest_s() > ONE_START_RAD;
-            if left <= most && starts.iter().all(apart) {
-                starts.push(rate);
+        for RoughFit {
+            rate_rad_s,
+            sum_squares,
+            ..
+        } in rough
+        {
+            let apart =
+                |other: &Vector3<f64>| (rate_rad_s - other).norm() * samples.longest_s() > ONE_START_RAD;
+            if sum_squares <= most && starts.iter().all(apart) {
+                starts.push(rate_rad_s);
             }
         }
         let mut fits: Vec<RotationFit> = starts.into_iter().filter_map(fitted).collect();
@@ -232,14 +242,11 @@ impl RotationSearch<'_> {
         self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)
     }
 
-    /// The light that several flights of the ball have in common, from their views and the rates that each showed by itself, with those rates
-    /// as they are in that light: fitted in turn, since a slow ball's marks pass for light in one flight and not in all. `None` where they do
-    /// not make [`TEACHING_TURNS`] together.
+    /// The light that several flights of the ball have in common, from their views and the rates that each showed by itself: light and
+    /// rates are fitted in turn, since a slow ball's marks pass for light in one flight and not in all. `None` where they do not make
+    /// [`TEACHING_TURNS`] together.
     #[must_use]
-    pub fn common_light(
-        &self,
-        flights: &[(&[BallView], &RotationFit)],
-    ) -> Option<(BallMaps, Vec<RotationFit>)> {
+    pub fn common_light(&self, flights: &[(&[BallView], &RotationFit)]) -> Option<BallMaps> {
         let duration_s = |views: &[BallView]| Some(views.last()?.time_s - views.first()?.time_s);
         let turns = |(views, f): &(&[BallView], &RotationFit)| f.turns(duration_s(views).unwrap_or(0.0));
         if flights.iter().map(turns).sum::<f64>() < TEACHING_TURNS {
@@ -249,12 +256,13 @@ impl RotationSearch<'_> {
         let mut light = most.1.maps.clone();
         let samples = flights.iter().map(|(views, _)| self.samples(views));
         let samples: Vec<(BallSamples, FitGrids)> = samples.collect::<Option<_>>()?;
-        let mut fits: Vec<RotationFit> = flights.iter().map(|(_, f)| (*f).clone()).collect();
+        let mut rates: Vec<Vector3<f64>> = flights.iter().map(|(_, f)| f.rate_rad_s).collect();
         for _ in 0..COMMON_ROUNDS {
-            let lit = |((samples, grids), f): (&(BallSamples, FitGrids), &RotationFit)| {
-                fit::fit(samples, grids, &light, f.rate_rad_s, true)
+            let lit = |((samples, grids), &rate): (&(BallSamples, FitGrids), &Vector3<f64>)| {
+                fit::rough(samples, grids, &light, rate, true)
             };
-            fits = samples.iter().zip(&fits).map(lit).collect::<Option<_>>()?;
+            let fits: Vec<RoughFit> = samples.iter().zip(&rates).map(lit).collect();
+            rates = fits.iter().map(|f| f.rate_rad_s).collect();
             let mut sums = vec![0.0; light.light.len()];
             let mut all = vec![1e-9; light.light.len()];
             for ((samples, grids), f) in samples.iter().zip(&fits) {
@@ -266,8 +274,7 @@ impl RotationSearch<'_> {
             }
             light.light = sums.iter().zip(&all).map(|(sum, w)| sum / w).collect();
         }
-        let fits = fits.into_iter().map(|f| self.with_axis_std(f)).collect();
-        Some((light, fits))
+        Some(light)
     }
 
     fn samples(&self, views: &[BallView]) -> Option<(BallSamples, FitGrids)> {
