@@ -208,7 +208,7 @@ fn long_table(rows: usize) -> String {
     let truth = mu_e(0.78, 0.2, 0.2);
     let noise = &mut Noise(3);
     let mut text =
-        "incident_angle_deg,incident_angle_deg_std,rebound_angle_deg,rebound_angle_deg_std,spin_ratio\n"
+        "incident_angle_deg,incident_angle_deg_std,rebound_angle_deg,rebound_angle_deg_std,spin_ratio,recording\n"
             .to_owned();
     for angle_deg in spread(8.0, 75.0, rows) {
         let row = angles(
@@ -221,7 +221,12 @@ fn long_table(rows: usize) -> String {
         let reading = |column| row.reading(column).unwrap();
         let (before, after) = (reading(Column::IncidentAngle), reading(Column::ReboundAngle));
         let (a, b) = (before.std.unwrap(), after.std.unwrap());
-        writeln!(text, "{:.5},{a},{:.5},{b},0", before.value, after.value).unwrap();
+        writeln!(
+            text,
+            "{:.5},{a},{:.5},{b},0,day2/launch-at-{angle_deg:.3}.mp4",
+            before.value, after.value
+        )
+        .unwrap();
     }
     text
 }
@@ -230,7 +235,13 @@ fn long_table(rows: usize) -> String {
 #[test]
 fn a_long_table_is_fitted_right() {
     const ROWS: usize = 20_000;
-    let series = fit::csv::parse(long_table(ROWS).as_bytes(), "long.csv").unwrap();
+    let text = long_table(ROWS);
+    assert!(text.len() > 1 << 20, "it is read in several parts");
+    let series = fit::csv::parse(text.as_bytes(), "long.csv").unwrap();
+    assert_eq!(
+        series.rows[ROWS - 1].recording(),
+        Some("day2/launch-at-75.000.mp4")
+    );
     let group = fitted(&series);
     assert_eq!(group.rows_used.len(), ROWS);
     assert_eq!(

@@ -358,7 +358,7 @@ mod tests {
                 let slid = (tangent - 0.125) / 0.78;
                 let rebound = slid.max(tangent * 5.0 / 7.0 / 0.78) + if i == 5 && g == 0 { 0.2 } else { 0.0 };
                 let number = rows.len() + 1;
-                let mut row = Row::new(number, group)
+                let mut row = Row::new(number, *group)
                     .with(Column::IncidentAngle, tangent.atan().to_degrees(), Some(0.1))
                     .with(Column::ReboundAngle, rebound.atan().to_degrees(), Some(0.1))
                     .with(Column::SpinRatio, 0.0, None);

@@ -252,20 +252,23 @@ fn instead(series: &Series, rows: &[&Row], turned: impl Fn(&Row) -> Row) -> Opti
     if quick.possible.is_some_and(|chi2| chi2 <= enough) {
         return None;
     }
-    let other = description(series, rows.iter().map(|row| turned(row)).collect(), &QUICK)?;
-    let chi2 = other.possible?;
-    let likelier = |stated: &Description| match stated.possible {
-        Some(poor) => BETTER * chi2 < poor,
-        None => chi2 <= POOR * stated.chi2,
+    let other_way = |models: &[ModelName]| {
+        let turned = rows.iter().map(|row| turned(row)).collect();
+        description(series, turned, models)?.possible
     };
+    let likelier = |stated: &Description, other: f64| match stated.possible {
+        Some(poor) => BETTER * other < poor,
+        None => other <= POOR * stated.chi2,
+    };
+    if !likelier(&quick, other_way(&QUICK)?) {
+        return None;
+    }
     // Then all the models, as the rows may follow the one that takes its time.
-    let stated = likelier(&quick)
-        .then(|| as_it_stands(&ModelName::ALL))
-        .flatten()?;
-    likelier(&stated).then(|| match stated.possible {
+    let (stated, other) = (as_it_stands(&ModelName::ALL)?, other_way(&ModelName::ALL)?);
+    likelier(&stated, other).then(|| match stated.possible {
         Some(poor) => format!(
             "the rows lie {:.1} times nearer to the models",
-            (poor / chi2.max(f64::MIN_POSITIVE)).sqrt().min(999.0)
+            (poor / other.max(f64::MIN_POSITIVE)).sqrt().min(999.0)
         ),
         None => "the rows give coefficients that a bounce can have only".to_owned(),
     })
