@@ -8,6 +8,8 @@
 #     make lint     format, clippy, documentation: as CI does
 #     make build    the program, target/debug/track
 #     make install  the program on the PATH (cargo's folder; a release build)
+#     make deb      a Debian package, target/debian/track_*.deb
+#     make test-deb that package installed in a bare Debian 12 (root, debootstrap) and the demo measured there
 #     make setup    what a build needs, and nothing else
 
 SHELL := /bin/bash
@@ -23,7 +25,7 @@ TRACK := cargo run --locked --quiet --bin track --
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball
 
-.PHONY: demo test figures golden schemas lint build install setup
+.PHONY: demo test figures golden schemas lint build install deb test-deb setup
 
 demo: build
 	$(TRACK) simulate $(SCENE) --out demo
@@ -56,6 +58,12 @@ build: setup
 
 install: setup
 	cargo install --locked --path .
+
+deb: setup
+	scripts/deb.sh
+
+test-deb: deb
+	scripts/test_deb.sh
 
 setup:
 	@scripts/setup.sh

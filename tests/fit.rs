@@ -1486,7 +1486,7 @@ fn groups_are_fitted_apart() {
     assert_eq!(names, ["steel", "golf ball", "superball"]);
     for group in &together.groups {
         let mut alone = all.clone();
-        alone.rows.retain(|row| row.group == group.name);
+        alone.rows.retain(|row| *row.group == *group.name);
         alone.groups = vec![group.name.clone()];
         let alone = fitted(&alone);
         assert_eq!(alone.preferred, group.preferred);

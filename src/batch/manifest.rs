@@ -141,9 +141,11 @@ fn columns(table: &Table) -> Result<ColumnPlaces, Vec<FileProblem>> {
     let known = |name: &str| COLUMNS.iter().position(|known| known.eq_ignore_ascii_case(name));
     let guess = |name: &str| nearest(name, COLUMNS, Closeness::Guess);
     let mut places: ColumnPlaces = [None; COLUMNS.len()];
-    let mut problems = table.columns_there_twice(|i| known(&table.columns[i]).is_some());
+    let mut problems = table
+        .head
+        .columns_there_twice(|i| known(&table.head.columns[i]).is_some());
     let accepted = COLUMNS.join(", ");
-    for (i, name) in table.columns.iter().enumerate() {
+    for (i, name) in table.head.columns.iter().enumerate() {
         match known(name) {
             Some(k) => places[k] = places[k].or(Some(i)),
             None => {
@@ -155,14 +157,18 @@ fn columns(table: &Table) -> Result<ColumnPlaces, Vec<FileProblem>> {
                     || "remove it, or give it one of these names".to_owned(),
                     |meant| format!("did you mean {meant}?"),
                 );
-                problems.push(table.column_problem(name, &found, &accepted, &hint));
+                problems.push(table.head.column_problem(name, &found, &accepted, &hint));
             }
         }
     }
     let video = COLUMNS[0];
-    if places[0].is_none() && !table.columns.iter().any(|name| guess(name) == Some(video)) {
+    if places[0].is_none() && !table.head.columns.iter().any(|name| guess(name) == Some(video)) {
         let (found, hint) = ("nothing", "add it: it names the recording of each row");
-        problems.push(table.column_problem(video, found, "the file of each recording", hint));
+        problems.push(
+            table
+                .head
+                .column_problem(video, found, "the file of each recording", hint),
+        );
     }
     if problems.is_empty() {
         Ok(places)
@@ -204,7 +210,7 @@ impl RowCells<'_> {
         let mut positive = |column: &str, unit: &str| {
             let cell = self.get(column)?;
             // What a calibration would refuse, a manifest may not put in its place.
-            let number = self.table.number(cell).filter(|&x| (POSITIVE.holds)(x));
+            let number = self.table.head.number(cell).filter(|&x| (POSITIVE.holds)(x));
             if number.is_none() {
                 let accepted = format!("{}, in {unit}", POSITIVE.accepted);
                 let hint = "leave the cell empty for the calibration's";
@@ -224,7 +230,7 @@ impl RowCells<'_> {
             let hint = "R ω / u of the launch, 0 for no spin; leave the cell empty for the calibration's";
             refuse("spin_ratio", format!("{cell:?}"), &accepted, hint);
         }
-        let (cells, columns) = (self.row.cells.len(), self.table.columns.len());
+        let (cells, columns) = (self.row.cells.len(), self.table.head.columns.len());
         if cells > columns {
             let (found, accepted) = (
                 format!("{cells} cells"),
@@ -260,6 +266,7 @@ impl RowCells<'_> {
             return Some(LaunchSpin::Unknown);
         }
         self.table
+            .head
             .number(cell)
             .filter(|&x| (FINITE.holds)(x))
             .map(LaunchSpin::Ratio)

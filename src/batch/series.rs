@@ -142,7 +142,10 @@ impl BounceRows {
     #[must_use]
     pub fn left_out(mut self, left_out: &LeftOut) -> Self {
         for row in &mut self.0 {
-            row[LEFT_OUT] = left_out.reason();
+            // A bounce that no fit could use is none when refuted recordings are kept, either.
+            if row[LEFT_OUT].is_empty() || matches!(left_out, LeftOut::Duplicate(_)) {
+                row[LEFT_OUT] = left_out.reason();
+            }
             if matches!(left_out, LeftOut::Duplicate(_)) {
                 let codes = std::mem::take(&mut row[WARNINGS]);
                 row[WARNINGS] = format!("{codes} {DUPLICATE}").trim_start().to_owned();
@@ -418,11 +421,8 @@ mod tests {
         assert_eq!((s.rows.len(), s.set_aside.len()), (2, 0));
         assert!(s.notes.is_empty(), "{:?}", s.notes);
         let first = &s.rows[0];
-        assert_eq!(
-            (first.group.as_str(), first.recording.as_deref()),
-            ("steel", Some("a, \"b\""))
-        );
-        assert_eq!(first.page.as_deref(), Some("results/a.report.html"));
+        assert_eq!((&*first.group, first.recording()), ("steel", Some("a, \"b\"")));
+        assert_eq!(first.page(), Some("results/a.report.html"));
         let std = |column| first.reading(column).unwrap().std;
         assert_eq!((std(Column::IncidentVx), std(Column::SpinIn)), (Some(0.01), None));
         assert_eq!(

@@ -6,23 +6,16 @@
 //!   speeds are wrong by an unknown factor. They are left out unless [`RefutedRecordings::Kept`] is asked for.
 //! * Results of different builds of the program may differ without the ball having a part in it; that is said.
 
+pub use crate::rebound::fit::csv::RefutedRecordings;
+
 use crate::rebound::fit::Note;
+use crate::rebound::fit::csv::KEPT_ON_REQUEST;
 use std::collections::{BTreeMap, HashMap};
 
 /// The code of a recording that is a copy of another.
 pub const DUPLICATE: &str = "duplicate_recording";
 /// The code of a batch whose results come from different builds.
 pub const SEVERAL_BUILDS: &str = "several_builds";
-
-/// What becomes of recordings that gravity or the ball's size refutes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum RefutedRecordings {
-    /// They are not in the fit.
-    #[default]
-    LeftOut,
-    /// They are in the fit.
-    Kept,
-}
 
 /// What refutes a recording, the codes of its warnings that say so, and what is wrong with it.
 const REFUTATIONS: [Refutation; 2] = [
@@ -94,7 +87,7 @@ impl LeftOut {
             Self::Duplicate(of) => {
                 format!("the recording is the same as {of}, which counts once ({DUPLICATE})")
             }
-            Self::Refuted(reason) => format!("{reason}; --keep-refuted keeps it"),
+            Self::Refuted(reason) => format!("{reason}; {KEPT_ON_REQUEST}"),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Status, answer, detail, note, say};
 use crate::rebound::compliant::STIFFNESS_RATIO_RANGE;
+use crate::rebound::fit::csv::RefutedRecordings;
 use crate::rebound::fit::{self, Options, SeriesFit};
 use crate::report::documents::fit::FitDocument;
 use crate::report::documents::json_text;
@@ -31,6 +32,10 @@ pub struct FitArgs {
     /// compliant model's; 2(1-nu)/(2-nu) for bodies of Poisson number nu. Without it, it is fitted.
     #[arg(long, value_name = "K", value_parser = stiffness_ratio)]
     pub stiffness_ratio: Option<f64>,
+    /// Keep bounces of recordings that gravity or the ball's size refutes: `track batch` writes them into series.csv with the reason in
+    /// `left_out`, and they are not fitted without this.
+    #[arg(long)]
+    pub keep_refuted: bool,
 }
 
 /// A contact's stiffness ratio.
@@ -56,7 +61,12 @@ fn temperature(text: &str) -> Result<f64, String> {
 ///
 /// Whatever keeps the series from being read, or the results from being written.
 pub fn run(args: &FitArgs) -> anyhow::Result<Status> {
-    let series = fit::csv::read(&args.path)?;
+    let refuted = if args.keep_refuted {
+        RefutedRecordings::Kept
+    } else {
+        RefutedRecordings::LeftOut
+    };
+    let series = fit::csv::read_with(&args.path, refuted)?;
     // Kept to the end: a folder that nothing came into goes again.
     let _folders = args.out.as_deref().map(write::check_output_dir).transpose()?;
     let options = Options {

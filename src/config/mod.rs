@@ -23,6 +23,6 @@ pub mod table;
 
 pub use nearest::{Closeness, nearest};
 pub use problem::{FileError, FileKind, FileProblem};
-pub(crate) use problem::{clipped, read_bytes};
+pub(crate) use problem::{clipped, open_file, read_bytes};
 pub use section::NumberRange;
 pub(crate) use section::{Document, FINITE, PAIR, POSITIVE, Section, array, text};

@@ -144,26 +144,54 @@ pub(crate) fn read_bytes(
     let mut bytes = Vec::new();
     std::fs::File::open(path)
         .and_then(|file| file.take(most_bytes + 1).read_to_end(&mut bytes))
-        .map_err(|source| FileError::Unreadable {
-            path: path.to_owned(),
-            kind,
-            hint: match source.kind() {
-                ErrorKind::NotFound => format!("no such file; check the path ({})", kind.source),
-                ErrorKind::IsADirectory => format!("it is a folder; name the {} in that folder", kind.what),
-                ErrorKind::PermissionDenied => {
-                    "it may not be read by this user; check its permissions".to_owned()
-                }
-                _ => "the system reports an error; check the path and the disk".to_owned(),
-            },
-            source,
-        })?;
+        .map_err(|source| unreadable(path, kind, source))?;
     if bytes.len() as u64 > most_bytes {
-        return Err(FileError::WrongForm {
-            name: path.display().to_string(),
-            kind,
-            found: format!("a file above {} MB", most_bytes / 1_000_000),
-            hint: format!("name the {}, not a video or picture", kind.what),
-        });
+        return Err(too_large(path, kind, most_bytes));
     }
     Ok(bytes)
+}
+
+/// A file of at most `most_bytes`, to be read bit by bit.
+pub(crate) fn open_file(
+    path: &Path,
+    kind: &'static FileKind,
+    most_bytes: u64,
+) -> Result<std::fs::File, FileError> {
+    let opened = std::fs::File::open(path).and_then(|file| {
+        let metadata = file.metadata()?;
+        if metadata.is_dir() {
+            return Err(ErrorKind::IsADirectory.into());
+        }
+        Ok((file, metadata.len()))
+    });
+    match opened {
+        Ok((_, bytes)) if bytes > most_bytes => Err(too_large(path, kind, most_bytes)),
+        Ok((file, _)) => Ok(file),
+        Err(source) => Err(unreadable(path, kind, source)),
+    }
+}
+
+fn unreadable(path: &Path, kind: &'static FileKind, source: std::io::Error) -> FileError {
+    FileError::Unreadable {
+        path: path.to_owned(),
+        kind,
+        hint: match source.kind() {
+            ErrorKind::NotFound => format!("no such file; check the path ({})", kind.source),
+            ErrorKind::IsADirectory => format!("it is a folder; name the {} in that folder", kind.what),
+            ErrorKind::PermissionDenied => {
+                "it may not be read by this user; check its permissions".to_owned()
+            }
+            _ => "the system reports an error; check the path and the disk".to_owned(),
+        },
+        source,
+    }
+}
+
+fn too_large(path: &Path, kind: &'static FileKind, most_bytes: u64) -> FileError {
+    FileError::WrongForm {
+        name: path.display().to_string(),
+        kind,
+        found: format!("a file above {} MB", most_bytes / 1_000_000),
+        hint: format!("name the {}, not a video or picture", kind.what),
+    }
 }

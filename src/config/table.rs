@@ -5,17 +5,26 @@
 //! by name, in any order, small and capital letters being the same.
 
 use super::problem::{FileError, FileKind, FileProblem};
+use std::borrow::Cow;
 use std::collections::HashSet;
+use std::io::{Cursor, Read};
 
 /// A table as it stands in a file.
 #[derive(Debug)]
 pub struct Table {
+    /// What stands above the rows.
+    pub head: TableHead,
+    /// The rows, in the order of the file.
+    pub rows: Vec<TableRow>,
+}
+
+/// The names of a table's columns, and how its cells are read.
+#[derive(Debug)]
+pub struct TableHead {
     /// The names of the columns, as the file writes them.
     pub columns: Vec<String>,
     /// The line of the column names, from 1.
-    pub header_line: u64,
-    /// The rows, in the order of the file.
-    pub rows: Vec<TableRow>,
+    pub line: u64,
     /// Whether `0,5` is a number.
     pub decimal_comma: bool,
 }
@@ -29,54 +38,140 @@ pub struct TableRow {
     pub cells: Vec<String>,
 }
 
+/// The rows of a table one after the other, of which none is kept: a table of a million rows takes no more memory than one of ten.
+pub struct TableRows<R> {
+    reader: ::csv::Reader<R>,
+    record: ::csv::ByteRecord,
+    name: String,
+    kind: &'static FileKind,
+}
+
+/// What is looked at to know what a file is, before its rows are.
+const START_BYTES: u64 = 1 << 20;
+
 impl Table {
     /// Reads the bytes of the file `name`. What is not UTF-8 in a cell becomes U+FFFD, and is no number.
     ///
     /// # Errors
     /// [`FileError::WrongForm`].
     pub fn parse(bytes: &[u8], name: &str, kind: &'static FileKind) -> Result<Self, FileError> {
-        let wrong = |found: String, hint: String| FileError::WrongForm {
-            name: name.to_owned(),
-            kind,
-            found,
-            hint,
-        };
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        if let Some((found, hint)) = no_text(bytes) {
-            return Err(wrong(found.to_owned(), hint.replace("{least}", kind.least)));
+        let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
+        let (head, mut rows) = TableRows::over(bytes, bytes, name, kind)?;
+        let mut kept = Vec::new();
+        while rows.next_row()? {
+            kept.push(TableRow {
+                line: line_of(bytes, rows.record.position()),
+                cells: rows.cells().map(Cow::into_owned).collect(),
+            });
         }
-        let delimiter = delimiter(bytes);
-        let mut reader = ::csv::ReaderBuilder::new()
+        Ok(Self { head, rows: kept })
+    }
+}
+
+impl<R: Read> TableRows<R> {
+    /// The table in `source`, whose first bytes (without a byte order mark) are `start`.
+    fn over(
+        start: &[u8],
+        source: R,
+        name: &str,
+        kind: &'static FileKind,
+    ) -> Result<(TableHead, Self), FileError> {
+        if let Some((found, hint)) = no_text(start) {
+            return Err(FileError::WrongForm {
+                name: name.to_owned(),
+                kind,
+                found: found.to_owned(),
+                hint: hint.replace("{least}", kind.least),
+            });
+        }
+        let delimiter = delimiter(start);
+        let reader = ::csv::ReaderBuilder::new()
             .flexible(true)
             .comment(Some(b'#'))
             .delimiter(delimiter)
             .trim(::csv::Trim::All)
-            .from_reader(bytes);
-        let broken = |e: ::csv::Error| wrong(e.to_string(), "save it again as CSV (UTF-8)".to_owned());
-        let cells = |record: &::csv::ByteRecord| -> Vec<String> {
-            let cells = record.iter();
-            cells.map(|c| String::from_utf8_lossy(c).into_owned()).collect()
+            .from_reader(source);
+        let mut rows = Self {
+            reader,
+            record: ::csv::ByteRecord::new(),
+            name: name.to_owned(),
+            kind,
         };
-        let header = reader.byte_headers().map_err(broken)?;
-        let (columns, header_line) = (cells(header), line_of(bytes, header.position()));
-        let mut rows = Vec::new();
-        for record in reader.byte_records() {
-            let record = record.map_err(broken)?;
-            if !record.iter().all(<[u8]>::is_empty) {
-                rows.push(TableRow {
-                    line: line_of(bytes, record.position()),
-                    cells: cells(&record),
-                });
-            }
-        }
-        Ok(Self {
-            columns,
-            header_line,
-            rows,
+        let header = match rows.reader.byte_headers() {
+            Ok(header) => header,
+            Err(error) => return Err(rows.broken(&error)),
+        };
+        let head = TableHead {
+            columns: header.iter().map(text).map(Cow::into_owned).collect(),
+            line: line_of(start, header.position()),
             decimal_comma: delimiter == b';',
-        })
+        };
+        Ok((head, rows))
     }
 
+    /// Goes to the next row that is not empty; whether there is one.
+    ///
+    /// # Errors
+    /// [`FileError::WrongForm`], also where the file cannot be read on.
+    pub fn next_row(&mut self) -> Result<bool, FileError> {
+        loop {
+            match self.reader.read_byte_record(&mut self.record) {
+                Ok(true) if self.record.iter().all(<[u8]>::is_empty) => {}
+                Ok(there) => return Ok(there),
+                Err(error) => return Err(self.broken(&error)),
+            }
+        }
+    }
+
+    /// Its cells without the space around them; there may be fewer or more than columns.
+    pub fn cells(&self) -> impl Iterator<Item = Cow<'_, str>> + Clone {
+        self.record.iter().map(text)
+    }
+
+    fn broken(&self, error: &::csv::Error) -> FileError {
+        FileError::WrongForm {
+            name: self.name.clone(),
+            kind: self.kind,
+            found: error.to_string(),
+            hint: "save it again as CSV (UTF-8)".to_owned(),
+        }
+    }
+}
+
+/// Opens a table whose rows are read one by one from `source`, the file `name`.
+///
+/// # Errors
+/// [`FileError::WrongForm`], also where its start cannot be read.
+pub fn rows_of<'a>(
+    mut source: impl Read + 'a,
+    name: &str,
+    kind: &'static FileKind,
+) -> Result<(TableHead, TableRows<impl Read + 'a>), FileError> {
+    let mut start = Vec::new();
+    source
+        .by_ref()
+        .take(START_BYTES)
+        .read_to_end(&mut start)
+        .map_err(|error| FileError::WrongForm {
+            name: name.to_owned(),
+            kind,
+            found: error.to_string(),
+            hint: "check the disk, or copy the file and try again".to_owned(),
+        })?;
+    if start.starts_with(BYTE_ORDER_MARK) {
+        start.drain(..BYTE_ORDER_MARK.len());
+    }
+    let first = start.clone();
+    TableRows::over(&first, Cursor::new(start).chain(source), name, kind)
+}
+
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+fn text(cell: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(cell)
+}
+
+impl TableHead {
     /// A problem for each column of `used` (by position) whose name another has too.
     pub fn columns_there_twice(&self, used: impl Fn(usize) -> bool) -> Vec<FileProblem> {
         let mut seen = HashSet::new();
@@ -96,11 +191,14 @@ impl Table {
 
     /// A problem with a column as such.
     pub fn column_problem(&self, column: &str, found: &str, accepted: &str, hint: &str) -> FileProblem {
-        FileProblem::new(place(self.header_line, column), found, accepted, hint)
+        FileProblem::new(place(self.line, column), found, accepted, hint)
     }
 
     /// The number in a cell.
     pub fn number(&self, cell: &str) -> Option<f64> {
+        if let Ok(number) = cell.parse() {
+            return Some(number);
+        }
         // A true minus sign, as typeset tables have it.
         let cell = cell.replace('\u{2212}', "-");
         if self.decimal_comma && cell.contains(',') {

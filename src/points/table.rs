@@ -50,14 +50,14 @@ pub fn read(path: &Path) -> Result<GivenPoints, FileError> {
 pub fn parse(bytes: &[u8], name: &str) -> Result<GivenPoints, FileError> {
     let mut table = Table::parse(bytes, name, &KIND)?;
     let is_known = |cell: &str| PointColumn::named(cell).is_some();
-    if !table.columns.iter().any(|c| is_known(c))
+    if !table.head.columns.iter().any(|c| is_known(c))
         && table
             .rows
             .first()
             .is_some_and(|row| row.cells.iter().any(|c| is_known(c)))
     {
         let header = table.rows.remove(0);
-        (table.columns, table.header_line) = (header.cells, header.line);
+        (table.head.columns, table.head.line) = (header.cells, header.line);
     }
     let invalid = |problems: Vec<FileProblem>| FileError::Invalid {
         name: name.to_owned(),
@@ -154,6 +154,7 @@ impl Columns {
     fn of(table: &Table) -> Result<Self, FileProblem> {
         let at = |wanted: PointColumn| {
             table
+                .head
                 .columns
                 .iter()
                 .position(|c| PointColumn::named(c) == Some(wanted))
@@ -172,8 +173,8 @@ impl Columns {
         };
         let missing = |found: &str| {
             FileProblem::new(
-                format!("line {}", table.header_line),
-                format!("{found} ({})", clipped(&table.columns.join(", "))),
+                format!("line {}", table.head.line),
+                format!("{found} ({})", clipped(&table.head.columns.join(", "))),
                 ACCEPTED,
                 "name the columns so, or export the table again with them",
             )
@@ -196,7 +197,7 @@ impl Columns {
         let cell = |i: usize| row.cells.get(i).map_or("", String::as_str);
         let problem = |i: usize, accepted: &str| {
             FileProblem::new(
-                place(row.line, &table.columns[i]),
+                place(row.line, &table.head.columns[i]),
                 clipped(cell(i)),
                 accepted,
                 "correct it, or leave out the row",
@@ -206,7 +207,7 @@ impl Columns {
             if cell(i).is_empty() || cell(i).eq_ignore_ascii_case("nan") {
                 return Ok(None);
             }
-            let number = table.number(cell(i)).filter(|x| x.is_finite());
+            let number = table.head.number(cell(i)).filter(|x| x.is_finite());
             number.map(Some).ok_or_else(|| problem(i, "a finite number"))
         };
         let (Some(a), Some(b)) = (number(self.place.0)?, number(self.place.1)?) else {

@@ -172,7 +172,7 @@ impl<'a> GroupDrawing<'a> {
             .rows
             .iter()
             .enumerate()
-            .filter(|(_, row)| row.group == group.name && aside.contains(&row.number));
+            .filter(|(_, row)| *row.group == *group.name && aside.contains(&row.number));
         rows.extend(out.take(MOST_ROWS).filter_map(|(index, _)| {
             let (coordinates, inertia_factor) = coordinates(index)?;
             Some(DrawnRow {

@@ -358,12 +358,12 @@ mod tests {
                 let slid = (tangent - 0.125) / 0.78;
                 let rebound = slid.max(tangent * 5.0 / 7.0 / 0.78) + if i == 5 && g == 0 { 0.2 } else { 0.0 };
                 let number = rows.len() + 1;
-                let mut row = Row::new(number, group)
+                let mut row = Row::new(number, *group)
                     .with(Column::IncidentAngle, tangent.atan().to_degrees(), Some(0.1))
                     .with(Column::ReboundAngle, rebound.atan().to_degrees(), Some(0.1))
                     .with(Column::SpinRatio, 0.0, None);
-                row.recording = Some(format!("clip {number} <b>.mp4"));
-                row.page = Some(match i {
+                row.set_recording(format!("clip {number} <b>.mp4"));
+                row.set_page(match i {
                     0 => "results/clip 1 <b>.report.html".to_owned(),
                     1 => "javascript:alert(1)".to_owned(),
                     2 => "//host/page".to_owned(),

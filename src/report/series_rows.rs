@@ -38,7 +38,7 @@ fn rows_set_aside(series: &Series, group: &GroupFit) -> Markup {
 
 fn rows_in_fit(series: &Series, fit: &SeriesFit, group: &GroupFit, shown: &ModelFit) -> Markup {
     let rows = || group.row_indices.iter().map(|&i| &series.rows[i]);
-    let labelled = rows().any(|row| row.recording.is_some() || row.page.is_some());
+    let labelled = rows().any(|row| row.recording().is_some() || row.page().is_some());
     let angle = |row: &Row| {
         Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None).map_or_else(
             || NO_VALUE.to_owned(),
@@ -105,13 +105,9 @@ fn more(count: usize) -> Markup {
 
 /// The recording's name, linked to its page where that lies beside or below this one.
 fn recording(row: &Row) -> Markup {
-    let name = row
-        .recording
-        .as_deref()
-        .or(row.page.as_deref())
-        .unwrap_or_default();
+    let name = row.recording().or(row.page()).unwrap_or_default();
     html! {
-        @match row.page.as_deref().filter(|page| is_relative(page)) {
+        @match row.page().filter(|page| is_relative(page)) {
             Some(page) => a href=(encoded(page)) { (name) },
             None => (name),
         }

@@ -3,16 +3,20 @@
 //! How the table itself is read says [`crate::config::table`]. A column that is not known is left alone, as `track batch` writes
 //! more than a fit needs. Beside any column of numbers may stand `<name>_std`, and `<a>__<b>_corr` for a
 //! correlation of two errors. A cell that is empty, `null`, `nan` or `?` is not known. A row with something in `left_out` is
-//! set aside, and that is the reason.
+//! set aside, and that is the reason; rows of recordings that gravity or the ball's size refutes are kept on request
+//! ([`RefutedRecordings::Kept`]). Rows are read one by one and packed, so that a million take some 150 MB.
 
 use super::error::FitError;
 use super::series::{Column, ColumnSet, DEFAULT_GROUP, Note, Reading, Row, Series, SetAside};
-use crate::config::table::{Table, TableRow};
-use crate::config::{Closeness, FileError, FileKind, FileProblem, clipped, nearest, read_bytes};
+use crate::config::table::{self, TableHead};
+use crate::config::{Closeness, FileError, FileKind, FileProblem, clipped, nearest, open_file};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
+use std::collections::HashSet;
+use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The file of a series in the folder of a batch.
 pub const BATCH_SERIES: &str = "series.csv";
@@ -26,6 +30,19 @@ static KIND: FileKind = FileKind {
 };
 /// A series of a million bounces is smaller.
 const LARGEST_FILE_BYTES: u64 = 1_000_000_000;
+
+/// What becomes of recordings that gravity or the ball's size refutes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RefutedRecordings {
+    /// They are not in the fit.
+    #[default]
+    LeftOut,
+    /// They are in the fit.
+    Kept,
+}
+
+/// How the reason in `left_out` ends of a row whose recording is refuted, which [`RefutedRecordings::Kept`] takes in.
+pub const KEPT_ON_REQUEST: &str = "--keep-refuted keeps it";
 
 /// A row, for the JSON Schema: the columns that a fit knows. There may be others.
 #[derive(Debug)]
@@ -69,9 +86,18 @@ impl JsonSchema for SeriesColumns {
 ///
 /// See [`FitError`].
 pub fn read(path: &Path) -> Result<Series, FitError> {
+    read_with(path, RefutedRecordings::LeftOut)
+}
+
+/// As [`read`], with or without the rows of `refuted` recordings.
+///
+/// # Errors
+///
+/// See [`FitError`].
+pub fn read_with(path: &Path, refuted: RefutedRecordings) -> Result<Series, FitError> {
     let file = series_file(path)?;
-    let bytes = read_bytes(&file, &KIND, LARGEST_FILE_BYTES)?;
-    parse(&bytes, &file.display().to_string())
+    let source = open_file(&file, &KIND, LARGEST_FILE_BYTES)?;
+    parse_from(source, &file.display().to_string(), refuted)
 }
 
 /// The file that `path` means.
@@ -99,13 +125,24 @@ pub fn series_file(path: &Path) -> Result<PathBuf, FitError> {
 ///
 /// See [`FitError`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Series, FitError> {
-    let table = Table::parse(bytes, name, &KIND)?;
-    let header = SeriesHeader::new(&table, name)?;
+    parse_from(bytes, name, RefutedRecordings::LeftOut)
+}
+
+fn parse_from(source: impl Read, name: &str, refuted: RefutedRecordings) -> Result<Series, FitError> {
+    let (head, mut records) = table::rows_of(source, name, &KIND)?;
+    let header = SeriesHeader::new(head, name, refuted)?;
     let mut rows = Vec::new();
     let mut set_aside = Vec::new();
-    for (row, number) in table.rows.iter().zip(1..) {
-        match header.row(&table, row, number) {
-            Ok(row) => rows.push(row),
+    let mut words = SharedWords::default();
+    let mut kept = 0;
+    let mut number = 0;
+    while records.next_row()? {
+        number += 1;
+        match header.row(records.cells(), number, &mut words) {
+            Ok((row, was_refuted)) => {
+                kept += usize::from(was_refuted);
+                rows.push(row);
+            }
             Err(reason) => set_aside.push(reason),
         }
     }
@@ -114,10 +151,38 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Series, FitError> {
             name: name.to_owned(),
         });
     }
+    rows.shrink_to_fit();
     let set = header.set(&rows);
     let mut series = Series::of_set(name, set, rows, set_aside);
     series.notes.extend(header.notes(set));
+    series.notes.extend(refuted_rows(kept));
     Ok(series)
+}
+
+/// That rows are in the fit whose lengths and speeds something contradicts.
+fn refuted_rows(count: usize) -> Option<Note> {
+    (count > 0).then(|| Note {
+        code: "refuted_rows",
+        message: format!(
+            "{count} rows of recordings that gravity or the ball's size contradicts are in the fit all the same, as \
+             --keep-refuted asks. Their pages say which scale, rate or radius would mend them."
+        ),
+    })
+}
+
+/// Words that many rows have in common, each of them once in memory.
+#[derive(Default)]
+struct SharedWords(HashSet<Arc<str>>);
+
+impl SharedWords {
+    fn shared(&mut self, word: &str) -> Arc<str> {
+        if let Some(known) = self.0.get(word) {
+            return Arc::clone(known);
+        }
+        let word: Arc<str> = word.into();
+        self.0.insert(Arc::clone(&word));
+        word
+    }
 }
 
 /// What a column of the file means.
@@ -162,19 +227,21 @@ impl Meaning {
 struct SeriesHeader {
     set: ColumnSet,
     columns: Vec<(String, Meaning)>,
+    head: TableHead,
+    refuted: RefutedRecordings,
 }
 
 impl SeriesHeader {
-    fn new(table: &Table, file: &str) -> Result<Self, FitError> {
+    fn new(head: TableHead, file: &str, refuted: RefutedRecordings) -> Result<Self, FitError> {
         let meaning = |name: &String| (name.clone(), Meaning::of(&name.to_ascii_lowercase()));
-        let columns: Vec<(String, Meaning)> = table.columns.iter().map(meaning).collect();
-        let mut problems = table.columns_there_twice(|i| columns[i].1 != Meaning::Other);
+        let columns: Vec<(String, Meaning)> = head.columns.iter().map(meaning).collect();
+        let mut problems = head.columns_there_twice(|i| columns[i].1 != Meaning::Other);
         let has = |column: &Column| columns.iter().any(|(_, m)| *m == Meaning::Value(*column));
         let set = ColumnSet::ALL
             .into_iter()
             .find(|set| set.required().iter().all(has));
         if set.is_none() && problems.is_empty() {
-            return Err(missing(&table.columns, file, &has));
+            return Err(missing(&head.columns, file, &has));
         }
         problems.extend(columns.iter().filter_map(|(name, meaning)| {
             let lone = match meaning {
@@ -182,10 +249,15 @@ impl SeriesHeader {
                 Meaning::Correlation(a, b) => !has(a) || !has(b) || a == b,
                 _ => false,
             };
-            lone.then(|| belongs_to_none(table, name))
+            lone.then(|| belongs_to_none(&head, name))
         }));
         match set {
-            Some(set) if problems.is_empty() => Ok(Self { set, columns }),
+            Some(set) if problems.is_empty() => Ok(Self {
+                set,
+                columns,
+                head,
+                refuted,
+            }),
             _ => Err(FitError::File(FileError::Invalid {
                 name: file.to_owned(),
                 problems,
@@ -203,40 +275,54 @@ impl SeriesHeader {
         ColumnSet::ALL.into_iter().find(full).unwrap_or(self.set)
     }
 
-    /// A row of the file; why it cannot be one.
-    fn row(&self, table: &Table, record: &TableRow, number: usize) -> Result<Row, SetAside> {
-        let mut row = Row::new(number, DEFAULT_GROUP);
+    /// A row of the file, and whether its recording is refuted; why it cannot be one.
+    fn row<'a>(
+        &self,
+        cells: impl Iterator<Item = Cow<'a, str>> + Clone,
+        number: usize,
+        words: &mut SharedWords,
+    ) -> Result<(Row, bool), SetAside> {
+        let mut row = Row::new(number, words.shared(DEFAULT_GROUP));
         let mut left_out = None;
-        let cells = || self.columns.iter().zip(&record.cells);
-        for ((_, meaning), cell) in cells().filter(|(_, cell)| !cell.is_empty()) {
+        let with_meaning = || self.columns.iter().zip(cells.clone());
+        let is_word = |meaning: Meaning| {
+            matches!(
+                meaning,
+                Meaning::Group | Meaning::Recording | Meaning::Page | Meaning::LeftOut
+            )
+        };
+        for ((_, meaning), cell) in with_meaning().filter(|((_, m), cell)| is_word(*m) && !cell.is_empty()) {
             match meaning {
-                Meaning::Group => row.group = cell.clone(),
-                Meaning::Recording => row.recording = Some(cell.clone()),
-                Meaning::Page => row.page = Some(cell.clone()),
-                Meaning::LeftOut => left_out = Some(cell.clone()),
-                _ => {}
+                Meaning::Group => row.group = words.shared(&cell),
+                Meaning::Recording => row.set_recording(words.shared(&cell)),
+                Meaning::Page => row.set_page(words.shared(&cell)),
+                _ => left_out = Some(cell.into_owned()),
             }
         }
         let aside = |reason: String| SetAside {
             row: number,
-            group: row.group.clone(),
+            group: row.group.to_string(),
             reason,
         };
-        if let Some(reason) = left_out {
+        let was_refuted = self.refuted == RefutedRecordings::Kept
+            && left_out
+                .as_ref()
+                .is_some_and(|reason| reason.ends_with(KEPT_ON_REQUEST));
+        if let Some(reason) = left_out.filter(|_| !was_refuted) {
             return Err(aside(reason));
         }
-        if record.cells.len() > self.columns.len() {
+        let count = cells.clone().count();
+        if count > self.columns.len() {
             return Err(aside(format!(
-                "it has {} cells, the line of column names {}",
-                record.cells.len(),
+                "it has {count} cells, the line of column names {}",
                 self.columns.len()
             )));
         }
         let mut std = [None; Column::COUNT];
         let mut values = [None; Column::COUNT];
         let mut correlations = Vec::new();
-        for ((name, meaning), cell) in cells() {
-            let number = || number_in(table, cell).map_err(|found| aside(format!("{name} is {found}")));
+        for ((name, meaning), cell) in with_meaning() {
+            let number = || number_in(&self.head, &cell).map_err(|found| aside(format!("{name} is {found}")));
             match *meaning {
                 Meaning::Value(c) => values[c as usize] = number()?,
                 Meaning::Std(c) => std[c as usize] = number()?,
@@ -244,26 +330,21 @@ impl SeriesHeader {
                 _ => {}
             }
         }
-        for column in Column::ALL {
-            let reading = values[column as usize].map(|value| Reading {
-                value,
-                std: std[column as usize],
-            });
-            row.set(column, reading);
-        }
+        let mut readings = Column::ALL.map(|column| {
+            let std = std[column as usize];
+            values[column as usize].map(|value| Reading { value, std })
+        });
         if !self.knows_spin() {
-            row.set(
-                Column::SpinRatio,
-                Some(Reading {
-                    value: 0.0,
-                    std: None,
-                }),
-            );
+            readings[Column::SpinRatio as usize] = Some(Reading {
+                value: 0.0,
+                std: None,
+            });
         }
+        row = row.with_all(&readings);
         for (a, b, r) in correlations {
             row = row.with_correlation(a, b, r);
         }
-        Ok(row)
+        Ok((row, was_refuted))
     }
 
     /// Whether the file says anything of the spin before the bounce.
@@ -339,8 +420,8 @@ fn missing(names: &[String], file: &str, has: &impl Fn(&Column) -> bool) -> FitE
 }
 
 /// The problem of a standard deviation or correlation of a column that is not there.
-fn belongs_to_none(table: &Table, column: &str) -> FileProblem {
-    table.column_problem(
+fn belongs_to_none(head: &TableHead, column: &str) -> FileProblem {
+    head.column_problem(
         column,
         "no column that it belongs to",
         "<name>_std beside <name>, <a>__<b>_corr beside <a> and <b>",
@@ -358,12 +439,12 @@ fn slip_of(name: &str) -> Option<String> {
 }
 
 /// The number in a cell: `None` where it is not known; what stands there where it is none.
-fn number_in(table: &Table, cell: &str) -> Result<Option<f64>, String> {
+fn number_in(head: &TableHead, cell: &str) -> Result<Option<f64>, String> {
     let unknown = ["", "?", "-", "null", "nan", "na", "n/a", "none"];
     if unknown.iter().any(|word| cell.eq_ignore_ascii_case(word)) {
         return Ok(None);
     }
-    let number = table.number(cell);
+    let number = head.number(cell);
     number.map_or_else(
         || Err(format!("\"{}\", not a number", clipped(cell))),
         |number| Ok(Some(number)),

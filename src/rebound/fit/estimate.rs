@@ -7,7 +7,7 @@ mod sliding;
 
 use super::criteria;
 use super::group_data::GroupData;
-use super::result::{Estimate, Fitted, ModelFit, RowFit, RowRegime};
+use super::result::{Estimate, Fitted, ModelFit};
 use super::row_law::{E, E_X, KAPPA, MU, PARAMETERS, RATIO, Theta};
 use super::series::{ColumnSet, Weights};
 use super::transition::LimitInterval;
@@ -58,7 +58,7 @@ pub(super) fn model_fit(data: &GroupData, solution: &Solution, rows_order: &[usi
         gripping: estimation.gripping,
         curve: estimation.contact(limits),
         shared_spin_ratio: data.shared_spin.then_some(estimation.theta[RATIO]),
-        rows: rows_order.iter().map(|&i| estimation.row_fit(i)).collect(),
+        rows: rows_order.iter().map(|&i| estimation.rows[i]).collect(),
     }
 }
 
@@ -75,6 +75,31 @@ pub(super) fn all_sliding(
         determined && estimation.scatter.is_some(),
         estimation.factor,
     ))
+}
+
+/// Whether every coefficient of a model is one that a bounce can have.
+pub(super) fn is_possible(data: &GroupData, solution: &Solution) -> bool {
+    let spread = solution.scatter(data).unwrap_or(0.0).powi(2);
+    let (determined, free) = (&solution.determined, &solution.variant.free);
+    let covariance = solution.best.r_factor.covariance(determined, free, solution.rank);
+    impossible(solution, &(covariance * spread)).is_none()
+}
+
+/// A coefficient beyond what a bounce can have.
+fn impossible(solution: &Solution, covariance: &SMatrix<f64, PARAMETERS, PARAMETERS>) -> Option<String> {
+    SEARCHED.iter().enumerate().find_map(|(j, parameter)| {
+        if !(solution.is_free(j) && solution.determined[j]) {
+            return None;
+        }
+        let Bounds { least, most, why } = parameter.bounds()?;
+        let std = covariance[(j, j)].sqrt().max(1e-9);
+        let value = solution.best.theta[j];
+        let off = (value - most).max(least - value);
+        (off > IMPOSSIBLE * std).then(|| {
+            let (symbol, std) = (parameter.symbol(), three_digits(std));
+            format!("it needs {symbol} = {value:.3} ± {std}, and {why}")
+        })
+    })
 }
 
 impl ModelEstimation<'_> {
@@ -219,19 +244,7 @@ impl ModelEstimation<'_> {
 
     /// A coefficient beyond what a bounce can have.
     fn impossible(&self) -> Option<String> {
-        SEARCHED.iter().enumerate().find_map(|(j, parameter)| {
-            if !(self.solution.is_free(j) && self.solution.determined[j]) {
-                return None;
-            }
-            let Bounds { least, most, why } = parameter.bounds()?;
-            let std = self.covariance[(j, j)].sqrt().max(1e-9);
-            let value = self.theta[j];
-            let off = (value - most).max(least - value);
-            (off > IMPOSSIBLE * std).then(|| {
-                let (symbol, std) = (parameter.symbol(), three_digits(std));
-                format!("it needs {symbol} = {value:.3} ± {std}, and {why}")
-            })
-        })
+        impossible(self.solution, &self.covariance)
     }
 
     /// The coefficients for curves.
@@ -242,20 +255,5 @@ impl ModelEstimation<'_> {
             friction: slides.then_some(self.theta[MU]),
             static_friction: slides.then(|| self.limit(limits) / (1.0 + self.theta[E])),
         })
-    }
-
-    fn row_fit(&self, index: usize) -> RowFit {
-        let row = &self.data.rows[index];
-        let near = self.nearest.get(index);
-        let k = row.kinematics(near.map_or(&row.z, |n| &n.z), self.theta[RATIO]);
-        RowFit {
-            chi2: near.map_or(f64::NAN, |n| n.chi2),
-            regime: if near.is_some_and(|n| n.slides) {
-                RowRegime::Sliding
-            } else {
-                RowRegime::Gripping
-            },
-            incident_rad: k.a.atan2(k.b),
-        }
     }
 }

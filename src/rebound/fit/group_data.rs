@@ -13,6 +13,9 @@ pub(super) const SAMPLE: usize = 600;
 /// Rows that are worth a processor of their own.
 const PART: usize = 512;
 
+/// So many of those parts are made at once.
+const PARTS: usize = 64;
+
 /// A measured spin after that is this much closer to the impulse balance than its own deviation was computed from it.
 const COMPUTED: f64 = 1e-3;
 
@@ -33,26 +36,32 @@ pub(super) struct GroupData {
 }
 
 impl GroupData {
-    /// The rows of a group, at `indices` of the series, and those that cannot be weighted.
-    pub fn new(series: &Series, indices: &[usize]) -> (Self, Vec<SetAside>) {
+    /// The rows of a group, at `indices` of the series, and those that cannot be weighted; κ is `stiffness_ratio` where a row
+    /// does not give its own.
+    pub fn new(series: &Series, indices: &[usize], stiffness_ratio: Option<f64>) -> (Self, Vec<SetAside>) {
         let spin_out = series.set == ColumnSet::Velocities && spin_was_measured(series, indices);
         let mut rows = Vec::with_capacity(indices.len());
         let mut set_aside = Vec::new();
-        let made: Vec<Result<Observation, String>> = indices
-            .par_iter()
-            .with_min_len(PART)
-            .map(|&index| {
-                Observation::new(series, index, spin_out).and_then(|row| weighable(&row).map(|()| row))
-            })
-            .collect();
-        for (made, &index) in made.into_iter().zip(indices) {
-            match made {
-                Ok(row) => rows.push(row),
-                Err(reason) => set_aside.push(SetAside {
-                    row: series.rows[index].number,
-                    group: series.rows[index].group.clone(),
-                    reason,
-                }),
+        // A part after the other, so that only one of them is there twice.
+        for part in indices.chunks(PARTS * PART) {
+            let made: Vec<Result<Observation, String>> = part
+                .par_iter()
+                .with_min_len(PART)
+                .map(|&index| {
+                    let mut row = Observation::new(series, index, spin_out)?;
+                    row.stiffness_ratio = row.stiffness_ratio.or(stiffness_ratio);
+                    weighable(&row).map(|()| row)
+                })
+                .collect();
+            for (made, &index) in made.into_iter().zip(part) {
+                match made {
+                    Ok(row) => rows.push(row),
+                    Err(reason) => set_aside.push(SetAside {
+                        row: series.rows[index].number,
+                        group: series.rows[index].group.to_string(),
+                        reason,
+                    }),
+                }
             }
         }
         (Self::of_rows(rows, series.weights), set_aside)
@@ -63,7 +72,8 @@ impl GroupData {
             let positive = row.variance.iter().filter(|v| **v > 0.0);
             positive.fold(f64::INFINITY, |least, v| least.min(*v))
         };
-        rows.par_sort_by(|a, b| heaviest(a).total_cmp(&heaviest(b)).then(a.row.cmp(&b.row)));
+        // By the row's own number in the end, so that the order is one.
+        rows.par_sort_unstable_by(|a, b| heaviest(a).total_cmp(&heaviest(b)).then(a.row.cmp(&b.row)));
         let sample = sample(&rows);
         Self {
             shared_spin: rows.iter().any(|row| row.spin == Spin::Shared),
@@ -75,10 +85,12 @@ impl GroupData {
         }
     }
 
-    /// The same without the rows that are marked in `out`.
-    pub fn without(&self, out: &[bool]) -> Self {
-        let kept = self.rows.iter().zip(out).filter(|(_, out)| !**out);
-        Self::of_rows(kept.map(|(row, _)| row.clone()).collect(), self.weights)
+    /// Takes out the rows that are marked in `out`.
+    pub fn leave_out(&mut self, out: &[bool]) {
+        let mut rows = std::mem::take(&mut self.rows);
+        let mut marks = out.iter();
+        rows.retain(|_| marks.next() != Some(&true));
+        *self = Self::of_rows(rows, self.weights);
     }
 
     /// The rows of the sample alone, where that is not all.
@@ -136,9 +148,9 @@ fn spin_was_measured(series: &Series, indices: &[usize]) -> bool {
         let std = after.std.filter(|s| *s > 0.0).unwrap_or(1e-3 * scale);
         Some((after.value - balance).abs() > (COMPUTED * std).max(1e-9 * scale))
     };
-    let measured: Vec<bool> = indices.iter().filter_map(off).collect();
+    let mut measured = indices.iter().filter_map(off).peekable();
     // Where the spin before is not known in any row, the spin after is all there is.
-    measured.is_empty() || measured.iter().any(|off| *off)
+    measured.peek().is_none() || measured.any(|off| off)
 }
 
 fn sample(rows: &[Observation]) -> Vec<usize> {

@@ -297,16 +297,11 @@ pub(super) fn outlying_rows(data: &GroupData, fit: &mut RobustFit, spread: f64) 
 
 /// The rows whose χ² is beyond `limit`, for one equation.
 fn beyond(data: &GroupData, fit: &RobustFit, limit: f64) -> Vec<bool> {
-    let within =
-        |near: &NearestMotion, row: &Observation| near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1];
-    match fit.task(data, None).all_nearest(&fit.theta) {
-        Some(nearest) => nearest
-            .iter()
-            .zip(&data.rows)
-            .map(|(near, row)| !within(near, row))
-            .collect(),
-        None => vec![true; data.rows.len()],
-    }
+    let outside =
+        |row: &Observation, near: &NearestMotion| !(near.chi2 <= limit * TAIL_RATIOS[row.equations() - 1]);
+    fit.task(data, None)
+        .of_nearest(&fit.theta, outside)
+        .unwrap_or_else(|| vec![true; data.rows.len()])
 }
 
 /// The scatter of the rows that a fit was made on.

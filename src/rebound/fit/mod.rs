@@ -24,6 +24,7 @@
 //! * Intervals come from the covariance where χ² is a parabola, and from its profile where rows change sides within reach.
 //!   What the rows do not determine has no number but a reason (`estimate`).
 //! * Models are compared by AICc (`criteria`, `choice`).
+//! * A table that looks as if its units or columns were mistaken is told (`wrong_table`).
 //!
 //! # Limits
 //!
@@ -53,6 +54,7 @@ mod starts;
 mod stuck_contact;
 mod transition;
 mod variants;
+mod wrong_table;
 
 pub use crate::rebound::{ModelName, Parameter, Preferred};
 pub use criteria::LEAST_PROBABILITY;
@@ -76,13 +78,9 @@ pub struct Options {
 /// Fits every group of the series.
 #[must_use]
 pub fn fit(series: &Series, options: &Options) -> SeriesFit {
-    let given = options
-        .stiffness_ratio
-        .map(|kappa| series.with_stiffness_ratio(kappa));
-    let series = given.as_ref().unwrap_or(series);
     let mut rows: HashMap<&str, Vec<usize>> = HashMap::new();
     for (i, row) in series.rows.iter().enumerate() {
-        rows.entry(row.group.as_str()).or_default().push(i);
+        rows.entry(&row.group).or_default().push(i);
     }
     let mut set_aside: HashMap<&str, Vec<SetAside>> = HashMap::new();
     for aside in &series.set_aside {
@@ -116,18 +114,23 @@ fn fit_group(
     options: &Options,
 ) -> GroupFit {
     let rows = indices.len() + set_aside.len();
-    let (data, unweighable) = GroupData::new(series, indices);
+    let (data, unweighable) = GroupData::new(series, indices, options.stiffness_ratio);
     set_aside.extend(unweighable);
-    let mut notes = Vec::new();
+    let mut notes = wrong_table::look(series, indices);
     let (data, solutions) = without_outliers(series, name, data, &mut set_aside, &mut notes);
     set_aside.sort_by_key(|s| s.row);
     let mut order: Vec<usize> = (0..data.rows.len()).collect();
     order.sort_by_key(|&i| data.rows[i].row);
+    let models: Vec<ModelFit> = solutions
+        .iter()
+        .filter(|_| !data.rows.is_empty())
+        .map(|solution| estimate::model_fit(&data, solution, &order))
+        .collect();
     let row_indices: Vec<usize> = order.iter().map(|&i| data.rows[i].row).collect();
     let mut group = GroupFit {
         name: name.to_owned(),
         rows,
-        models: Vec::new(),
+        models,
         preferred: Preferred::Undetermined,
         reason: "no row can be used; see the reasons of each.".to_owned(),
         rows_used: row_indices.iter().map(|&i| series.rows[i].number).collect(),
@@ -139,10 +142,6 @@ fn fit_group(
     if data.rows.is_empty() {
         return group;
     }
-    group.models = solutions
-        .iter()
-        .map(|solution| estimate::model_fit(&data, solution, &order))
-        .collect();
     let (preferred, reason, more) = model_choice::choose(&data, &solutions, &group.models);
     group.preferred = preferred;
     group.reason = reason;
@@ -183,7 +182,8 @@ fn without_outliers(
             reason,
         });
     }
-    let data = data.without(&out);
+    let mut data = data;
+    data.leave_out(&out);
     let solutions = variants::all(&data);
     (data, solutions)
 }

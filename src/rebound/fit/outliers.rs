@@ -100,23 +100,25 @@ fn describes_all(data: &GroupData, solution: &Solution) -> bool {
         Weights::Unit if data.rows.len() < ENOUGH_FOR_TAILS => return false,
         Weights::Unit => mean * f_quantile(tail, 1, freedom),
     };
-    let Some(nearest) = solution.task(data).all_nearest(&solution.best.theta) else {
+    let chi2 = solution
+        .task(data)
+        .of_nearest(&solution.best.theta, |row, near| (near.chi2, row.equations()));
+    let Some(chi2) = chi2 else {
         return false;
     };
-    let mut shares: Vec<f64> = nearest
+    if !chi2
         .iter()
-        .zip(&data.rows)
-        .map(|(near, row)| near.chi2 / TAIL_RATIOS[row.equations() - 1])
-        .collect();
-    if !shares.iter().all(|share| *share <= limit) {
+        .all(|(chi2, equations)| chi2 / TAIL_RATIOS[equations - 1] <= limit)
+    {
         return false;
     }
     if data.weights == Weights::Stated {
         return true;
     }
-    for ((share, near), row) in shares.iter_mut().zip(&nearest).zip(&data.rows) {
-        *share = near.chi2 / MEDIANS[row.equations() - 1];
-    }
+    let mut shares: Vec<f64> = chi2
+        .iter()
+        .map(|(chi2, equations)| chi2 / MEDIANS[equations - 1])
+        .collect();
     let typical = median(&mut shares).unwrap_or(0.0);
     // Chance moves this ratio by some per cent for 50 rows; outliers that matter move it by more.
     mean <= 1.3 * typical

@@ -128,8 +128,6 @@ pub struct RowFit {
     pub chi2: f64,
     /// What it does.
     pub regime: RowRegime,
-    /// Incident angle that fits best, rad.
-    pub incident_rad: f64,
 }
 
 /// A court pace rating.

@@ -99,6 +99,7 @@ pub(super) struct NearestMotion {
     pub state: RowState,
     pub chi2: f64,
     /// ẑ.
+    #[cfg(test)]
     pub z: Slots,
     /// Equations in use.
     pub equations: usize,
@@ -250,6 +251,7 @@ struct RowLaw<'a> {
 
 /// The nearest point, with what was worked out on the way.
 struct ClosestPoint<'a> {
+    #[cfg(test)]
     z: &'a Slots,
     residuals: &'a [f64; MOST],
     /// L of J Σ Jᵀ.
@@ -343,6 +345,7 @@ impl<'a> RowLaw<'a> {
             if done {
                 let k = self.equations(&next, state, &mut equations);
                 return finish(&ClosestPoint {
+                    #[cfg(test)]
                     z: &next,
                     residuals: &residuals,
                     lower: &lower,
@@ -381,6 +384,7 @@ impl<'a> RowLaw<'a> {
         chi2.is_finite().then_some(NearestMotion {
             state,
             chi2,
+            #[cfg(test)]
             z: *at.z,
             equations: equations.count,
             residuals: *at.residuals,

@@ -132,7 +132,7 @@ impl<'a> Task<'a> {
             rows: self.rows,
             chosen: self.chosen,
             at: 0,
-            end: self.chosen.map_or(self.rows.len(), <[usize]>::len),
+            end: self.count(),
         }
     }
 
@@ -186,29 +186,53 @@ impl<'a> Task<'a> {
         if sum.is_finite() { sum } else { f64::INFINITY }
     }
 
-    /// The nearest motion of every row.
-    pub fn all_nearest(&self, theta: &Theta) -> Option<Vec<NearestMotion>> {
-        let parts = self.in_parts(|rows| {
-            rows.map(|row| self.nearest(row, theta))
+    /// What `of` makes of the nearest motion of every row: a motion itself takes hundreds of bytes, which times a million rows
+    /// no machine has to spare.
+    pub fn of_nearest<T: Send>(
+        &self,
+        theta: &Theta,
+        of: impl Fn(&Observation, &NearestMotion) -> T + Sync,
+    ) -> Option<Vec<T>> {
+        // So many parts at once, so that no more of what is made is there twice.
+        const TOGETHER: usize = 16;
+        let count = self.count();
+        let mut all = Vec::with_capacity(count);
+        let work = |rows: ChosenRows<'a>| {
+            rows.map(|row| Some(of(row, &self.nearest(row, theta)?)))
                 .collect::<Option<Vec<_>>>()
-        });
-        let parts: Option<Vec<Vec<NearestMotion>>> = parts.into_iter().collect();
-        Some(parts?.concat())
+        };
+        for from in (0..count.div_ceil(PART)).step_by(TOGETHER) {
+            let parts = from..(from + TOGETHER).min(count.div_ceil(PART));
+            let made: Vec<Option<Vec<T>>> = parts.into_par_iter().map(|i| work(self.part(i))).collect();
+            for part in made {
+                all.extend(part?);
+            }
+        }
+        Some(all)
     }
 
-    /// `work` on all rows, many of them in parts of a size of their own, so that sums do not depend on the machine.
-    fn in_parts<T: Send>(&self, work: impl Fn(ChosenRows<'a>) -> T + Sync) -> Vec<T> {
-        let count = self.chosen.map_or(self.rows.len(), <[usize]>::len);
-        let rows = |from: usize, to: usize| ChosenRows {
+    /// How many rows count.
+    fn count(&self) -> usize {
+        self.chosen.map_or(self.rows.len(), <[usize]>::len)
+    }
+
+    /// A part of a size of its own, so that sums do not depend on the machine.
+    fn part(&self, i: usize) -> ChosenRows<'a> {
+        ChosenRows {
             rows: self.rows,
             chosen: self.chosen,
-            at: from,
-            end: to,
-        };
-        if count <= PART {
-            return vec![work(rows(0, count))];
+            at: i * PART,
+            end: ((i + 1) * PART).min(self.count()),
         }
-        let part = |i: usize| work(rows(i * PART, ((i + 1) * PART).min(count)));
+    }
+
+    /// `work` on all rows, many of them in parts.
+    fn in_parts<T: Send>(&self, work: impl Fn(ChosenRows<'a>) -> T + Sync) -> Vec<T> {
+        let count = self.count();
+        if count <= PART {
+            return vec![work(self.part(0))];
+        }
+        let part = |i: usize| work(self.part(i));
         (0..count.div_ceil(PART)).into_par_iter().map(part).collect()
     }
 

@@ -8,7 +8,8 @@ pub use super::columns::{Column, ColumnSet, Reading};
 use super::error::FitError;
 use crate::rebound::SOLID_SPHERE;
 use crate::rebound::compliant::STIFFNESS_RATIO_RANGE;
-use std::collections::HashSet;
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Gravity where a row does not give it, m/s².
 pub const GRAVITY_M_S2: f64 = 9.81;
@@ -22,27 +23,82 @@ pub struct Row {
     /// Its number in its file, counted from 1 below the column names.
     pub number: usize,
     /// Which rows it is fitted with.
-    pub group: String,
-    /// What it was measured on, for people.
-    pub recording: Option<String>,
-    /// Where its page lies, relative to the report; only a relative path is linked.
-    pub page: Option<String>,
-    readings: [Option<Reading>; Column::COUNT],
+    pub group: Arc<str>,
+    readings: PackedReadings,
+    /// What few rows have.
+    more: Option<Box<RowExtras>>,
+}
+
+/// What few rows have beside their readings.
+#[derive(Debug, Clone, Default)]
+struct RowExtras {
+    recording: Option<Arc<str>>,
+    page: Option<Arc<str>>,
     correlations: Vec<(Column, Column, f64)>,
+}
+
+/// The readings of a row, without room for those that it has not: of a million rows, all of the same few columns.
+#[derive(Debug, Clone, Default)]
+struct PackedReadings {
+    /// A bit for each column with a value, and for each with a deviation.
+    values: u16,
+    stds: u16,
+    /// In the order of the columns; a deviation stands after its value.
+    numbers: Box<[f64]>,
+}
+
+const _: () = assert!(Column::COUNT <= u16::BITS as usize);
+
+impl PackedReadings {
+    fn of(readings: &[Option<Reading>; Column::COUNT]) -> Self {
+        let mut packed = Self::default();
+        let mut numbers = Vec::with_capacity(2 * Column::COUNT);
+        for (place, reading) in readings.iter().enumerate() {
+            let Some(Reading { value, std }) = reading else {
+                continue;
+            };
+            packed.values |= 1 << place;
+            numbers.push(*value);
+            if let Some(std) = std {
+                packed.stds |= 1 << place;
+                numbers.push(*std);
+            }
+        }
+        packed.numbers = numbers.as_slice().into();
+        packed
+    }
+
+    fn get(&self, column: Column) -> Option<Reading> {
+        let bit = 1_u16 << column as usize;
+        if self.values & bit == 0 {
+            return None;
+        }
+        let before = bit - 1;
+        let place = (self.values & before).count_ones() + (self.stds & before).count_ones();
+        let numbers = &self.numbers[place as usize..];
+        Some(Reading {
+            value: numbers[0],
+            std: (self.stds & bit != 0).then(|| numbers[1]),
+        })
+    }
 }
 
 impl Row {
     /// A row without numbers.
     #[must_use]
-    pub fn new(number: usize, group: &str) -> Self {
+    pub fn new(number: usize, group: impl Into<Arc<str>>) -> Self {
         Self {
             number,
-            group: group.to_owned(),
-            recording: None,
-            page: None,
-            readings: [None; Column::COUNT],
-            correlations: Vec::new(),
+            group: group.into(),
+            readings: PackedReadings::default(),
+            more: None,
         }
+    }
+
+    /// With `readings`, one for each column of [`Column::ALL`], in place of its own.
+    pub(super) fn with_all(mut self, readings: &[Option<Reading>; Column::COUNT]) -> Self {
+        self.readings = PackedReadings::of(readings);
+        self
     }
 
     /// With `value` and its standard deviation in `column`.
@@ -55,19 +111,21 @@ impl Row {
     /// With errors of `a` and `b` that are correlated by `correlation`.
     #[must_use]
     pub fn with_correlation(mut self, a: Column, b: Column, correlation: f64) -> Self {
-        self.correlations.push((a, b, correlation));
+        self.extras().correlations.push((a, b, correlation));
         self
     }
 
     /// Puts a reading in its place, or takes it away.
     pub fn set(&mut self, column: Column, reading: Option<Reading>) {
-        self.readings[column as usize] = reading;
+        let mut readings = Column::ALL.map(|column| self.readings.get(column));
+        readings[column as usize] = reading;
+        self.readings = PackedReadings::of(&readings);
     }
 
     /// What stands in `column`.
     #[must_use]
     pub fn reading(&self, column: Column) -> Option<Reading> {
-        self.readings[column as usize]
+        self.readings.get(column)
     }
 
     /// The number in `column`.
@@ -79,7 +137,33 @@ impl Row {
     /// The correlations that were given.
     #[must_use]
     pub fn correlations(&self) -> &[(Column, Column, f64)] {
-        &self.correlations
+        self.more.as_ref().map_or(&[], |more| &more.correlations)
+    }
+
+    /// What it was measured on, for people.
+    #[must_use]
+    pub fn recording(&self) -> Option<&str> {
+        self.more.as_ref()?.recording.as_deref()
+    }
+
+    /// Says what it was measured on.
+    pub fn set_recording(&mut self, recording: impl Into<Arc<str>>) {
+        self.extras().recording = Some(recording.into());
+    }
+
+    /// Where its page lies, relative to the report; only a relative path is linked.
+    #[must_use]
+    pub fn page(&self) -> Option<&str> {
+        self.more.as_ref()?.page.as_deref()
+    }
+
+    /// Says where its page lies.
+    pub fn set_page(&mut self, page: impl Into<Arc<str>>) {
+        self.extras().page = Some(page.into());
+    }
+
+    fn extras(&mut self) -> &mut RowExtras {
+        self.more.get_or_insert_default()
     }
 
     /// k, by default that of a solid sphere.
@@ -177,53 +261,39 @@ impl Series {
             set,
             weights: deviations.weights(),
             groups,
-            rows: Vec::with_capacity(rows.len()),
+            rows,
             set_aside,
             notes: deviations.notes(),
         };
-        for row in rows {
-            match deviations.check(&row) {
-                Ok(()) => series.rows.push(row),
-                Err(reason) => series.set_aside.push(SetAside {
+        let Self { rows, set_aside, .. } = &mut series;
+        rows.retain(|row| {
+            let checked = deviations.check(row);
+            if let Err(reason) = checked {
+                set_aside.push(SetAside {
                     row: row.number,
-                    group: row.group,
+                    group: row.group.to_string(),
                     reason,
-                }),
+                });
+                return false;
             }
-        }
+            true
+        });
         series.set_aside.sort_by_key(|s| s.row);
         series
     }
 }
 
-impl Series {
-    /// The same with κ in every row that does not give its own.
-    #[must_use]
-    pub fn with_stiffness_ratio(&self, kappa: f64) -> Self {
-        let mut given = self.clone();
-        for row in &mut given.rows {
-            if row.value(Column::StiffnessRatio).is_none() {
-                row.set(
-                    Column::StiffnessRatio,
-                    Some(Reading {
-                        value: kappa,
-                        std: None,
-                    }),
-                );
-            }
-        }
-        given
-    }
-}
-
 /// The names of the groups, in the order of the rows.
 fn group_names(rows: &[Row], set_aside: &[SetAside]) -> Vec<String> {
-    let mut order: Vec<(usize, &str)> = rows.iter().map(|r| (r.number, r.group.as_str())).collect();
-    order.extend(set_aside.iter().map(|s| (s.row, s.group.as_str())));
-    order.sort_by_key(|&(number, _)| number);
-    let mut seen = HashSet::new();
-    order.retain(|&(_, group)| seen.insert(group));
-    order.into_iter().map(|(_, group)| group.to_owned()).collect()
+    let mut first: HashMap<&str, usize> = HashMap::new();
+    let named = rows.iter().map(|row| (&*row.group, row.number));
+    for (group, number) in named.chain(set_aside.iter().map(|s| (s.group.as_str(), s.row))) {
+        let first = first.entry(group).or_insert(number);
+        *first = number.min(*first);
+    }
+    let mut names: Vec<(usize, &str)> = first.into_iter().map(|(group, number)| (number, group)).collect();
+    names.sort_unstable();
+    names.into_iter().map(|(_, group)| group.to_owned()).collect()
 }
 
 /// The names of the columns in which some row has a number.

@@ -38,7 +38,7 @@ impl SingleSearch {
     pub fn new(series: &Series, model: ModelName) -> Self {
         let indices: Vec<usize> = (0..series.rows.len()).collect();
         Self {
-            data: GroupData::new(series, &indices).0,
+            data: GroupData::new(series, &indices, None).0,
             model,
         }
     }

@@ -158,16 +158,21 @@ fn sliding(data: &GroupData, model: ModelName) -> Variant {
 
 /// All models, in the order of the results; a model that cannot be fitted is left out.
 pub(super) fn all(data: &GroupData) -> Vec<Solution> {
+    of_models(data, &ModelName::ALL)
+}
+
+/// As [`all`], of some models: with each the special cases that it is fitted from.
+pub(super) fn of_models(data: &GroupData, names: &[ModelName]) -> Vec<Solution> {
     let rolling = solve(data, rolling(data), &[]);
     if let Some(rolling) = rolling.as_ref().filter(|rolling| !slips(data, rolling)) {
-        let as_model = |name| Solution {
+        let as_model = |&name| Solution {
             slips: false,
             ..rolling.as_model(name)
         };
-        return ModelName::ALL.map(as_model).to_vec();
+        return names.iter().map(as_model).collect();
     }
     let mut solutions: Vec<Solution> = Vec::new();
-    for name in ModelName::ALL {
+    for &name in names {
         let solution = match name.facts().friction_limit {
             FrictionLimit::Never => {
                 let from: Vec<Theta> = solutions
@@ -302,18 +307,15 @@ fn jump_in_deviations(data: &GroupData, solution: &Solution) -> Option<f64> {
     let theta = &solution.best.theta;
     let jump = solution.jump()? / (1.0 + theta[E]) - theta[MU];
     let task = solution.task(data);
-    let nearest = task.all_nearest(theta)?;
-    let mut rows: Vec<(f64, f64)> = task
-        .rows()
-        .zip(&nearest)
-        .filter(|(_, near)| near.state.slides())
-        .map(|(row, near)| {
+    let sliding = task.of_nearest(theta, |row, near| {
+        near.state.slides().then(|| {
             let by_friction = near.jacobian[..near.equations]
                 .iter()
                 .map(|line| line[MU].powi(2));
             (friction_demand(row, theta), by_friction.sum::<f64>().sqrt())
         })
-        .collect();
+    })?;
+    let mut rows: Vec<(f64, f64)> = sliding.into_iter().flatten().collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut next: Vec<f64> = rows.iter().take(NEXT).map(|row| row.1 * jump).collect();
     median(&mut next)
@@ -384,6 +386,7 @@ fn solve(data: &GroupData, variant: Variant, from: &[Theta]) -> Option<Solution>
     let mut found = minima(data, &data.sample, variant, from);
     if data.sample.len() < data.rows.len() {
         let all = Task::of(data, variant, None);
+        found.truncate(within_reach(data, &found));
         found = distinct(found.iter().filter_map(|m| all.search(m.theta)).collect());
     }
     let mut found = found.into_iter();
@@ -392,6 +395,23 @@ fn solve(data: &GroupData, variant: Variant, from: &[Theta]) -> Option<Solution>
     solution.local_minima = found.collect();
     through_the_order(data, &mut solution);
     Some(solution)
+}
+
+/// How many of the sample's minima, which come from the lowest up, may be the lowest of all rows or near it. What lies this far
+/// above the lowest lies further above it with every row more, and to search it there may take a hundred times through all.
+fn within_reach(data: &GroupData, found: &[Minimum]) -> usize {
+    // If D is what two minima differ by but for chance, they differ by D ± 2 √D: 30 is D = 10 with 3 deviations to spare.
+    const OUT_OF_REACH: f64 = 30.0;
+    let Some(lowest) = found.first().map(|m| m.chi2) else {
+        return 0;
+    };
+    let equations: usize = data.sample.iter().map(|&i| data.rows[i].equations()).sum();
+    let mean = lowest / equations.max(1) as f64;
+    let spread = match data.weights {
+        Weights::Stated => mean.max(1.0),
+        Weights::Unit => mean.max(data.rounding),
+    };
+    found.partition_point(|m| m.chi2 <= lowest + OUT_OF_REACH * spread)
 }
 
 /// Sliding forwards under a friction that pushes is sliding backwards under one that holds: where the spin is fitted, the

@@ -176,8 +176,8 @@ fn a_recording_goes_by_either_name() {
             "{name},page,incident_angle_deg,rebound_angle_deg\nclip.mp4,results/clip.report.html,30,28\n"
         );
         let series = parse(text.as_bytes(), "s.csv").unwrap();
-        assert_eq!(series.rows[0].recording.as_deref(), Some("clip.mp4"));
-        assert_eq!(series.rows[0].page.as_deref(), Some("results/clip.report.html"));
+        assert_eq!(series.rows[0].recording(), Some("clip.mp4"));
+        assert_eq!(series.rows[0].page(), Some("results/clip.report.html"));
     }
 }
 

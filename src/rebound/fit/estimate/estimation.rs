@@ -7,7 +7,7 @@ use crate::rebound::fit::coordinates::SAME_SPIN;
 use crate::rebound::fit::criteria;
 use crate::rebound::fit::group_data::{GroupData, friction_demand};
 use crate::rebound::fit::observation::Observation;
-use crate::rebound::fit::result::{Estimate, Fitted};
+use crate::rebound::fit::result::{Estimate, Fitted, RowFit, RowRegime};
 use crate::rebound::fit::row_law::{E, E_X, NearestMotion, PARAMETERS, RATIO, Theta};
 use crate::rebound::fit::variants::Solution;
 use crate::rebound::parameter::SEARCHED;
@@ -32,7 +32,8 @@ pub(super) struct ModelEstimation<'a> {
     pub scatter: Option<f64>,
     /// Standard uncertainties to a side that hold 95 %.
     pub factor: f64,
-    pub nearest: Vec<NearestMotion>,
+    /// In the order of the data.
+    pub rows: Vec<RowFit>,
     /// Median over the rows.
     pub spin_ratio: f64,
     pub slip_share: f64,
@@ -83,8 +84,10 @@ impl<'a> ModelEstimation<'a> {
         let theta = solution.best.theta;
         let task = solution.task(data);
         // The search ended where every row has one.
-        let nearest = task.all_nearest(&theta).unwrap_or_default();
-        let sliding = nearest.iter().filter(|n| n.slides).count();
+        let rows = task
+            .of_nearest(&theta, |_, near| row_fit(Some(near)))
+            .unwrap_or_else(|| vec![row_fit(None); data.rows.len()]);
+        let sliding = rows.iter().filter(|row| row.regime == RowRegime::Sliding).count();
         let freedom = solution.freedom();
         let scatter = solution.scatter(data);
         let covariance =
@@ -95,13 +98,6 @@ impl<'a> ModelEstimation<'a> {
                 * scatter.unwrap_or(0.0).powi(2);
         let factor = criteria::coverage_factor(data.weights, freedom);
         let local_minima = local_minima(data, solution, scatter.unwrap_or(0.0), factor);
-        let mut ratios: Vec<f64> = data
-            .rows
-            .iter()
-            .map(|row| spin_ratio(row, &theta))
-            .filter(|r| r.is_finite())
-            .collect();
-        let mut shares: Vec<f64> = data.rows.iter().map(|row| row.slip_share).collect();
         Self {
             data,
             solution,
@@ -111,11 +107,11 @@ impl<'a> ModelEstimation<'a> {
             region: ConfidenceRegion::default(),
             scatter,
             factor,
-            spin_ratio: commonest(&mut ratios, SAME_SPIN).unwrap_or(0.0),
-            slip_share: median(&mut shares).unwrap_or_else(|| slip_share(SOLID_SPHERE)),
+            spin_ratio: commonest_spin_ratio(data, &theta),
+            slip_share: median_slip_share(data),
             sliding,
-            gripping: nearest.len() - sliding,
-            nearest,
+            gripping: rows.len() - sliding,
+            rows,
         }
     }
 
@@ -300,6 +296,29 @@ fn local_minima(data: &GroupData, solution: &Solution, scatter: f64, factor: f64
             })
         })
         .collect()
+}
+
+fn row_fit(near: Option<&NearestMotion>) -> RowFit {
+    RowFit {
+        chi2: near.map_or(f64::NAN, |n| n.chi2),
+        regime: if near.is_some_and(|n| n.slides) {
+            RowRegime::Sliding
+        } else {
+            RowRegime::Gripping
+        },
+    }
+}
+
+/// The spin ratio that most rows have.
+fn commonest_spin_ratio(data: &GroupData, theta: &Theta) -> f64 {
+    let ratios = data.rows.iter().map(|row| spin_ratio(row, theta));
+    let mut ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();
+    commonest(&mut ratios, SAME_SPIN).unwrap_or(0.0)
+}
+
+fn median_slip_share(data: &GroupData) -> f64 {
+    let mut shares: Vec<f64> = data.rows.iter().map(|row| row.slip_share).collect();
+    median(&mut shares).unwrap_or_else(|| slip_share(SOLID_SPHERE))
 }
 
 fn spin_ratio(row: &Observation, theta: &Theta) -> f64 {

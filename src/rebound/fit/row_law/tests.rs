@@ -73,7 +73,7 @@ fn rows() -> Vec<Observation> {
     let observed = |rows: Vec<Row>| {
         let series = Series::new("made", rows, Vec::new()).unwrap();
         let indices: Vec<usize> = (0..series.rows.len()).collect();
-        let (data, aside) = GroupData::new(&series, &indices);
+        let (data, aside) = GroupData::new(&series, &indices, None);
         assert!(aside.is_empty() && series.set_aside.is_empty());
         data.rows
     };
@@ -248,7 +248,7 @@ fn a_row_without_errors_has_no_nearest_motion() {
         Vec::new(),
     )
     .unwrap();
-    let (data, aside) = GroupData::new(&series, &[0, 1]);
+    let (data, aside) = GroupData::new(&series, &[0, 1], None);
     assert_eq!((data.rows.len(), aside.len(), aside[0].row), (1, 1, 1));
     assert!(aside[0].reason.contains("are 0"), "{}", aside[0].reason);
 }
@@ -262,7 +262,7 @@ fn beside_the_limit(vz: f64) -> Observation {
         .with(Column::ReboundVz, 1.01, Some(0.015))
         .with(Column::SpinIn, 0.0, None);
     let series = Series::new("one", vec![row], Vec::new()).unwrap();
-    GroupData::new(&series, &[0]).0.rows.remove(0)
+    GroupData::new(&series, &[0], None).0.rows.remove(0)
 }
 
 #[test]
