@@ -37,7 +37,7 @@ pub struct RowSource<'a> {
 
 /// Numbers of a bounce: the column, and where its result has it. The velocities are those along the floor and its normal, x and
 /// z of the models: a floor that slopes by 0.1 degrees would add 0.0017 to every friction.
-const OF_BOUNCE: [(&str, &str); 15] = [
+const OF_BOUNCE: [(&str, &str); 17] = [
     ("time_s", "/time_s"),
     ("impact_x_m", "/x_m"),
     ("incident_vx_m_s", "/along_floor/incident_tangential_m_s"),
@@ -46,6 +46,8 @@ const OF_BOUNCE: [(&str, &str); 15] = [
     ("rebound_vz_m_s", "/along_floor/rebound_normal_m_s"),
     ("spin_in_m_s", "/spin_in_m_s"),
     ("spin_out_m_s", "/spin_out_m_s"),
+    ("measured_spin_in_m_s", "/measured_spin_in_m_s"),
+    ("measured_spin_out_m_s", "/measured_spin_out_m_s"),
     ("incident_angle_deg", "/incident/angle_deg"),
     ("rebound_angle_deg", "/rebound/angle_deg"),
     ("restitution", "/restitution"),
@@ -211,6 +213,9 @@ fn with_shared_slope(result: &Value, sharing: usize, inertia_factor: f64) -> Vec
         else {
             continue;
         };
+        if bounce["spin_in_source"] == "measured" {
+            of_spin = 0.0;
+        }
         let of_speed = [incident_n, -incident_t, rebound_n, -rebound_t, of_spin];
         of_spin += (incident_n - rebound_n) / inertia_factor;
         let places = [

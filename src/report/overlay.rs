@@ -382,6 +382,7 @@ mod tests {
                 frame: 0,
                 centre: PixelPoint::new(100.0, 100.0),
                 used,
+                turned: None,
             };
             overlay.draw_ball(ball, &mut picture);
             picture

@@ -190,6 +190,9 @@ impl SharedWords {
 enum Meaning {
     Value(Column),
     Std(Column),
+    /// The same as the ball's marks show it: in place of the column's own.
+    Seen(Column),
+    SeenStd(Column),
     Correlation(Column, Column),
     Group,
     Recording,
@@ -205,6 +208,10 @@ impl Meaning {
             "recording" | "video" => return Self::Recording,
             "page" => return Self::Page,
             "left_out" => return Self::LeftOut,
+            "measured_spin_in_m_s" => return Self::Seen(Column::SpinIn),
+            "measured_spin_in_m_s_std" => return Self::SeenStd(Column::SpinIn),
+            "measured_spin_out_m_s" => return Self::Seen(Column::SpinOut),
+            "measured_spin_out_m_s_std" => return Self::SeenStd(Column::SpinOut),
             _ => {}
         }
         let correlated = name.strip_suffix("_corr").and_then(|pair| pair.split_once("__"));
@@ -246,6 +253,7 @@ impl SeriesHeader {
         problems.extend(columns.iter().filter_map(|(name, meaning)| {
             let lone = match meaning {
                 Meaning::Std(c) => !has(c),
+                Meaning::SeenStd(c) => !columns.iter().any(|(_, m)| *m == Meaning::Seen(*c)),
                 Meaning::Correlation(a, b) => !has(a) || !has(b) || a == b,
                 _ => false,
             };
@@ -320,17 +328,29 @@ impl SeriesHeader {
         }
         let mut std = [None; Column::COUNT];
         let mut values = [None; Column::COUNT];
+        let mut seen = [None; Column::COUNT];
+        let mut seen_std = [None; Column::COUNT];
         let mut correlations = Vec::new();
         for ((name, meaning), cell) in with_meaning() {
             let number = || number_in(&self.head, &cell).map_err(|found| aside(format!("{name} is {found}")));
             match *meaning {
                 Meaning::Value(c) => values[c as usize] = number()?,
                 Meaning::Std(c) => std[c as usize] = number()?,
+                Meaning::Seen(c) => seen[c as usize] = number()?,
+                Meaning::SeenStd(c) => seen_std[c as usize] = number()?,
                 Meaning::Correlation(a, b) => correlations.extend(number()?.map(|r| (a, b, r))),
                 _ => {}
             }
         }
         let mut readings = Column::ALL.map(|column| {
+            if let Some(value) = seen[column as usize] {
+                let std = seen_std[column as usize];
+                return Some(Reading { value, std });
+            }
+            // A spin after that is computed, beside one that was seen in other rows, says nothing new.
+            if column == Column::SpinOut && self.has(Meaning::Seen(column)) {
+                return None;
+            }
             let std = std[column as usize];
             values[column as usize].map(|value| Reading { value, std })
         });
@@ -349,8 +369,12 @@ impl SeriesHeader {
 
     /// Whether the file says anything of the spin before the bounce.
     fn knows_spin(&self) -> bool {
-        let is = |c| self.columns.iter().any(|(_, m)| *m == Meaning::Value(c));
-        is(Column::SpinRatio) || (self.set == ColumnSet::Velocities && is(Column::SpinIn))
+        let spin_in = || self.has(Meaning::Value(Column::SpinIn)) || self.has(Meaning::Seen(Column::SpinIn));
+        self.has(Meaning::Value(Column::SpinRatio)) || (self.set == ColumnSet::Velocities && spin_in())
+    }
+
+    fn has(&self, meaning: Meaning) -> bool {
+        self.columns.iter().any(|(_, m)| *m == meaning)
     }
 
     fn notes(&self, set: ColumnSet) -> Vec<Note> {

@@ -193,3 +193,18 @@ fn deviations_that_leave_a_relation_exact_are_not_used() {
         .unwrap();
     assert!(note.message.contains("x0_m and x_m"), "{}", note.message);
 }
+
+#[test]
+fn spins_that_were_seen_stand_in_place_of_computed_ones() {
+    let s = series(
+        "incident_vx_m_s,incident_vz_m_s,rebound_vx_m_s,rebound_vz_m_s,spin_in_m_s,spin_in_m_s_std,spin_out_m_s,\
+         measured_spin_in_m_s,measured_spin_in_m_s_std,measured_spin_out_m_s,measured_spin_out_m_s_std\n\
+         1,-2,0.7,1.6,0,0.1,0.75,0.1,0.002,0.86,0.003\n\
+         1,-2,0.7,1.6,0,0.1,0.75,,,,\n",
+    );
+    let spin = |row: usize, column| s.rows[row].reading(column).map(|r| (r.value, r.std));
+    assert_eq!(spin(0, Column::SpinIn), Some((0.1, Some(0.002))));
+    assert_eq!(spin(0, Column::SpinOut), Some((0.86, Some(0.003))));
+    assert_eq!(spin(1, Column::SpinIn), Some((0.0, Some(0.1))));
+    assert_eq!(spin(1, Column::SpinOut), None);
+}
