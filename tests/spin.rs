@@ -89,7 +89,7 @@ fn rates_spins_and_the_inertia_factor_of_a_ball_with_dots_are_true() {
 
 #[test]
 fn an_axis_far_from_the_line_of_sight_is_found() {
-    let marks = json!({"pattern": "halves", "grey": 70});
+    let marks = json!({"pattern": "dots", "count": 8, "radius_deg": 14, "grey": 50});
     let recording = Rendered::new(&scene(
         &marks,
         15.0,

@@ -62,6 +62,15 @@ pub(super) struct BounceRow {
     pub quantity: fn(&Bounce) -> Option<Quantity>,
 }
 
+/// Rows that some recordings have, and others cannot have.
+const ROWS_OF_SOME: [&str; 5] = [
+    "azimuth",
+    "friction, at least",
+    "spin before, seen",
+    "spin after, seen",
+    "inertia factor",
+];
+
 /// The rows of the per-bounce table in reading order.
 pub(super) const BOUNCE_ROWS: [BounceRow; 19] = [
     row("time", "t", "s", |b| b.time_s),
@@ -204,8 +213,8 @@ fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
         let _ = writeln!(text, "{:<LABEL$}{:<SYMBOL$}{}", "", "", heading.trim_end());
         for (index, row) in BOUNCE_ROWS.iter().enumerate() {
             let no_bounce_has_it = bounces.iter().all(|bounce| (row.quantity)(bounce).is_none());
-            if no_bounce_has_it && ["azimuth", "friction, at least"].contains(&row.name) {
-                continue; // A side view has no azimuth: a dash there would look like a failure.
+            if no_bounce_has_it && ROWS_OF_SOME.contains(&row.name) {
+                continue; // A side view has no azimuth, a plain ball shows no spin: a dash there would look like a failure.
             }
             let mut values = String::new();
             for column in &cells {
