@@ -2,6 +2,7 @@
 #
 #     make demo     renders a recording into demo/, measures it, says where the page is
 #     make test     all tests
+#     make test-cluster  shards by Slurm and Snakemake on this machine (scripts/test_cluster.sh says what it needs)
 #     make figures  makes the tables and pictures of docs/accuracy.md anew (half an hour)
 #     make golden   writes the golden results anew and says what moved
 #     make schemas  writes docs/schemas/ from the types
@@ -25,7 +26,7 @@ TRACK := cargo run --locked --quiet --bin track --
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball
 
-.PHONY: demo test figures golden schemas lint build install deb test-deb setup
+.PHONY: demo test test-cluster figures golden schemas lint build install deb test-deb setup
 
 demo: build
 	$(TRACK) simulate $(SCENE) --out demo
@@ -34,6 +35,9 @@ demo: build
 
 test: setup
 	cargo test --locked
+
+test-cluster: build
+	scripts/test_cluster.sh
 
 # Also docs/demo.jpg: the picture of the demo's page.
 figures: demo

@@ -459,6 +459,174 @@ fn copies_count_once_and_what_gravity_refutes_is_left_out_and_said_at_the_top() 
         .stdout(contains("1 of them now"));
 }
 
+// In shards.
+
+/// `--shard I/N`.
+fn shard(lab: &Path, out: &Path, part: &str) -> Command {
+    let mut command = batch(&[lab], out);
+    command.args(["--jobs", "1", "--shard", part]);
+    command
+}
+
+fn merge(out: &Path) -> Command {
+    let mut command = batch(&[], out);
+    command.arg("--merge");
+    command
+}
+
+/// The clips under more names, so that every shard of three has some; copies but for a byte after the film.
+fn more_clips(lab: &Path) {
+    for i in 0..6 {
+        let from = CLIPS[i % CLIPS.len()];
+        let mut bytes = fs::read(lab.join(format!("{from}.mp4"))).unwrap();
+        // A box of MP4 that readers skip.
+        bytes.extend([0, 0, 0, 9]);
+        bytes.extend(b"free");
+        bytes.push(i as u8);
+        fs::write(lab.join(format!("more-{i}.mp4")), bytes).unwrap();
+        fs::copy(
+            lab.join(format!("{from}.calib.json")),
+            lab.join(format!("more-{i}.calib.json")),
+        )
+        .unwrap();
+    }
+}
+
+/// All but the records of the shards, which a run that was not divided does not have.
+fn without_records(out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = contents(out);
+    all.retain(|path, _| !path.starts_with("shards"));
+    all
+}
+
+#[test]
+fn shards_that_run_at_once_one_killed_and_run_again_leave_the_bytes_of_one_run() {
+    let (dir, lab, out) = lab();
+    more_clips(&lab);
+    // One that fails has a part in the page as well.
+    fs::write(lab.join("text.mp4"), "this is no video at all").unwrap();
+    fs::copy(lab.join("a.calib.json"), lab.join("text.calib.json")).unwrap();
+    let whole = dir.path().join("whole");
+    batch(&[&lab], &whole).assert().code(1);
+
+    let parts = ["1/3", "2/3", "3/3"];
+    let mut running: Vec<Child> = parts
+        .iter()
+        .map(|part| started(&[&lab], &out, &["--jobs", "1", "--shard", part]))
+        .collect();
+    // The second is killed while it measures.
+    let begun = Instant::now();
+    while children(running[1].id()).is_empty() && begun.elapsed() < Duration::from_secs(30) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    // While it runs, nobody else measures it, merges, or divides otherwise.
+    assert!(signal(Signal::STOP, running[1].id()));
+    shard(&lab, &out, "2/3")
+        .assert()
+        .code(2)
+        .stderr(contains("shard 2/3 is being measured"));
+    shard(&lab, &out, "1/2")
+        .assert()
+        .code(2)
+        .stderr(contains("/3 is being measured").and(contains("--shard I/3")));
+    merge(&out)
+        .assert()
+        .code(2)
+        .stderr(contains("another track batch is writing"));
+    running[1].kill().unwrap();
+    for child in &mut running {
+        child.wait().unwrap();
+    }
+    merge(&out).assert().code(2).stdout("").stderr(
+        contains("shard 2/3 was begun and has not ended")
+            .and(contains("its recordings are "))
+            .and(contains("--shard 2/3")),
+    );
+    assert!(!out.join("series.csv").exists());
+
+    drop(shard(&lab, &out, "2/3").assert());
+    merge(&out)
+        .assert()
+        .code(1)
+        .stdout(contains("10 recordings: 9 measured, 1 failed; 0 of them now").and(contains("failed text")));
+    same(&contents(&whole), &without_records(&out));
+    // Again, by one run of all: nothing is left to do but what failed.
+    batch(&[&lab], &out)
+        .assert()
+        .code(1)
+        .stdout(contains("1 of them now"));
+    same(&contents(&whole), &without_records(&out));
+}
+
+#[test]
+fn a_merge_says_what_is_missing_and_a_bad_part_what_is_one() {
+    let (_dir, lab, out) = lab();
+    more_clips(&lab);
+    merge(&out)
+        .assert()
+        .code(2)
+        .stderr(contains("no record of a shard").and(contains("--shard 1/N")));
+    assert!(!out.exists());
+    for part in ["1/3", "3/3"] {
+        shard(&lab, &out, part).assert().code(0);
+    }
+    merge(&out)
+        .assert()
+        .code(2)
+        .stdout("")
+        .stderr(contains("shard 2/3 has not been run").and(contains("--shard 2/3")));
+    // With the recordings named, it says which.
+    let of = |part: &str| -> Vec<String> {
+        let part: track::batch::Shard = part.parse().unwrap();
+        let names = CLIPS.iter().map(|name| (*name).to_owned());
+        let names = names.chain((0..6).map(|i| format!("more-{i}")));
+        names.filter(|name| part.has(name)).collect()
+    };
+    batch(&[&lab], &out)
+        .arg("--merge")
+        .assert()
+        .code(2)
+        .stderr(contains(format!("its recordings are {}", of("2/3").join(", "))));
+    shard(&lab, &out, "2/3").assert().code(0);
+    merge(&out).assert().code(0);
+
+    // A result that is gone.
+    let gone = &of("3/3")[0];
+    fs::remove_file(out.join(format!("results/{gone}.points.csv"))).unwrap();
+    merge(&out).assert().code(2).stderr(contains(format!(
+        "shard 3/3 are gone or have changed since it ended: {gone}"
+    )));
+    // A recording that one shard has seen and the others have not.
+    shard(&lab, &out, "3/3")
+        .assert()
+        .code(0)
+        .stdout(contains("1 of them now"));
+    fs::copy(lab.join("a.mp4"), lab.join("new.mp4")).unwrap();
+    fs::copy(lab.join("a.calib.json"), lab.join("new.calib.json")).unwrap();
+    shard(&lab, &out, "1/3").assert().code(0);
+    merge(&out)
+        .assert()
+        .code(2)
+        .stderr(contains("1/3 of 10 recordings; 2/3, 3/3 of 9 recordings"));
+    // Another division takes the place of the one before.
+    shard(&lab, &out, "1/1").assert().code(0);
+    merge(&out).assert().code(0);
+
+    for (part, words) in [
+        ("0/3", "I is from 1 to N, here from 1 to 3"),
+        ("4/3", "from 1 to 3"),
+        ("1/0", "N is 1 or more"),
+        ("two", "accepted is I/N"),
+    ] {
+        shard(&lab, &out, part).assert().code(2).stderr(contains(words));
+    }
+    shard(&lab, &out, "1/3")
+        .arg("--merge")
+        .assert()
+        .code(2)
+        .stderr(contains("cannot be used with"));
+}
+
 // When something goes wrong.
 
 /// The processes that `parent` has started: their ids and what they were started with.

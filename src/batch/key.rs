@@ -8,6 +8,7 @@ use super::{BatchRecording, LaunchSpin};
 use crate::Build;
 use crate::frames::digest::{of_bytes, of_file, of_recording};
 use crate::pipeline::MeasureSettings;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::io;
 use std::path::Path;
@@ -16,7 +17,7 @@ use std::path::Path;
 const SCHEMA: &str = "track.key/1";
 
 /// What a result depends on.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResultKey(Value);
 
 impl ResultKey {

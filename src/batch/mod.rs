@@ -11,7 +11,9 @@
 //! | `schedule` | as many processes at once as were asked for |
 //! | [`series`] | the table of all bounces |
 //! | [`vetting`] | copies, and recordings that gravity or the ball's size refutes, are no part of the fit |
+//! | [`shard`] | the part of a batch that one machine measures, and the record that it leaves |
 //! | [`session`] | the order of the steps |
+//! | [`merge`] | the series of all shards |
 //!
 //! Whatever is written depends on the recordings, their calibrations and the settings alone: not on the time, on the number of
 //! processes or on which of them ends first. So a run that is killed and started again leaves the same bytes as one that
@@ -21,6 +23,7 @@
 
 mod key;
 pub mod manifest;
+pub mod merge;
 mod names;
 pub mod plan;
 pub mod process;
@@ -28,10 +31,12 @@ mod result_store;
 mod schedule;
 pub mod series;
 pub mod session;
+pub mod shard;
 pub mod vetting;
 
 pub use plan::{BatchPlan, BatchRequest, PlanError};
-pub use session::{BatchEvent, BatchSummary, run};
+pub use session::{BatchEvent, BatchSummary, ShardSummary, run, run_shard};
+pub use shard::Shard;
 pub use vetting::RefutedRecordings;
 
 use crate::calibration::Calibration;
@@ -186,6 +191,50 @@ pub enum BatchError {
     InUse {
         /// The folder.
         out: PathBuf,
+    },
+    /// The same shard is running.
+    #[error(
+        "{}: shard {shard} is being measured in this folder by another process; wait until it has ended, or stop it",
+        out.display()
+    )]
+    ShardInUse {
+        /// The folder.
+        out: PathBuf,
+        /// Which.
+        shard: Shard,
+    },
+    /// Shards of another division are running.
+    #[error(
+        "{}: shard {other} is being measured in this folder, and shares recordings with shard {shard}; all shards that run at \
+         the same time need the same N: give --shard I/{}, or wait until the others have ended",
+        out.display(), other.count
+    )]
+    OtherShards {
+        /// The folder.
+        out: PathBuf,
+        /// Which was to be measured.
+        shard: Shard,
+        /// Which is.
+        other: Shard,
+    },
+    /// A record that no shard has written.
+    #[error(
+        "cannot read {}: not the record of a shard of this version of track ({found}); run that shard again, or remove the file",
+        path.display()
+    )]
+    BadShardRecord {
+        /// The record.
+        path: PathBuf,
+        /// What is wrong with it.
+        found: String,
+    },
+    /// Not everything that is to be merged is there.
+    #[error("{}: cannot merge, nothing was written:\n{}", out.display(), missing.join("\n"))]
+    ShardsMissing {
+        /// The folder.
+        out: PathBuf,
+        /// What is missing, and what to do, a line each.
+        missing: Vec<String>,
     },
     /// The series of our own making cannot be read back.
     #[error("the series of the batch cannot be fitted (a fault of track, please report it)")]

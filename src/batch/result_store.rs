@@ -2,8 +2,12 @@
 //!
 //! A recording has four files in `results`: its result, points and page, and its key, which is written last and holds the
 //! digests of the others. So a set of files that is incomplete, or that somebody has changed, is not taken for a result.
+//!
+//! One batch at a time works in the folder, or any number of shards. A shard writes files of its own recordings only: results,
+//! its record, and below `DIR/.work/I-of-N`, a folder that it locks.
 
 use super::key::ResultKey;
+use super::shard::Shard;
 use super::{BatchError, BatchRecording};
 use crate::report::documents;
 use crate::report::formats::batch_formats;
@@ -31,10 +35,12 @@ const WORK: &str = ".work";
 pub struct ResultStore {
     results: PathBuf,
     work: PathBuf,
-    /// Open as long as the folder is locked. Every process of the batch inherits it, so that a batch that is started after
-    /// another was killed waits until the last process of that one has ended.
+    /// Open as long as the folder is locked (a shard's: that of its work directories). Every process of the batch inherits
+    /// it, so that a batch that is started after another was killed waits until the last process of that one has ended.
     lock: File,
-    _folders: write::NewFolders,
+    /// That of the whole folder, which shards share.
+    shared_lock: Option<File>,
+    _folders: Option<write::NewFolders>,
 }
 
 impl ResultStore {
@@ -43,16 +49,75 @@ impl ResultStore {
         let results = out.join(RESULTS);
         let folders = write::check_output_dir(&results)?;
         let lock = File::open(out).map_err(|source| WriteError::new(out, source))?;
-        lock_folder(&lock, out)?;
+        let in_use = || BatchError::InUse { out: out.to_owned() };
+        if !lock_folder(&lock, FlockOperation::NonBlockingLockExclusive) {
+            return Err(in_use());
+        }
         let store = Self {
             work: out.join(WORK),
             results,
             lock,
-            _folders: folders,
+            shared_lock: None,
+            _folders: Some(folders),
+        };
+        // Processes of shards that were just killed.
+        for folder in folders_in(&store.work) {
+            if let Ok(lock) = File::open(folder)
+                && !lock_folder(&lock, FlockOperation::NonBlockingLockExclusive)
+            {
+                return Err(in_use());
+            }
+        }
+        store.clear_work_dirs()?;
+        for folder in [out, &store.results, &out.join(super::shard::SHARDS)] {
+            if folder.is_dir() {
+                write::clear_temporary_files(folder)?;
+            }
+        }
+        Ok(store)
+    }
+
+    /// The same for a shard, beside which others may work in the folder.
+    pub fn open_for_shard(out: &Path, shard: Shard) -> Result<Self, BatchError> {
+        let results = out.join(RESULTS);
+        write::check_output_dir(&results)?.keep();
+        let whole = File::open(out).map_err(|source| WriteError::new(out, source))?;
+        if !lock_folder(&whole, FlockOperation::NonBlockingLockShared) {
+            return Err(BatchError::InUse { out: out.to_owned() });
+        }
+        let all_work = out.join(WORK);
+        let work = all_work.join(shard.file_word());
+        fs::create_dir_all(&work).map_err(|source| WriteError::new(&work, source))?;
+        let lock = File::open(&work).map_err(|source| WriteError::new(&work, source))?;
+        if !lock_folder(&lock, FlockOperation::NonBlockingLockExclusive) {
+            return Err(BatchError::ShardInUse {
+                out: out.to_owned(),
+                shard,
+            });
+        }
+        // Parts of another count share recordings with this one.
+        for folder in folders_in(&all_work) {
+            let word = folder.file_name().and_then(|name| name.to_str());
+            let other = word.and_then(Shard::from_file_word);
+            if let Some(other) = other.filter(|other| other.count != shard.count)
+                && let Ok(lock) = File::open(&folder)
+                && !lock_folder(&lock, FlockOperation::NonBlockingLockShared)
+            {
+                return Err(BatchError::OtherShards {
+                    out: out.to_owned(),
+                    shard,
+                    other,
+                });
+            }
+        }
+        let store = Self {
+            work,
+            results,
+            lock,
+            shared_lock: Some(whole),
+            _folders: None,
         };
         store.clear_work_dirs()?;
-        write::clear_temporary_files(out)?;
-        write::clear_temporary_files(&store.results)?;
         Ok(store)
     }
 
@@ -100,10 +165,12 @@ impl ResultStore {
             .key_with_files(recording, key, &work_dir)
             .map_err(|e| contents(&key_path, Box::new(e)))?;
         let text = documents::json_text(&whole).map_err(|e| contents(&key_path, Box::new(e)))?;
-        for file in files() {
+        // Not written in the folder of results: what a killed shard leaves there under a temporary name would stay.
+        write::write_atomically(&file_of(&work_dir, recording, KEY), &text)?;
+        for file in files().chain([KEY]) {
             write::rename(&file_of(&work_dir, recording, file), &self.path(recording, file))?;
         }
-        write::write_atomically(&key_path, &text)
+        Ok(())
     }
 
     /// Whether the recording's process has left a complete set of files in its work directory.
@@ -146,9 +213,14 @@ impl ResultStore {
         remove_folder(&self.work_dir(recording))
     }
 
-    /// Removes all work directories.
+    /// Removes all work directories; a shard only its own, and not the folder that it has locked.
     pub fn clear_work_dirs(&self) -> Result<(), WriteError> {
-        remove_folder(&self.work)
+        if self.shared_lock.is_none() {
+            return remove_folder(&self.work);
+        }
+        folders_in(&self.work)
+            .iter()
+            .try_for_each(|dir| remove_folder(dir))
     }
 
     /// Makes an empty work directory for the recording's process.
@@ -206,15 +278,25 @@ fn remove_folder(path: &Path) -> Result<(), WriteError> {
     }
 }
 
-/// Locks the folder. The processes of a batch that was just killed end within moments: they are waited for.
-fn lock_folder(lock: &File, out: &Path) -> Result<(), BatchError> {
+/// The folders in `dir`; none where it cannot be read.
+fn folders_in(dir: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
+    entries
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir())
+        .collect()
+}
+
+/// Locks the folder; whether nobody else has. The processes of a batch that was just killed end within moments: they are
+/// waited for.
+fn lock_folder(lock: &File, how: FlockOperation) -> bool {
     const ATTEMPTS: usize = 60;
     for _ in 0..ATTEMPTS {
-        match flock(lock, FlockOperation::NonBlockingLockExclusive) {
+        match flock(lock, how) {
             Err(Errno::WOULDBLOCK | Errno::INTR) => std::thread::sleep(Duration::from_millis(50)),
             // A file system without locks: there, not to run two batches in one folder is left to the user.
-            Ok(()) | Err(_) => return Ok(()),
+            Ok(()) | Err(_) => return true,
         }
     }
-    Err(BatchError::InUse { out: out.to_owned() })
+    false
 }

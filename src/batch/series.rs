@@ -14,6 +14,7 @@ use super::BatchRecording;
 use super::vetting::{DUPLICATE, LeftOut};
 use crate::calibration::Calibration;
 use crate::impact::Speed;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// The rows of a recording.
@@ -24,13 +25,37 @@ pub struct BounceRows(Vec<Vec<String>>);
 const LEFT_OUT: usize = 4;
 const WARNINGS: usize = 7;
 
+/// What of a calibration stands in the table.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationNumbers {
+    /// R ω_oy / u_o at the launch; `None` where nobody knows.
+    pub spin_ratio: Option<f64>,
+    /// g, m/s².
+    pub gravity_m_s2: f64,
+    /// I / (m R²) of the ball.
+    pub inertia_factor: f64,
+    /// κ, where the materials of ball and floor are given.
+    pub stiffness_ratio: Option<f64>,
+}
+
+impl From<&Calibration> for CalibrationNumbers {
+    fn from(calibration: &Calibration) -> Self {
+        Self {
+            spin_ratio: calibration.launch.spin_ratio,
+            gravity_m_s2: calibration.gravity_m_s2,
+            inertia_factor: calibration.ball.inertia_factor,
+            stiffness_ratio: calibration.stiffness_ratio(),
+        }
+    }
+}
+
 /// What the table says of a recording beside its result.
 #[derive(Debug, Clone, Copy)]
 pub struct RowSource<'a> {
     /// Its name and group.
     pub recording: &'a BatchRecording,
     /// Its calibration, with the manifest's changes.
-    pub calibration: &'a Calibration,
+    pub calibration: CalibrationNumbers,
     /// Its page, relative to the table.
     pub page: &'a str,
 }
@@ -111,7 +136,7 @@ impl BounceRows {
     /// The bounces of a recording's `result`.
     #[must_use]
     pub fn of(result: &Value, source: &RowSource<'_>) -> Self {
-        let inertia_factor = source.calibration.ball.inertia_factor;
+        let inertia_factor = source.calibration.inertia_factor;
         let bounces = |launch: &Value| launch["bounces"].as_array().map_or(0, Vec::len);
         let edited = result["edits"].is_object();
         let codes = warning_codes(result).join(" ");
@@ -309,10 +334,10 @@ fn row(
     quantity(result.get("gravity_m_s2"));
     quantity(result.pointer("/floor/slope_deg"));
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
-    cells.push(number(calibration.launch.spin_ratio.filter(|_| first)));
+    cells.push(number(calibration.spin_ratio.filter(|_| first)));
     cells.push(number(Some(calibration.gravity_m_s2)));
-    cells.push(number(Some(calibration.ball.inertia_factor)));
-    cells.push(number(calibration.stiffness_ratio()));
+    cells.push(number(Some(calibration.inertia_factor)));
+    cells.push(number(calibration.stiffness_ratio));
     for pair in pairs() {
         cells.push(number(bounce["along_floor"]["correlations"][&pair].as_f64()));
     }
@@ -321,7 +346,7 @@ fn row(
 }
 
 /// Why a bounce is nothing for a fit.
-fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value) -> Option<String> {
+fn left_out(result: &Value, calibration: &CalibrationNumbers, i: usize, bounce: &Value) -> Option<String> {
     let unknown = |place: &&str| bounce.pointer(place).is_none_or(Value::is_null);
     if VELOCITIES.iter().any(&unknown) {
         return Some("not all of its velocities are known (a view from above has none upwards)".to_owned());
@@ -345,7 +370,7 @@ fn left_out(result: &Value, calibration: &Calibration, i: usize, bounce: &Value)
     if !unknown(&"/spin_in_m_s") {
         return None;
     }
-    match calibration.launch.spin_ratio {
+    match calibration.spin_ratio {
         Some(_) => Some(
             "its spin is not known: an impact before it was not on the floor, or not one at all".to_owned(),
         ),
@@ -412,7 +437,7 @@ mod tests {
         let recording = recording();
         let source = RowSource {
             recording: &recording,
-            calibration,
+            calibration: calibration.into(),
             page: "results/a.report.html",
         };
         let rows = BounceRows::of(result, &source);
@@ -450,7 +475,7 @@ mod tests {
         let (recording, calibration) = (recording(), calibration());
         let source = RowSource {
             recording: &recording,
-            calibration: &calibration,
+            calibration: (&calibration).into(),
             page: "a",
         };
         let rows = BounceRows::of(&warned, &source);
@@ -489,7 +514,7 @@ mod tests {
         let (recording, calibration) = (recording(), calibration());
         let source = RowSource {
             recording: &recording,
-            calibration: &calibration,
+            calibration: (&calibration).into(),
             page: "a",
         };
         let place = header().iter().position(|name| name == "launch").unwrap();

@@ -4,7 +4,8 @@
 use super::key::ResultKey;
 use super::process::{ProcessExit, RecordingProcess};
 use super::result_store::{RESULTS, ResultStore, build_in};
-use super::series::{self, BounceRows, RowSource};
+use super::series::{self, BounceRows, CalibrationNumbers, RowSource};
+use super::shard::{GivenRecordings, Shard, ShardRecord, ShardRecording};
 use super::vetting::{self, LeftOut, RefutedRecordings, VettedRecording};
 use super::{BatchError, BatchPlan, BatchRecording, BatchSettings, RecordingOutcome, schedule};
 use crate::calibration::Calibration;
@@ -71,6 +72,19 @@ const PAGE: &str = "report.html";
 /// each recording would take longer than the recordings.
 const PUBLISH_GROWTH: f64 = 1.15;
 
+/// A shard that has ended.
+#[derive(Debug)]
+pub struct ShardSummary {
+    /// Its recordings, by name.
+    pub plan: BatchPlan,
+    /// How each of them ended.
+    pub outcomes: Vec<RecordingOutcome>,
+    /// How many of them were measured now, well or not.
+    pub now: usize,
+    /// The record that it has left for the merge.
+    pub record: PathBuf,
+}
+
 /// Measures what has to be measured of `plan` and writes everything into `out`.
 ///
 /// # Errors
@@ -81,77 +95,130 @@ pub fn run(
     out: &Path,
     watch: &mut dyn FnMut(&BatchEvent<'_>),
 ) -> Result<BatchSummary, BatchError> {
-    let program = std::env::current_exe().map_err(BatchError::NoProgram)?;
     let store = ResultStore::open(out)?;
-    let progress: Vec<RecordingProgress> = plan
-        .recordings
-        .par_iter()
-        .map(|r| assess(r, &store, settings))
-        .collect();
-    let work: Vec<(usize, Arc<MeasurementInputs>)> = progress
-        .iter()
-        .enumerate()
-        .filter_map(|(i, progress)| match progress {
-            RecordingProgress::ToDo(inputs) => Some((i, Arc::clone(inputs))),
-            RecordingProgress::Ended { .. } => None,
-        })
-        .collect();
     let mut batch = RunningBatch {
         out,
         plan,
         store: &store,
         refuted: settings.refuted,
-        progress,
+        progress: assess_all(plan, &store, settings),
     };
-    batch.report_what_is_known(&work, watch)?;
+    let work = batch.work();
+    batch.report_what_is_known(&work, &plan.recordings, watch)?;
     let mut published = batch.publish()?;
-    let cores = available_parallelism().map_or(1, usize::from);
-    let threads = (cores / settings.jobs.get().min(work.len().max(1))).max(1);
-    let measure = |(i, inputs): &(usize, Arc<MeasurementInputs>), stop: &AtomicBool| {
-        let recording = &plan.recordings[*i];
-        match store
-            .make_work_dir(recording)
-            .map(|work_dir| (work_dir, store.lock()))
-        {
-            Ok((work_dir, Ok(lock))) => RecordingProcess {
-                program: &program,
-                recording,
-                calib: &inputs.calib,
-                work_dir,
-                lock,
-                settings,
-                threads,
-            }
-            .run(stop),
-            Ok((_, Err(e))) => ProcessExit::Failed(format!("its process could not be started: {e}")),
-            Err(e) => ProcessExit::Failed(error_chain(&e)),
-        }
-    };
-    let (mut done, mut last) = (0_usize, 0_usize);
-    schedule::run(&work, settings.jobs, measure, |(i, inputs), exit| {
-        batch.end(*i, inputs, exit)?;
-        done += 1;
-        batch.report(*i, Some(inputs.bytes), watch);
+    let mut last = 0_usize;
+    batch.measure(&work, settings, watch, &mut |batch, done| {
         if done as f64 >= last as f64 * PUBLISH_GROWTH || done == work.len() {
             published = batch.publish()?;
             last = done;
         }
-        Ok::<(), BatchError>(())
+        Ok(())
     })?;
-    let PublishedSeries { rows, notes, fit } = published;
-    Ok(BatchSummary {
-        now: done,
-        rows,
-        notes,
-        fit,
-        files: batch.files(),
-        outcomes: batch
-            .progress
-            .into_iter()
-            .filter_map(RecordingProgress::outcome)
-            .collect(),
+    Ok(batch.summary(work.len(), published))
+}
+
+/// Measures what has to be measured of the recordings of `plan` that belong to `shard`, and leaves a record of them in `out`.
+/// Others may measure other shards at the same time.
+///
+/// # Errors
+/// See [`BatchError`]; what was measured until then stands.
+pub fn run_shard(
+    plan: &BatchPlan,
+    shard: Shard,
+    settings: &BatchSettings,
+    out: &Path,
+    watch: &mut dyn FnMut(&BatchEvent<'_>),
+) -> Result<ShardSummary, BatchError> {
+    let ours = plan
+        .recordings
+        .iter()
+        .filter(|recording| shard.has(&recording.name));
+    let part = BatchPlan {
+        recordings: ours.cloned().collect(),
+    };
+    let store = ResultStore::open_for_shard(out, shard)?;
+    ShardRecord::remove_of_other_counts(out, shard.count)?;
+    let given = GivenRecordings::of(&plan.recordings);
+    let waiting = part.recordings.iter().map(ShardRecording::waiting).collect();
+    ShardRecord::new(shard, false, given.clone(), waiting).write(out)?;
+    let mut batch = RunningBatch {
+        out,
+        plan: &part,
+        store: &store,
+        refuted: settings.refuted,
+        progress: assess_all(&part, &store, settings),
+    };
+    let work = batch.work();
+    batch.report_what_is_known(&work, &plan.recordings, watch)?;
+    batch.measure(&work, settings, watch, &mut |_, _| Ok(()))?;
+    let recordings = part.recordings.iter().zip(&batch.progress);
+    let recordings = recordings
+        .map(|(recording, progress)| progress.record(recording))
+        .collect();
+    let record = ShardRecord::new(shard, true, given, recordings).write(out)?;
+    let outcomes = batch.progress.into_iter().filter_map(RecordingProgress::outcome);
+    Ok(ShardSummary {
+        outcomes: outcomes.collect(),
+        now: work.len(),
+        plan: part,
+        record,
     })
 }
+
+/// Writes the files for all recordings of `plan`, which have ended as `recorded` says; both are by name. Nothing is measured.
+/// The recordings of which the result is not there, or not the one that was recorded, are given back.
+pub(super) fn publish_recorded(
+    plan: &BatchPlan,
+    recorded: &[&ShardRecording],
+    refuted: RefutedRecordings,
+    store: &ResultStore,
+    out: &Path,
+) -> Result<Result<BatchSummary, Vec<String>>, BatchError> {
+    let progress: Vec<Option<RecordingProgress>> = plan
+        .recordings
+        .par_iter()
+        .zip(recorded)
+        .map(
+            |(recording, recorded)| match (&recorded.failed, &recorded.key, recorded.calibration) {
+                (Some(reason), _, _) => Some(RecordingProgress::failed(reason.clone())),
+                (None, Some(key), Some(calibration)) => {
+                    let result = store.up_to_date(recording, key)?;
+                    Some(ended(recording, calibration, Some(key), &result))
+                }
+                _ => None,
+            },
+        )
+        .collect();
+    let missing = plan
+        .recordings
+        .iter()
+        .zip(&progress)
+        .filter(|(_, progress)| progress.is_none());
+    let missing: Vec<String> = missing.map(|(recording, _)| recording.name.clone()).collect();
+    if !missing.is_empty() {
+        return Ok(Err(missing));
+    }
+    let batch = RunningBatch {
+        out,
+        plan,
+        store,
+        refuted,
+        progress: progress.into_iter().flatten().collect(),
+    };
+    let published = batch.publish()?;
+    Ok(Ok(batch.summary(0, published)))
+}
+
+/// What is known of each recording of `plan`.
+fn assess_all(plan: &BatchPlan, store: &ResultStore, settings: &BatchSettings) -> Vec<RecordingProgress> {
+    let recordings = plan.recordings.par_iter();
+    recordings
+        .map(|recording| assess(recording, store, settings))
+        .collect()
+}
+
+/// A recording that has to be measured: its place in the plan, and with what.
+type Work = (usize, Arc<MeasurementInputs>);
 
 /// What is known of a recording.
 enum RecordingProgress {
@@ -167,6 +234,8 @@ enum RecordingProgress {
         sha256: Option<String>,
         /// The build that measured it.
         build: Option<String>,
+        /// What its result was measured with; `None` without a result.
+        measured_with: Option<(ResultKey, CalibrationNumbers)>,
     },
 }
 
@@ -178,6 +247,28 @@ impl RecordingProgress {
             warnings: Vec::new(),
             sha256: None,
             build: None,
+            measured_with: None,
+        }
+    }
+
+    /// For the merge.
+    fn record(&self, recording: &BatchRecording) -> ShardRecording {
+        let waiting = ShardRecording::waiting(recording);
+        match self {
+            Self::ToDo(_) => waiting,
+            Self::Ended {
+                outcome,
+                measured_with,
+                ..
+            } => ShardRecording {
+                key: measured_with.as_ref().map(|(key, _)| key.clone()),
+                calibration: measured_with.as_ref().map(|(_, calibration)| *calibration),
+                failed: match outcome {
+                    RecordingOutcome::Failed { reason } => Some(reason.clone()),
+                    RecordingOutcome::Measured | RecordingOutcome::Rejected { .. } => None,
+                },
+                ..waiting
+            },
         }
     }
 
@@ -193,7 +284,7 @@ impl RecordingProgress {
 #[derive(Debug)]
 struct MeasurementInputs {
     calib: PathBuf,
-    calibration: Calibration,
+    calibration: CalibrationNumbers,
     /// `None` where the recording cannot be read through.
     key: Option<ResultKey>,
     bytes: u64,
@@ -234,19 +325,24 @@ fn assess(recording: &BatchRecording, store: &ResultStore, settings: &BatchSetti
     };
     let inputs = MeasurementInputs {
         calib: calib.clone(),
-        calibration,
+        calibration: (&calibration).into(),
         key: ResultKey::of(recording, &bytes, settings.measuring()),
         bytes: size(&recording.video),
     };
     let up_to_date = inputs.key.as_ref().filter(|_| !settings.again);
     match up_to_date.and_then(|key| store.up_to_date(recording, key)) {
-        Some(result) => ended(recording, &inputs.calibration, &result),
+        Some(result) => ended(recording, inputs.calibration, inputs.key.as_ref(), &result),
         None => RecordingProgress::ToDo(Arc::new(inputs)),
     }
 }
 
 /// A recording with a result.
-fn ended(recording: &BatchRecording, calibration: &Calibration, result: &Value) -> RecordingProgress {
+fn ended(
+    recording: &BatchRecording,
+    calibration: CalibrationNumbers,
+    key: Option<&ResultKey>,
+    result: &Value,
+) -> RecordingProgress {
     let page = page_of(recording);
     let source = RowSource {
         recording,
@@ -265,6 +361,7 @@ fn ended(recording: &BatchRecording, calibration: &Calibration, result: &Value) 
         warnings: series::warning_codes(result),
         sha256: result["video"]["sha256"].as_str().map(str::to_owned),
         build: build_in(result),
+        measured_with: key.map(|key| (key.clone(), calibration)),
     }
 }
 
@@ -302,12 +399,83 @@ struct PublishedSeries {
 }
 
 impl RunningBatch<'_> {
+    /// What has to be measured.
+    fn work(&self) -> Vec<Work> {
+        let progress = self.progress.iter().enumerate();
+        progress
+            .filter_map(|(i, progress)| match progress {
+                RecordingProgress::ToDo(inputs) => Some((i, Arc::clone(inputs))),
+                RecordingProgress::Ended { .. } => None,
+            })
+            .collect()
+    }
+
+    /// Measures `work`; `after` each of them is told how many are done.
+    fn measure(
+        &mut self,
+        work: &[Work],
+        settings: &BatchSettings,
+        watch: &mut dyn FnMut(&BatchEvent<'_>),
+        after: &mut dyn FnMut(&Self, usize) -> Result<(), BatchError>,
+    ) -> Result<(), BatchError> {
+        let program = std::env::current_exe().map_err(BatchError::NoProgram)?;
+        let (plan, store) = (self.plan, self.store);
+        let cores = available_parallelism().map_or(1, usize::from);
+        let threads = (cores / settings.jobs.get().min(work.len().max(1))).max(1);
+        let measure = |(i, inputs): &Work, stop: &AtomicBool| {
+            let recording = &plan.recordings[*i];
+            match store
+                .make_work_dir(recording)
+                .map(|work_dir| (work_dir, store.lock()))
+            {
+                Ok((work_dir, Ok(lock))) => RecordingProcess {
+                    program: &program,
+                    recording,
+                    calib: &inputs.calib,
+                    work_dir,
+                    lock,
+                    settings,
+                    threads,
+                }
+                .run(stop),
+                Ok((_, Err(e))) => ProcessExit::Failed(format!("its process could not be started: {e}")),
+                Err(e) => ProcessExit::Failed(error_chain(&e)),
+            }
+        };
+        let mut done = 0_usize;
+        schedule::run(work, settings.jobs, measure, |(i, inputs), exit| {
+            self.end(*i, inputs, exit)?;
+            done += 1;
+            self.report(*i, Some(inputs.bytes), watch);
+            after(self, done)
+        })
+    }
+
+    /// After the series was written for the last time.
+    fn summary(self, now: usize, published: PublishedSeries) -> BatchSummary {
+        let PublishedSeries { rows, notes, fit } = published;
+        BatchSummary {
+            now,
+            rows,
+            notes,
+            fit,
+            files: self.files(),
+            outcomes: self
+                .progress
+                .into_iter()
+                .filter_map(RecordingProgress::outcome)
+                .collect(),
+        }
+    }
+
+    /// `given`: all recordings, also those of other shards.
     fn report_what_is_known(
         &self,
-        work: &[(usize, Arc<MeasurementInputs>)],
+        work: &[Work],
+        given: &[BatchRecording],
         watch: &mut dyn FnMut(&BatchEvent<'_>),
     ) -> Result<(), BatchError> {
-        let others = self.store.others(&self.plan.recordings);
+        let others = self.store.others(given);
         let up_to_date = self.progress.iter().filter(|progress| {
             matches!(
                 progress,
@@ -365,7 +533,7 @@ impl RunningBatch<'_> {
                 self.store.store(recording, key)?;
                 match self.store.result(recording) {
                     Ok(result) => {
-                        self.progress[i] = ended(recording, &inputs.calibration, &result);
+                        self.progress[i] = ended(recording, inputs.calibration, Some(key), &result);
                         self.store.clear_work_dir(recording)?;
                         return Ok(());
                     }

@@ -7,7 +7,7 @@ use crate::batch::plan::{self, BatchPlan, BatchRequest};
 use crate::batch::process::{bind, machine_memory_bytes};
 use crate::batch::{
     self, BatchEvent, BatchSettings, BatchSummary, CalibrationChanges, LaunchSpin, RecordingOutcome,
-    RefutedRecordings,
+    RefutedRecordings, Shard,
 };
 use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
@@ -21,7 +21,7 @@ use indicatif::ProgressBar;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What to measure, and how.
@@ -60,6 +60,15 @@ pub struct BatchArgs {
     /// Keep recordings in the fit whose fall contradicts g, or whose scale contradicts the ball's size.
     #[arg(long)]
     pub keep_refuted: bool,
+    /// Measure this part only, as 2/16 the second of 16; the parts run on any machines that share the folder. Then --merge.
+    #[arg(long, value_name = "I/N", conflicts_with = "keep_refuted")]
+    pub shard: Option<Shard>,
+    /// Measure nothing: write the series, fit and page of all shards in --out.
+    #[arg(
+        long,
+        conflicts_with_all = ["shard", "calib", "jobs", "accuracy", "timeout_s", "memory_mb", "again"]
+    )]
+    pub merge: bool,
 }
 
 /// A time for which somebody waits.
@@ -165,11 +174,25 @@ pub fn run_recording(args: &RecordingArgs) -> anyhow::Result<Status> {
 ///
 /// Whatever keeps the batch from being run, or its results from being written.
 pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
-    let plan = plan::make(&BatchRequest {
-        paths: args.paths.clone(),
-        manifest: args.manifest.clone(),
-        calib: args.calib.clone(),
-    })?;
+    let plan = || {
+        plan::make(&BatchRequest {
+            paths: args.paths.clone(),
+            manifest: args.manifest.clone(),
+            calib: args.calib.clone(),
+        })
+    };
+    let refuted = if args.keep_refuted {
+        RefutedRecordings::Kept
+    } else {
+        RefutedRecordings::LeftOut
+    };
+    if args.merge {
+        let named = !args.paths.is_empty() || args.manifest.is_some();
+        let given = named.then(plan).transpose()?;
+        let (plan, finished) = batch::merge::run(given.as_ref(), refuted, &args.out)?;
+        return report(&plan, &finished);
+    }
+    let plan = plan()?;
     let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = args.jobs.unwrap_or(cores);
     let share = |whole: u64| (whole / jobs.get() as u64).max(LEAST_MEMORY_BYTES);
@@ -183,16 +206,38 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
             .map(|mb| mb << 20)
             .or_else(|| machine_memory_bytes().map(share)),
         again: args.again,
-        refuted: if args.keep_refuted {
-            RefutedRecordings::Kept
-        } else {
-            RefutedRecordings::LeftOut
-        },
+        refuted,
     };
     tell_plan(&plan, &settings);
+    if let Some(shard) = args.shard {
+        return run_shard(&plan, shard, &settings, &args.out);
+    }
     let mut watcher = Watcher::new(plan.recordings.len());
     let finished = batch::run(&plan, &settings, &args.out, &mut |p| watcher.see(p))?;
     watcher.bar.finish_and_clear();
+    report(&plan, &finished)
+}
+
+/// Measures a shard and says how its recordings ended.
+fn run_shard(plan: &BatchPlan, shard: Shard, settings: &BatchSettings, out: &Path) -> anyhow::Result<Status> {
+    let ours = plan.recordings.iter().filter(|r| shard.has(&r.name)).count();
+    let mut watcher = Watcher::new(ours);
+    let finished = batch::run_shard(plan, shard, settings, out, &mut |p| watcher.see(p))?;
+    watcher.bar.finish_and_clear();
+    note(&format!("wrote {}", finished.record.display()));
+    let of_all = format!("shard {shard}, of {} recordings: ", plan.recordings.len());
+    let text = of_all + &summary(&finished.plan, &finished.outcomes, finished.now);
+    answer(&text)?;
+    let all_measured = finished.outcomes.iter().all(|e| *e == RecordingOutcome::Measured);
+    Ok(if all_measured {
+        Status::Done
+    } else {
+        Status::Rejected
+    })
+}
+
+/// What there is to know of a series that was written.
+fn report(plan: &BatchPlan, finished: &BatchSummary) -> anyhow::Result<Status> {
     for note in &finished.notes {
         say(&on_one_line(&format!("warning: {}: {}", note.code, note.message)));
     }
@@ -200,7 +245,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
     for path in &finished.files {
         note(&format!("wrote {}", path.display()));
     }
-    let mut text = summary(&plan, &finished);
+    let mut text = summary(plan, &finished.outcomes, finished.now);
     if finished.rows > 0 {
         text.push('\n');
         text.push_str(&series_table::fit_table(&finished.fit));
@@ -243,23 +288,25 @@ fn tell_plan(plan: &BatchPlan, settings: &BatchSettings) {
 }
 
 /// How many ended how, and what was not measured with its reason.
-fn summary(plan: &BatchPlan, finished: &BatchSummary) -> String {
+fn summary(plan: &BatchPlan, outcomes: &[RecordingOutcome], now: usize) -> String {
     let mut text = String::new();
-    let count = |word: &str| finished.outcomes.iter().filter(|e| e.word() == word).count();
+    let all = outcomes.len();
+    if all == 0 {
+        return "no recording belongs to it\n".to_owned();
+    }
+    let count = |word: &str| outcomes.iter().filter(|e| e.word() == word).count();
     let counts: Vec<String> = ["measured", "rejected", "failed"]
         .into_iter()
         .filter(|word| count(word) > 0)
         .map(|word| format!("{} {word}", count(word)))
         .collect();
-    let all = finished.outcomes.len();
     let _ = writeln!(
         text,
-        "{all} recording{}: {}; {} of them now",
+        "{all} recording{}: {}; {now} of them now",
         if all == 1 { "" } else { "s" },
         counts.join(", "),
-        finished.now
     );
-    for (recording, outcome) in plan.recordings.iter().zip(&finished.outcomes) {
+    for (recording, outcome) in plan.recordings.iter().zip(outcomes) {
         if let Some(reason) = outcome.reason() {
             let name = on_one_line(&recording.name);
             let _ = writeln!(text, "{} {name}: {}", outcome.word(), on_one_line(reason));

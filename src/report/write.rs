@@ -113,6 +113,13 @@ pub struct NewFolders {
     made: Vec<PathBuf>,
 }
 
+impl NewFolders {
+    /// Lets the folders stay, whether or not something comes to lie in them: others may be about to write there.
+    pub fn keep(mut self) {
+        self.made.clear();
+    }
+}
+
 impl Drop for NewFolders {
     fn drop(&mut self) {
         for folder in self.made.iter().rev() {
