@@ -235,7 +235,7 @@ enum RecordingProgress {
         /// The build that measured it.
         build: Option<String>,
         /// What its result was measured with; `None` without a result.
-        measured_with: Option<(ResultKey, CalibrationNumbers)>,
+        measured_with: Option<Box<(ResultKey, CalibrationNumbers)>>,
     },
 }
 
@@ -261,8 +261,8 @@ impl RecordingProgress {
                 measured_with,
                 ..
             } => ShardRecording {
-                key: measured_with.as_ref().map(|(key, _)| key.clone()),
-                calibration: measured_with.as_ref().map(|(_, calibration)| *calibration),
+                key: measured_with.as_ref().map(|with| with.0.clone()),
+                calibration: measured_with.as_ref().map(|with| with.1),
                 failed: match outcome {
                     RecordingOutcome::Failed { reason } => Some(reason.clone()),
                     RecordingOutcome::Measured | RecordingOutcome::Rejected { .. } => None,
@@ -361,7 +361,7 @@ fn ended(
         warnings: series::warning_codes(result),
         sha256: result["video"]["sha256"].as_str().map(str::to_owned),
         build: build_in(result),
-        measured_with: key.map(|key| (key.clone(), calibration)),
+        measured_with: key.map(|key| Box::new((key.clone(), calibration))),
     }
 }
 

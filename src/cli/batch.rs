@@ -66,7 +66,7 @@ pub struct BatchArgs {
     /// Measure nothing: write the series, fit and page of all shards in --out.
     #[arg(
         long,
-        conflicts_with_all = ["shard", "calib", "jobs", "accuracy", "timeout_s", "memory_mb", "again"]
+        conflicts_with_all = ["shard", "calib", "jobs", "accuracy", "timeout_s", "memory_mb", "again", "spin"]
     )]
     pub merge: bool,
 }

@@ -340,25 +340,21 @@ fn turning(rotation: &ArcRotation, fit: &RotationFit) -> BallTurning {
     let rate = fit.rate_rad_s.norm();
     let axis = fit.rate_rad_s.try_normalize(0.0).unwrap_or_else(Vector3::z);
     let middle_s = rotation.times_s.iter().sum::<f64>() / rotation.times_s.len() as f64;
-    let seen = rotation
-        .frames
-        .iter()
-        .zip(&rotation.times_s)
-        .zip(fit.off_rad.iter().zip(&fit.off_std_rad));
-    let frame =
-        |((&frame, &time_s), (off, std)): ((&usize, &f64), (&Vector3<f64>, &Vector3<f64>))| TurnedFrame {
-            frame,
-            time_s,
-            turned_rad: rate * (time_s - middle_s),
-            residual_rad: off.dot(&axis),
-            std_rad: std.component_mul(&axis).norm(),
-        };
     // Of pictures without pixels nothing is known.
-    let all_seen = fit.off_rad.len() == rotation.frames.len();
+    let all_seen =
+        fit.off_rad.len() == rotation.frames.len() && fit.off_std_rad.len() == rotation.frames.len();
+    let seen = if all_seen { 0..rotation.frames.len() } else { 0..0 };
+    let frame = |i: usize| TurnedFrame {
+        frame: rotation.frames[i],
+        time_s: rotation.times_s[i],
+        turned_rad: rate * (rotation.times_s[i] - middle_s),
+        residual_rad: fit.off_rad[i].dot(&axis),
+        std_rad: fit.off_std_rad[i].component_mul(&axis).norm(),
+    };
     BallTurning {
         rate_rad_s: fit.rate_rad_s.into(),
         middle_s,
-        frames: seen.filter(|_| all_seen).map(frame).collect(),
+        frames: seen.map(frame).collect(),
         maps: Arc::new(fit.maps.clone()),
     }
 }

@@ -9,7 +9,7 @@ pub type NodeWeights = [(u32, f32); 4];
 #[derive(Debug, Clone, Copy)]
 pub struct CubeGrid {
     /// Nodes along each edge of a face.
-    nodes: usize,
+    side: usize,
 }
 
 impl CubeGrid {
@@ -20,14 +20,14 @@ impl CubeGrid {
             .ceil()
             .clamp(4.0, 64.0);
         Self {
-            nodes: steps as usize + 1,
+            side: steps as usize + 1,
         }
     }
 
     /// Nodes in all.
     #[must_use]
-    pub fn len(self) -> usize {
-        6 * self.nodes * self.nodes
+    pub fn nodes(self) -> usize {
+        6 * self.side * self.side
     }
 
     /// The face that `d` goes through, and where in it: each coordinate from 0 to `nodes` − 1. (Equal angles are equal
@@ -42,7 +42,7 @@ impl CubeGrid {
         } else {
             (4 + usize::from(z < 0.0), az, x, y)
         };
-        let steps = (self.nodes - 1) as f64;
+        let steps = (self.side - 1) as f64;
         let along =
             |t: f64| steps * (0.5 + (t / major).clamp(-1.0, 1.0).atan() * std::f64::consts::FRAC_2_PI);
         (face, along(p), along(q))
@@ -52,18 +52,18 @@ impl CubeGrid {
     #[must_use]
     pub fn nearest(self, d: &Vector3<f64>) -> usize {
         let (face, p, q) = self.place(d);
-        (face * self.nodes + (p + 0.5) as usize) * self.nodes + (q + 0.5) as usize
+        (face * self.side + (p + 0.5) as usize) * self.side + (q + 0.5) as usize
     }
 
     /// The nodes around `d`.
     #[must_use]
     pub fn corners(self, d: &Vector3<f64>) -> NodeWeights {
         let (face, p, q) = self.place(d);
-        let last = self.nodes - 2;
+        let last = self.side - 2;
         let (i, j) = ((p as usize).min(last), (q as usize).min(last));
         let (fp, fq) = ((p - i as f64) as f32, (q - j as f64) as f32);
-        let at = ((face * self.nodes + i) * self.nodes + j) as u32;
-        let next = self.nodes as u32;
+        let at = ((face * self.side + i) * self.side + j) as u32;
+        let next = self.side as u32;
         [
             (at, (1.0 - fp) * (1.0 - fq)),
             (at + 1, (1.0 - fp) * fq),
@@ -75,13 +75,10 @@ impl CubeGrid {
     /// The direction of node `index`.
     #[must_use]
     pub fn direction(self, index: usize) -> Vector3<f64> {
-        let (face, rest) = (
-            index / (self.nodes * self.nodes),
-            index % (self.nodes * self.nodes),
-        );
-        let steps = (self.nodes - 1) as f64;
+        let (face, rest) = (index / (self.side * self.side), index % (self.side * self.side));
+        let steps = (self.side - 1) as f64;
         let tangent = |k: usize| ((k as f64 / steps - 0.5) * std::f64::consts::FRAC_PI_2).tan();
-        let (p, q) = (tangent(rest / self.nodes), tangent(rest % self.nodes));
+        let (p, q) = (tangent(rest / self.side), tangent(rest % self.side));
         let sign = if face % 2 == 0 { 1.0 } else { -1.0 };
         let d = match face / 2 {
             0 => Vector3::new(sign, p, q),
@@ -94,7 +91,7 @@ impl CubeGrid {
     /// Angle between neighbouring nodes in the middle of a face, rad.
     #[must_use]
     pub fn spacing_rad(self) -> f64 {
-        std::f64::consts::FRAC_PI_2 / (self.nodes - 1) as f64
+        std::f64::consts::FRAC_PI_2 / (self.side - 1) as f64
     }
 }
 

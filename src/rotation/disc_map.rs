@@ -6,7 +6,7 @@ use super::cube_map::NodeWeights;
 #[derive(Debug, Clone, Copy)]
 pub struct DiscGrid {
     /// Nodes along each side.
-    nodes: usize,
+    side: usize,
 }
 
 impl DiscGrid {
@@ -14,42 +14,42 @@ impl DiscGrid {
     #[must_use]
     pub fn with_spacing(spacing: f64) -> Self {
         Self {
-            nodes: (2.0 / spacing).ceil().clamp(6.0, 40.0) as usize + 1,
+            side: (2.0 / spacing).ceil().clamp(6.0, 40.0) as usize + 1,
         }
     }
 
     /// Nodes in all.
     #[must_use]
-    pub fn len(self) -> usize {
-        self.nodes * self.nodes
+    pub fn nodes(self) -> usize {
+        self.side * self.side
     }
 
     /// Nodes along each side.
     #[must_use]
     pub fn side(self) -> usize {
-        self.nodes
+        self.side
     }
 
     /// The place of node `index`, radii.
     #[must_use]
     pub fn place(self, index: usize) -> [f64; 2] {
-        let step = 2.0 / (self.nodes - 1) as f64;
+        let step = 2.0 / (self.side - 1) as f64;
         [
-            (index % self.nodes) as f64 * step - 1.0,
-            (index / self.nodes) as f64 * step - 1.0,
+            (index % self.side) as f64 * step - 1.0,
+            (index / self.side) as f64 * step - 1.0,
         ]
     }
 
     /// The nodes around `place`, with the weights that a linear function has there.
     #[must_use]
     pub fn corners(self, place: [f64; 2]) -> NodeWeights {
-        let steps = (self.nodes - 1) as f64;
+        let steps = (self.side - 1) as f64;
         let [p, q] = place.map(|c| (0.5 * (c + 1.0) * steps).clamp(0.0, steps));
-        let last = self.nodes - 2;
+        let last = self.side - 2;
         let (i, j) = ((p as usize).min(last), (q as usize).min(last));
         let (fp, fq) = ((p - i as f64) as f32, (q - j as f64) as f32);
-        let at = (j * self.nodes + i) as u32;
-        let next = self.nodes as u32;
+        let at = (j * self.side + i) as u32;
+        let next = self.side as u32;
         [
             (at, (1.0 - fp) * (1.0 - fq)),
             (at + 1, fp * (1.0 - fq)),

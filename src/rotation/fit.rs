@@ -135,10 +135,10 @@ impl BallMaps {
     fn dark(samples: &BallSamples, grids: &FitGrids) -> Self {
         Self {
             grid: grids.grid,
-            albedo: vec![0.0; grids.grid.len()],
-            seen: vec![0.0; grids.grid.len()],
+            albedo: vec![0.0; grids.grid.nodes()],
+            seen: vec![0.0; grids.grid.nodes()],
             disc: grids.disc,
-            light: vec![0.0; grids.disc.len()],
+            light: vec![0.0; grids.disc.nodes()],
             gains: vec![0.0; samples.frames()],
         }
     }
@@ -170,8 +170,8 @@ pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec
 #[must_use]
 pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64]) -> f64 {
     let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
-    let mut matrices = vec![1e-6 * Matrix3::<f64>::identity(); grids.disc.len()];
-    let mut rights = vec![Vector3::<f64>::zeros(); grids.disc.len()];
+    let mut matrices = vec![1e-6 * Matrix3::<f64>::identity(); grids.disc.nodes()];
+    let mut rights = vec![Vector3::<f64>::zeros(); grids.disc.nodes()];
     for (i, t) in samples.times_s.iter().map(|t| t / longest_s).enumerate() {
         let x = Vector3::new(1.0, t, t * t);
         for p in samples.of_frame(i) {
@@ -279,7 +279,7 @@ fn left_jacobian(v: &Vector3<f64>) -> Matrix3<f64> {
 /// Slopes of the map at its nodes: the tangent vector along which it grows.
 fn slopes(grid: CubeGrid, map: &[f64]) -> Vec<Vector3<f64>> {
     let h = 0.5 * grid.spacing_rad();
-    (0..grid.len())
+    (0..grid.nodes())
         .into_par_iter()
         .map(|k| {
             let d = grid.direction(k);
@@ -466,7 +466,7 @@ pub fn left_by(
 pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RoughFit) -> (Vec<f64>, Vec<f64>) {
     let turned = turned(samples, grids.grid, &fit.rate_rad_s);
     let dark = BallMaps {
-        light: vec![0.0; grids.disc.len()],
+        light: vec![0.0; grids.disc.nodes()],
         ..fit.maps.clone()
     };
     let mut residuals = residuals_of(samples, grids, &dark, &turned);

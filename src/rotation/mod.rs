@@ -11,9 +11,9 @@
 //! [`LEAST_TURNS`], unless its light is [known](RotationSearch::light) from another flight: else its marks are not told from its light.
 //!
 //! Rates beyond half a turn a frame are seen as slower ones the other way round; those a little beyond are given as rivals
-//! ([`BEYOND_ALIAS`]). A pattern that looks alike after a part of a turn has several rates, all of which are given.
+//! (`BEYOND_ALIAS`). A pattern that looks alike after a part of a turn has several rates, all of which are given.
 //!
-//! The direction of an axis far from the line of sight has an error of the order of (blur over radius)², [`TILTED_AXIS_STD`]: its uncertainty holds that.
+//! The direction of an axis far from the line of sight has an error of the order of (blur over radius)², `TILTED_AXIS_STD`: its uncertainty holds that.
 
 pub mod cube_map;
 pub mod disc_map;

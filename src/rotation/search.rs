@@ -84,8 +84,8 @@ impl LagProducts {
         let first_s = *samples.times_s.first()?;
         let slot = |t: f64| ((t - first_s) / interval_s).round() as usize;
         let slots = slot(*samples.times_s.last()?) + 1;
-        let mut sums = vec![0.0f64; grid.len() * slots];
-        let mut counts = vec![0.0f64; grid.len() * slots];
+        let mut sums = vec![0.0f64; grid.nodes() * slots];
+        let mut counts = vec![0.0f64; grid.nodes() * slots];
         for i in 0..samples.frames() {
             let s = slot(samples.times_s[i]);
             for p in samples.of_frame(i) {
@@ -103,8 +103,8 @@ impl LagProducts {
                 .filter(|c| **c > 0.0)
                 .count() as f64
         };
-        let used: Vec<usize> = (0..grid.len()).filter(|&k| seen(k) >= 0.7 * frames).collect();
-        let mut index = vec![None; grid.len()];
+        let used: Vec<usize> = (0..grid.nodes()).filter(|&k| seen(k) >= 0.7 * frames).collect();
+        let mut index = vec![None; grid.nodes()];
         let mut values = Vec::with_capacity(used.len());
         for (n, &k) in used.iter().enumerate() {
             index[k] = u16::try_from(n).ok();
