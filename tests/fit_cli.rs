@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
+mod browser;
+
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty};
@@ -178,7 +180,7 @@ fn fit_json_and_the_page_appear_in_the_folder() {
     for expected in ["tan", "Distances", "Group Ss", "Parameters, to copy", "S1"] {
         assert!(page.contains(expected), "{expected}");
     }
-    assert!(!page.contains("<script") && !page.contains("href=\"http"));
+    assert!(!page.contains("<script src") && !page.contains("href=\"http"));
     assert_eq!(fs::read_dir(&out).unwrap().count(), 2);
 }
 
@@ -378,4 +380,49 @@ fn figures_are_files_for_a_thesis() {
         .assert()
         .code(2)
         .stderr(contains("--out"));
+}
+
+#[test]
+fn the_rows_of_the_page_sort_and_filter_in_a_browser() {
+    let Some(chromium) = browser::chromium() else {
+        return;
+    };
+    let dir = tempdir().unwrap();
+    track_fit(&fixture("fig3"))
+        .arg("--out")
+        .arg(dir.path())
+        .assert()
+        .success();
+    let page = dir.path().join("report.html");
+    let script = r#"
+        const table = document.querySelector("table.sortable");
+        const body = table.tBodies[0];
+        const column = (n) => [...body.rows].filter((row) => !row.hidden).map((row) => parseFloat(row.cells[n].textContent));
+        const heads = [...table.tHead.rows[0].cells];
+        const last = heads.length - 1;
+        const rows = column(0);
+        heads[last].querySelector("button").click();
+        const rising = column(last);
+        heads[last].querySelector("button").click();
+        const falling = column(last);
+        const sorted = heads[last].getAttribute("aria-sort");
+        heads[0].querySelector("button").click();
+        const again = column(0);
+        const words = document.querySelector(".filter input");
+        words.value = "grips";
+        words.dispatchEvent(new Event("input"));
+        const regimes = [...body.rows].filter((row) => !row.hidden).map((row) => row.cells[heads.length - 2].textContent);
+        return { rows, rising, falling, sorted, again, regimes };
+    "#;
+    let out = browser::on_page(&chromium, 1000, &page, script);
+    let column = |name: &str| -> Vec<f64> { serde_json::from_value(out[name].clone()).unwrap() };
+    let (rising, falling) = (column("rising"), column("falling"));
+    assert_eq!(rising.len(), 9, "{out}");
+    assert!(rising.is_sorted(), "{out}");
+    assert!(falling.is_sorted_by(|a, b| a >= b), "{out}");
+    assert_eq!(out["sorted"], "descending");
+    assert_eq!(column("again"), column("rows"));
+    let regimes: Vec<String> = serde_json::from_value(out["regimes"].clone()).unwrap();
+    assert!(!regimes.is_empty() && regimes.len() < rising.len(), "{out}");
+    assert!(regimes.iter().all(|regime| regime == "grips"), "{out}");
 }

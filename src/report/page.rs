@@ -1,5 +1,5 @@
-//! What every page shares: one file with everything in it, no script, no font, no address; it prints on A4 and reads on a
-//! phone.
+//! What every page shares: one file with everything in it, no font, no address; it prints on A4 and reads on a phone. Where
+//! scripts do not run, nothing is missing but the sorting of tables.
 //!
 //! Pages are `maud` templates, which escape whatever is put into them; only finished SVG goes in as it is.
 
@@ -55,6 +55,11 @@ pub(super) fn symbol_html(symbol: &str) -> Markup {
             }
         }
     }
+}
+
+/// Lets tables of class `sortable` be sorted by a click and filtered by words; goes after them, once.
+pub(super) fn sorting() -> Markup {
+    html! { script { (PreEscaped(include_str!("sortable_table.js"))) } }
 }
 
 /// A line of facts.

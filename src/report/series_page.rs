@@ -2,12 +2,12 @@
 //!
 //! The paper's figures from the user's rows, each with every model's curve, the transition, error bars and residuals; what
 //! was found and why; the parameters once more as plain numbers to copy; every row with what became of it, and a link to its
-//! recording's page where there is one. One file, no script, no address outside; it prints in grey.
+//! recording's page where there is one. One file, no address outside; it prints in grey.
 
 use super::chart::Key;
 use super::figure::PlotError;
 use super::figure::PlotUse;
-use super::page::{PageError, document, symbol_html, warning};
+use super::page::{PageError, document, sorting, symbol_html, warning};
 use super::series_figures::{self, GroupDrawing, SeriesFigure, group_marker};
 use super::series_rows::{rows_table, to_copy};
 use super::series_table::{self, missing, model_rows, preferred};
@@ -25,6 +25,7 @@ pub fn report_html(series: &Series, fit: &SeriesFit) -> Result<String, PageError
     let body = html! {
         (header(fit, name))
         (sections(series, fit)?)
+        (sorting())
         footer { p { "track " (env!("CARGO_PKG_VERSION")) "; ± is one standard uncertainty (k = 1)." } }
     };
     Ok(document(name, "", &body))
@@ -389,8 +390,8 @@ mod tests {
             let (series, fit) = made(groups);
             let page = report_html(&series, &fit).unwrap();
             assert_well_formed(&page);
+            assert_eq!(page.matches("<script>").count(), 1, "the one that sorts tables");
             for forbidden in [
-                "<script",
                 "href=\"http",
                 "src=",
                 "url(",

@@ -9,7 +9,7 @@ use maud::{Markup, html};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
-/// Rows listed of a group; `fit.json` has all of them.
+/// Rows listed of a group, of more those farthest from the model; `fit.json` has all of them.
 const MOST_ROWS: usize = 300;
 
 /// The rows that were set aside, and those in the fit.
@@ -32,23 +32,39 @@ fn rows_set_aside(series: &Series, group: &GroupFit) -> Markup {
                 }
             }
         }
-        (more(group.rows_set_aside.len()))
+        @if group.rows_set_aside.len() > MOST_ROWS {
+            p.soft { "The first " (MOST_ROWS) " of " (group.rows_set_aside.len()) "; fit.json has all of them." }
+        }
     }
 }
 
 fn rows_in_fit(series: &Series, fit: &SeriesFit, group: &GroupFit, shown: &ModelFit) -> Markup {
-    let rows = || group.row_indices.iter().map(|&i| &series.rows[i]);
-    let labelled = rows().any(|row| row.recording().is_some() || row.page().is_some());
+    let row = |place: usize| &series.rows[group.row_indices[place]];
+    let all = group.row_indices.len();
+    let labelled = group
+        .row_indices
+        .iter()
+        .map(|&i| &series.rows[i])
+        .any(|row| row.recording().is_some() || row.page().is_some());
     let angle = |row: &Row| {
         Coordinates::new(row, fit.set, fit.weights, shown.curve.restitution(), None).map_or_else(
             || NO_VALUE.to_owned(),
             |c| format!("{:.2}°", c.incident_rad.value.to_degrees()),
         )
     };
+    let mut places: Vec<usize> = (0..all).collect();
+    if all > MOST_ROWS {
+        let chi2 = |place: &usize| shown.rows.get(*place).map_or(f64::NEG_INFINITY, |row| row.chi2);
+        places.sort_by(|a, b| chi2(b).total_cmp(&chi2(a)));
+        places.truncate(MOST_ROWS);
+    }
     html! {
         h3 { "Rows in the fit" }
+        @if all > MOST_ROWS {
+            p.soft { "The " (MOST_ROWS) " of " (all) " that lie farthest from the model; fit.json has all of them." }
+        }
         div.scroll {
-            table.bounces.rows {
+            table.bounces.rows.sortable {
                 thead {
                     tr {
                         th scope="col" { "row" }
@@ -57,7 +73,8 @@ fn rows_in_fit(series: &Series, fit: &SeriesFit, group: &GroupFit, shown: &Model
                     }
                 }
                 tbody {
-                    @for (place, row) in rows().enumerate().take(MOST_ROWS) {
+                    @for place in places {
+                        @let row = row(place);
                         @let (regime, distance) = regime_and_distance(fit, shown, place);
                         tr {
                             td.v { (row.number) }
@@ -70,7 +87,6 @@ fn rows_in_fit(series: &Series, fit: &SeriesFit, group: &GroupFit, shown: &Model
                 }
             }
         }
-        (more(group.row_indices.len()))
     }
 }
 
@@ -94,12 +110,6 @@ fn distance(fit: &SeriesFit, shown: &ModelFit, chi2: f64) -> String {
             format!("{:.2} × scatter", chi2.sqrt() / shown.scatter)
         }
         Weights::Unit => NO_VALUE.to_owned(),
-    }
-}
-
-fn more(count: usize) -> Markup {
-    html! {
-        @if count > MOST_ROWS { p.soft { "The first " (MOST_ROWS) " of " (count) "; fit.json has all of them." } }
     }
 }
 
