@@ -747,7 +747,7 @@ fn intervals_cover_and_the_true_model_is_preferred_by_velocities() {
             spin,
             make: velocities,
             weights: Weights::Stated,
-            series: 500,
+            series: 250,
         });
     }
 }
@@ -770,7 +770,7 @@ fn steel_and_grip_slide(set: &str, make: Maker) {
             spin: 0.0,
             make,
             weights: Weights::Stated,
-            series: 500,
+            series: 250,
         });
     }
 }
