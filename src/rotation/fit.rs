@@ -32,6 +32,16 @@ const ROUGH_ROUNDS: usize = 5;
 /// Rounds of maps for a rate.
 const MAP_ROUNDS: usize = 5;
 
+/// The round of maps before which residuals are taken afresh: a map's change is linear in them, what two directions show is not.
+const AFRESH_ROUND: usize = 2;
+
+/// Steps to the rate of samples that are hardly others, at most; they end at one that is this part of the way.
+const OTHER_ROUNDS: usize = 16;
+const SMALL_STEP: f64 = 0.1;
+
+/// Frames apart that may err alike, at most.
+const MOST_LAGS: usize = 8;
+
 /// Rounds of a light alone.
 const STILL_ROUNDS: usize = 6;
 
@@ -84,6 +94,23 @@ impl RotationFit {
     #[must_use]
     pub fn turns(&self, duration_s: f64) -> f64 {
         self.rate_rad_s.norm() * duration_s / std::f64::consts::TAU
+    }
+
+    /// How far from this rate that of other `samples` is, which take the same pixels for other places on the ball.
+    #[must_use]
+    pub fn distance_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
+        let unit = (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
+        let (mut maps, mut rate) = (self.maps.clone(), self.rate_rad_s);
+        for _ in 0..OTHER_ROUNDS {
+            let found = evaluated(samples, grids, &maps, &rate, lit);
+            let step = self.covariance * found.downhill / unit;
+            rate += step;
+            maps = found.maps;
+            if step.norm() < SMALL_STEP * (rate - self.rate_rad_s).norm() {
+                break;
+            }
+        }
+        rate - self.rate_rad_s
     }
 
     /// Whether the rates differ by more than their uncertainties: three standard ones of both.
@@ -388,7 +415,10 @@ fn evaluated(
     let mut maps = maps.clone();
     let turned = turned(samples, grids.grid, rate);
     let mut residuals = residuals_of(samples, grids, &maps, &turned);
-    for _ in 0..MAP_ROUNDS {
+    for round in 0..MAP_ROUNDS {
+        if round == AFRESH_ROUND {
+            residuals = residuals_of(samples, grids, &maps, &turned);
+        }
         maps.seen = take_map(samples, &mut residuals, &turned.corners, &mut maps.albedo, HELD);
         take_gains(samples, &mut residuals, &mut maps.gains);
         if !lit {
@@ -593,10 +623,17 @@ impl MapsAtRate {
         }
         let chi2: f64 = whitened.iter().flatten().map(Vector3::norm_squared).sum();
         let freedom = ((3 * frames) as f64 - 6.0).max(1.0);
-        // Neighbouring frames whose codec errs alike are fewer than they are.
-        let pairs = whitened.windows(2).filter_map(|w| Some(w[0]?.dot(&w[1]?)));
-        let alike = (pairs.sum::<f64>() / chi2.max(f64::MIN_POSITIVE)).clamp(0.0, 0.8);
-        let scatter = ((chi2 / freedom).max(1.0) * (1.0 + alike) / (1.0 - alike)).sqrt();
+        // Frames near each other whose codec errs alike are fewer than they are.
+        let alike = |lag: usize| {
+            let pairs = whitened.iter().zip(whitened.iter().skip(lag));
+            pairs.filter_map(|(a, b)| Some((*a)?.dot(&(*b)?))).sum::<f64>() / chi2.max(f64::MIN_POSITIVE)
+        };
+        let lags = MOST_LAGS.min(frames / 4);
+        let window = |lag: usize| 1.0 - lag as f64 / (lags + 1) as f64;
+        let fewer = 1.0 + 2.0 * (1..=lags).map(|lag| window(lag) * alike(lag)).sum::<f64>();
+        let next = alike(1).clamp(0.0, 0.8);
+        let fewer = fewer.max((1.0 + next) / (1.0 - next));
+        let scatter = ((chi2 / freedom).max(1.0) * fewer).sqrt();
         RotationFit {
             rate_rad_s: rate,
             covariance: scatter * scatter * variance * inverse,
@@ -622,6 +659,18 @@ fn own_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 
     sum / samples.values.len() as f64
 }
 
+/// What a pixel shows that sees the ball in two directions: the logarithm of their mean brightness.
+fn seen_of_both(albedo: &[f64], corners: &[(u32, f32); 8]) -> f64 {
+    // Each has half of the weight.
+    let (one, two) = (value_at(albedo, &corners[..4]), value_at(albedo, &corners[4..]));
+    one + two + ln_cosh(one - two)
+}
+
+fn ln_cosh(x: f64) -> f64 {
+    let x = x.abs();
+    x + (-2.0 * x).exp().ln_1p() - std::f64::consts::LN_2
+}
+
 fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned: &TurnedBall) -> Vec<f64> {
     (0..samples.frames())
         .into_par_iter()
@@ -630,7 +679,7 @@ fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned
                 samples.values[p]
                     - maps.gains[i]
                     - value_at(&maps.light, &grids.lit[p])
-                    - value_at(&maps.albedo, &turned.corners[p])
+                    - seen_of_both(&maps.albedo, &turned.corners[p])
             })
         })
         .collect()

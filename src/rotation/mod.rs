@@ -13,7 +13,8 @@
 //! Rates beyond half a turn a frame are seen as slower ones the other way round; those a little beyond are given as rivals
 //! (`BEYOND_ALIAS`). A pattern that looks alike after a part of a turn has several rates, all of which are given.
 //!
-//! The direction of an axis far from the line of sight has an error of the order of (blur over radius)², `TILTED_AXIS_STD`: its uncertainty holds that.
+//! A picture's blur is even in its own plane and uneven on the ball, which to second order the fit knows. How far that moves a rate says how
+//! far what is beyond second order may: most where a few marks turn about an axis near them, or one far from the line of sight.
 
 pub mod cube_map;
 pub mod disc_map;
@@ -76,10 +77,11 @@ const GRID_PART: f64 = 0.05;
 /// Rates up to this many times half a turn a frame are thought possible.
 const BEYOND_ALIAS: f64 = 1.25;
 
-/// Standard uncertainty of the axis' direction over (blur / radius)², any way; and of its angle from the line of sight, over that and the
-/// sine of twice the angle: the blur of a picture, which is even in its own plane, is uneven on the ball.
+/// Standard uncertainty of the axis' direction over (blur / radius)².
 const AXIS_STD: f64 = 0.5;
-const TILTED_AXIS_STD: f64 = 1.5;
+
+/// The part that is not known of what a blur does to the rate that is even in the picture and uneven on the ball.
+const UNEVEN_PART: f64 = 0.7;
 
 /// Turns in a flight below which marks are not told from the light: it moves the rates of slower balls by many times their uncertainties.
 pub const LEAST_TURNS: f64 = 1.25;
@@ -298,27 +300,24 @@ impl RotationSearch<'_> {
         let mut rivals: Vec<RotationFit> = Vec::new();
         for f in fits {
             if f.sum_squares <= most && rivals.iter().all(|r| r.differs_from(&f)) {
-                rivals.push(self.with_axis_std(f));
+                rivals.push(self.with_axis_std(f, evidence));
             }
         }
         Ok(rivals)
     }
 
-    /// The fit with the share of the axis' direction in its covariance.
-    fn with_axis_std(&self, mut fit: RotationFit) -> RotationFit {
+    /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part.
+    fn with_axis_std(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
         let rate = fit.rate_rad_s;
-        let Some(axis) = rate.try_normalize(0.0) else {
-            return fit;
-        };
+        let lit = self.light.is_some();
+        let moved = fit.distance_to_rate_of(&evidence.samples.evenly_blurred(), &evidence.grids, lit);
         let blur = self.blur_px / self.radius_px;
         let unit = blur * blur * rate.norm();
-        let across = Matrix3::identity() - axis * axis.transpose();
-        fit.covariance += (AXIS_STD * unit).powi(2) * across;
-        let third = axis.cross(&Vector3::z());
-        if let Some(towards) = axis.cross(&third).try_normalize(0.0) {
-            let std = TILTED_AXIS_STD * unit * 2.0 * third.norm() * axis.z;
-            fit.covariance += std * std * towards * towards.transpose();
+        if let Some(axis) = rate.try_normalize(0.0) {
+            let across = Matrix3::identity() - axis * axis.transpose();
+            fit.covariance += (AXIS_STD * unit).powi(2) * across;
         }
+        fit.covariance += UNEVEN_PART.powi(2) * moved * moved.transpose();
         fit
     }
 }

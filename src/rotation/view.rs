@@ -37,6 +37,8 @@ pub struct BallSamples {
     pub ends: Vec<usize>,
     /// The two directions from the ball's centre, camera axes, whose mean a pixel shows ([`seen_towards`]).
     pub towards: Vec<[Vector3<f64>; 2]>,
+    /// The direction at the pixel's own place.
+    facing: Vec<Vector3<f64>>,
     /// Places on the disc, radii.
     pub places: Vec<[f64; 2]>,
     /// Logarithms of brightness.
@@ -64,6 +66,7 @@ impl BallSamples {
             times_s: views.iter().map(|v| v.time_s - middle_s).collect(),
             ends: Vec::with_capacity(views.len()),
             towards: Vec::new(),
+            facing: Vec::new(),
             places: Vec::new(),
             values: Vec::new(),
             weights: Vec::new(),
@@ -72,9 +75,9 @@ impl BallSamples {
         for view in views {
             for p in &view.pixels {
                 let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
-                samples
-                    .towards
-                    .push(seen_towards(p.place, blur, [0.0; 2]).map(|d| view.sight * d));
+                let towards = |blur: f64| seen_towards(p.place, blur).map(|d| view.sight * d);
+                samples.towards.push(towards(blur));
+                samples.facing.push(towards(0.0)[0]);
                 samples.places.push(p.place);
                 samples.values.push(lit_grey.ln());
                 samples.weights.push(1.0);
@@ -84,15 +87,14 @@ impl BallSamples {
         Some(samples)
     }
 
-    /// With directions that know of the light's slope.
-    pub fn with_light(&mut self, views: &[BallView], blur: f64, slope: impl Fn([f64; 2]) -> [f64; 2]) {
-        let mut n = 0;
-        for view in views.iter().filter(|v| !v.pixels.is_empty()) {
-            for p in &view.pixels {
-                self.towards[n] = seen_towards(p.place, blur, slope(p.place)).map(|d| view.sight * d);
-                n += 1;
-            }
+    /// The same as if the blur were even on the ball.
+    #[must_use]
+    pub fn evenly_blurred(&self) -> Self {
+        let mut even = self.clone();
+        for (towards, facing) in even.towards.iter_mut().zip(&self.facing) {
+            *towards = [*facing; 2];
         }
+        even
     }
 
     /// From the middle to the frame furthest from it, s.
@@ -126,8 +128,7 @@ impl BallSamples {
 /// ```
 ///
 /// wider along θ, and from further out: two points at σ tan θ on both sides of a place that is σ²/2 tan θ (2 + tan²θ) further out.
-pub fn seen_towards([a, b]: [f64; 2], blur: f64, slope: [f64; 2]) -> [Vector3<f64>; 2] {
-    let [a, b] = [a + blur * blur * slope[0], b + blur * blur * slope[1]];
+pub fn seen_towards([a, b]: [f64; 2], blur: f64) -> [Vector3<f64>; 2] {
     let sine = a.hypot(b).min(STEEPEST);
     let tangent = sine / (1.0 - sine * sine).sqrt();
     let outward = if sine > 0.0 {
