@@ -39,8 +39,8 @@ const AFRESH_ROUND: usize = 2;
 const OTHER_ROUNDS: usize = 16;
 const SMALL_STEP: f64 = 0.1;
 
-/// Frames apart that may err alike, at most.
-const MOST_LAGS: usize = 8;
+/// Correlation of neighbouring frames' errors, at most.
+const MOST_ALIKE: f64 = 0.9;
 
 /// Rounds of a light alone.
 const STILL_ROUNDS: usize = 6;
@@ -623,16 +623,13 @@ impl MapsAtRate {
         }
         let chi2: f64 = whitened.iter().flatten().map(Vector3::norm_squared).sum();
         let freedom = ((3 * frames) as f64 - 6.0).max(1.0);
-        // Frames near each other whose codec errs alike are fewer than they are.
-        let alike = |lag: usize| {
-            let pairs = whitened.iter().zip(whitened.iter().skip(lag));
-            pairs.filter_map(|(a, b)| Some((*a)?.dot(&(*b)?))).sum::<f64>() / chi2.max(f64::MIN_POSITIVE)
-        };
-        let lags = MOST_LAGS.min(frames / 4);
-        let window = |lag: usize| 1.0 - lag as f64 / (lags + 1) as f64;
-        let fewer = 1.0 + 2.0 * (1..=lags).map(|lag| window(lag) * alike(lag)).sum::<f64>();
-        let next = alike(1).clamp(0.0, 0.8);
-        let fewer = fewer.max((1.0 + next) / (1.0 - next));
+        // Neighbouring frames whose codec errs alike are fewer than they are. What a line was taken from seems less alike than it is by
+        // (2 + 4 ρ) / n (Kendall, Biometrika 41, 403, 1954).
+        let pairs = whitened.windows(2).filter_map(|w| Some(w[0]?.dot(&w[1]?)));
+        let seems = pairs.sum::<f64>() / chi2.max(f64::MIN_POSITIVE);
+        let count = (frames as f64).max(8.0);
+        let alike = ((seems + 2.0 / count) / (1.0 - 4.0 / count)).clamp(0.0, MOST_ALIKE);
+        let fewer = (1.0 + alike) / (1.0 - alike);
         let scatter = ((chi2 / freedom).max(1.0) * fewer).sqrt();
         RotationFit {
             rate_rad_s: rate,
