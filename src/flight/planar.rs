@@ -57,6 +57,9 @@ pub const ARCS: usize = 3;
 /// Powers of the time from an arc's mean one, in which a bent arc departs from what gravity and drag make of it.
 pub const BEND_POWERS: [i32; 2] = [2, 3];
 
+/// Steps of an integration from an arc's mean time.
+const PARTS: usize = 8;
+
 /// Parameters of an arc's bend: the coefficients of [`BEND_POWERS`] along r, then along h.
 pub const BENDS: usize = 2 * BEND_POWERS.len();
 
@@ -96,22 +99,11 @@ impl PlanarArcs<'_> {
         &self.parameters[ARCS + 4 * k..ARCS + 4 * k + 4]
     }
 
-    /// Shift of the place at `t` by a unit of drag, to first order.
-    #[must_use]
-    pub fn drag_shift(&self, k: usize, t: f64) -> (f64, f64) {
-        let m = self.pushed_by(k, t, |vr, vh| {
-            let speed = speed(vr, vh);
-            let slow = -self.law.at(speed) * speed;
-            (slow * vr, slow * vh)
-        });
-        (m.r, m.h)
-    }
-
     /// What an acceleration `field` of the velocity (along r and h) adds to the motion on arc `k` from its mean time to `t`,
     /// to first order: its integrals along the parabola.
     #[must_use]
     pub fn pushed_by(&self, k: usize, t: f64, field: impl Fn(f64, f64) -> (f64, f64)) -> Motion {
-        const PARTS: usize = 12;
+        const PARTS: usize = 12; // of Simpson's rule
         let (g, across, a) = (self.parameters[GRAVITY], self.parameters[ACROSS], self.arc(k));
         let dt = (t - self.times[k]) / PARTS as f64;
         let mut sum = Motion {
@@ -162,19 +154,103 @@ impl PlanarArcs<'_> {
                 vh: a[3] - g * dt,
             };
         }
-        let start = Motion {
+        self.integrate(self.start(k), dt)
+    }
+
+    /// Motion on arc `k` at its mean time, but for a bend, which adds nothing there.
+    fn start(&self, k: usize) -> Motion {
+        let a = self.arc(k);
+        Motion {
             r: a[0],
             vr: a[1],
             h: a[2],
             vh: a[3],
+        }
+    }
+
+    /// Motions on arc `k` at `times`, as [`motion`](Self::motion) gives them one by one, and by how much a unit of drag shifts each
+    /// place, to first order: all in one pass from the mean time to both ends, in steps no longer than there.
+    #[must_use]
+    pub fn motions(&self, k: usize, times: &[f64]) -> Vec<(Motion, (f64, f64))> {
+        let mean_s = self.times[k];
+        let longest_s = times
+            .iter()
+            .fold(0.0, |most: f64, t| most.max((t - mean_s).abs()))
+            / PARTS as f64;
+        let still = Motion {
+            r: 0.0,
+            h: 0.0,
+            vr: 0.0,
+            vh: 0.0,
         };
-        self.integrate(start, dt)
+        let mut order: Vec<usize> = (0..times.len()).collect();
+        order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
+        let later = order.partition_point(|&i| times[i] < mean_s);
+        let mut found = vec![(still, (0.0, 0.0)); times.len()];
+        let (before, after) = order.split_at(later);
+        let mut along = |way: &mut dyn Iterator<Item = usize>| {
+            let (mut now, mut pushed, mut at_s) = (self.start(k), still, mean_s);
+            for i in way {
+                let parts = ((times[i] - at_s).abs() / longest_s).ceil().max(1.0);
+                let s = (times[i] - at_s) / parts;
+                for _ in 0..parts as usize {
+                    (now, pushed) = self.step(k, (now, pushed), at_s - mean_s, s);
+                    at_s += s;
+                }
+                at_s = times[i];
+                let bent = if self.bent {
+                    now.along(&self.bend(k, times[i] - mean_s), 1.0)
+                } else {
+                    now
+                };
+                found[i] = (bent, (pushed.r, pushed.h));
+            }
+        };
+        along(&mut before.iter().rev().copied());
+        along(&mut after.iter().copied());
+        found
+    }
+
+    /// A step `s` of the motion on arc `k`, and of what a unit of drag adds to it, from `since` the mean time on.
+    fn step(&self, k: usize, (now, pushed): (Motion, Motion), since: f64, s: f64) -> (Motion, Motion) {
+        let (g, across, a) = (self.parameters[GRAVITY], self.parameters[ACROSS], self.arc(k));
+        let field = |since: f64| {
+            let (vr, vh) = (a[1] + across * since, a[3] - g * since);
+            let speed = speed(vr, vh);
+            let slow = -self.law.at(speed) * speed;
+            (slow * vr, slow * vh)
+        };
+        let [from, middle, to] = [since, since + 0.5 * s, since + s].map(field);
+        // Simpson's rule, of the field and of the field times what is left of the step.
+        let place = |v: f64, from: f64, middle: f64| s * (v + s / 6.0 * (from + 2.0 * middle));
+        let rate = |from: f64, middle: f64, to: f64| s / 6.0 * (from + 4.0 * middle + to);
+        let pushed = Motion {
+            r: pushed.r + place(pushed.vr, from.0, middle.0),
+            h: pushed.h + place(pushed.vh, from.1, middle.1),
+            vr: pushed.vr + rate(from.0, middle.0, to.0),
+            vh: pushed.vh + rate(from.1, middle.1, to.1),
+        };
+        let now = if self.parameters[DRAG] == 0.0 {
+            Motion {
+                r: now.r + (now.vr + 0.5 * across * s) * s,
+                h: now.h + (now.vh - 0.5 * g * s) * s,
+                vr: now.vr + across * s,
+                vh: now.vh - g * s,
+            }
+        } else {
+            self.integrated(now, s)
+        };
+        (now, pushed)
     }
 
     /// Runge-Kutta of fourth order over `dt` in eight steps: with drag a tenth of gravity the error is below 1e-7 of the
-    /// way. The drag coefficient, which hardly changes in a step, is that of the step's middle.
+    /// way.
     fn integrate(&self, start: Motion, dt: f64) -> Motion {
-        const PARTS: usize = 8;
+        (0..PARTS).fold(start, |m, _| self.integrated(m, dt / PARTS as f64))
+    }
+
+    /// One such step, `s` long. The drag coefficient, which hardly changes in it, is that of its middle.
+    fn integrated(&self, m: Motion, s: f64) -> Motion {
         let (g, beta) = (self.parameters[GRAVITY], self.parameters[DRAG]);
         let across = self.parameters[ACROSS];
         let rate = |m: &Motion, beta: f64| {
@@ -186,13 +262,8 @@ impl PlanarArcs<'_> {
                 vh: slow * m.vh - g,
             }
         };
-        let s = dt / PARTS as f64;
-        let mut m = start;
-        for _ in 0..PARTS {
-            let beta = beta * self.law.at(speed(m.vr + 0.5 * across * s, m.vh - 0.5 * g * s));
-            m = runge_kutta_step(&m, s, |m| rate(m, beta), Motion::along);
-        }
-        m
+        let beta = beta * self.law.at(speed(m.vr + 0.5 * across * s, m.vh - 0.5 * g * s));
+        runge_kutta_step(&m, s, |m| rate(m, beta), Motion::along)
     }
 
     /// When and how closely arcs `a` and `b` meet: (time, distance there). `None` when the two

@@ -16,7 +16,7 @@ use super::drag::{Drag, DragLaw};
 use super::motion_model::{
     ArcFit, FitPoint, MotionModel, VerticalPrior, autocorrelation_inflation, mean_times,
 };
-use super::planar::{ACROSS, ARCS, BEND_POWERS, BENDS, DRAG, GRAVITY, PlanarArcs};
+use super::planar::{ACROSS, ARCS, BEND_POWERS, BENDS, DRAG, GRAVITY, Motion, PlanarArcs};
 use super::samples::middle_and_extent;
 use super::scale_change::{SCALE_CHANGES, ScaleChange};
 use super::segment::TrackSample;
@@ -146,7 +146,7 @@ pub(super) fn fit(
     };
     for _ in 0..rounds {
         let (matrix, right) = system(points, &times, &parameters, priors, held);
-        let (mut step, inverse) = solve(&matrix, &right)?;
+        let (mut step, inverse) = solve_by_arcs(&matrix, &right, points, arcs)?;
         keep(&mut step, held);
         if changes > 0 {
             shorten(&mut step, &right, |step| {
@@ -233,9 +233,23 @@ pub(super) fn response(
         right[2 * i] = w * dr;
         right[2 * i + 1] = w * dh;
     }
-    let (mut change, _) = solve(&matrix, &right)?;
+    let (mut change, _) = solve_by_arcs(&matrix, &right, points, fit.times.len())?;
     keep(&mut change, held);
     Some(change)
+}
+
+/// Of each point, its arc's motion and what a unit of drag adds to the place.
+fn motions(planar: &PlanarArcs<'_>, points: &[FitPoint]) -> Vec<(Motion, (f64, f64))> {
+    let mut found = vec![None; points.len()];
+    for k in 0..planar.times.len() {
+        let own: Vec<usize> = (0..points.len()).filter(|&i| points[i].arc == k).collect();
+        let times: Vec<f64> = own.iter().map(|&i| points[i].sample.t).collect();
+        for (i, motion) in own.into_iter().zip(planar.motions(k, &times)) {
+            found[i] = Some(motion);
+        }
+    }
+    let all = found.into_iter();
+    all.map(|m| m.expect("every point is on an arc")).collect()
 }
 
 /// Whitened Jacobian and residuals at `parameters`; a parameter that is held gets a row of its own.
@@ -256,11 +270,11 @@ fn system(
     let rows = 2 * points.len() + held.iter().filter(|&&h| h).count() + known.len();
     let mut matrix = DMatrix::zeros(rows, parameters.len());
     let mut right = DVector::zeros(rows);
-    for (i, p) in points.iter().enumerate() {
+    let motions = motions(&planar, points);
+    for (i, (p, (m, drag_shift))) in points.iter().zip(motions).enumerate() {
         let t = p.sample.t - times[p.arc];
         let w = p.sample.weight.sqrt();
         let c = ARCS + 4 * p.arc;
-        let m = planar.motion(p.arc, p.sample.t);
         let seen = priors.scale_change.map_or(m, |change| {
             change.seen(ScaleChange::of(parameters.as_slice()), p.sample.t, &m)
         });
@@ -284,7 +298,7 @@ fn system(
             matrix[(2 * i, ACROSS)] = 0.5 * w * t * t;
         }
         if !held[DRAG] {
-            let (dr, dh) = planar.drag_shift(p.arc, p.sample.t);
+            let (dr, dh) = drag_shift;
             matrix[(2 * i, DRAG)] = w * dr;
             matrix[(2 * i + 1, DRAG)] = w * dh;
         }
@@ -311,6 +325,57 @@ fn system(
         row += 1;
     }
     (matrix, right)
+}
+
+/// The solution and covariance of the `matrix` that [`system`] makes of these points: an arc's rows are empty in the columns of the other
+/// arcs, so that each arc is factorised by itself, and all of them once more by what that leaves, a row for each column that is not empty.
+fn solve_by_arcs(
+    matrix: &DMatrix<f64>,
+    right: &DVector<f64>,
+    points: &[FitPoint],
+    arcs: usize,
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let mut rows_of: Vec<Vec<usize>> = vec![Vec::new(); arcs];
+    for (i, p) in points.iter().enumerate() {
+        rows_of[p.arc].extend([2 * i, 2 * i + 1]);
+    }
+    let count = matrix.ncols();
+    let mut left: Vec<(DMatrix<f64>, Vec<usize>)> = Vec::with_capacity(arcs);
+    for rows in &rows_of {
+        let used = |j: &usize| rows.iter().any(|&i| matrix[(i, *j)] != 0.0);
+        let columns: Vec<usize> = (0..count).filter(used).collect();
+        // The right side as a column of its own: what remains of it below is no equation.
+        let of_arc = DMatrix::from_fn(rows.len(), columns.len() + 1, |i, j| {
+            columns
+                .get(j)
+                .map_or_else(|| right[rows[i]], |&column| matrix[(rows[i], column)])
+        });
+        left.push((of_arc.qr().unpack_r(), columns));
+    }
+    let of_points = 2 * points.len();
+    let equations = |(r, columns): &(DMatrix<f64>, Vec<usize>)| r.nrows().min(columns.len());
+    let all = left.iter().map(equations).sum::<usize>() + matrix.nrows() - of_points;
+    let mut reduced = DMatrix::zeros(all, count);
+    let mut reduced_right = DVector::zeros(all);
+    let mut row = 0;
+    for part in &left {
+        let (r, columns) = part;
+        for i in 0..equations(part) {
+            for (j, &column) in columns.iter().enumerate().skip(i) {
+                reduced[(row, column)] = r[(i, j)];
+            }
+            reduced_right[row] = r[(i, columns.len())];
+            row += 1;
+        }
+    }
+    let rest = matrix.nrows() - of_points;
+    reduced
+        .rows_mut(row, rest)
+        .copy_from(&matrix.rows(of_points, rest));
+    reduced_right
+        .rows_mut(row, rest)
+        .copy_from(&right.rows(of_points, rest));
+    solve(&reduced, &reduced_right)
 }
 
 /// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of

@@ -91,7 +91,7 @@ impl MeasuredMotion<'_> {
     fn edge_distance(
         &self,
         first: usize,
-        place: &impl Fn(&InputValues<'_>, usize) -> f64,
+        place: &(impl Fn(&InputValues<'_>, usize) -> f64 + Sync),
     ) -> Option<Quantity> {
         if let Some(edge_m) = self.calibration.launch.edge_x_m {
             let distance = || self.inputs.quantity(|p| place(p, first) - edge_m);

@@ -143,12 +143,12 @@ impl MotionInputs {
     }
 
     /// The one number that `function` makes of the inputs.
-    pub fn quantity(&self, function: impl Fn(&InputValues<'_>) -> f64) -> Option<Quantity> {
+    pub fn quantity(&self, function: impl Fn(&InputValues<'_>) -> f64 + Sync) -> Option<Quantity> {
         self.outputs(|p| vec![function(p)]).quantity(0)
     }
 
     /// What `function` makes of the inputs, with its covariance.
-    pub fn outputs(&self, function: impl Fn(&InputValues<'_>) -> Vec<f64>) -> OutputQuantities {
+    pub fn outputs(&self, function: impl Fn(&InputValues<'_>) -> Vec<f64> + Sync) -> OutputQuantities {
         self.quantities.outputs(|p| function(&InputValues::of(p)))
     }
 }

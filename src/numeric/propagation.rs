@@ -6,6 +6,7 @@
 
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// The vector that everything measured depends on, with its covariance.
 #[derive(Debug, Clone)]
@@ -27,21 +28,29 @@ impl InputQuantities {
     /// The outputs of `function` at the best estimate, with their covariance from central differences a tenth of a
     /// standard deviation to each side: far above rounding, far below where a quotient bends.
     #[must_use]
-    pub fn outputs(&self, function: impl Fn(&[f64]) -> Vec<f64>) -> OutputQuantities {
+    pub fn outputs(&self, function: impl Fn(&[f64]) -> Vec<f64> + Sync) -> OutputQuantities {
         let values = function(self.values.as_slice());
-        let mut jacobian = DMatrix::zeros(values.len(), self.values.len());
-        let mut at = self.values.clone();
-        for j in 0..self.values.len() {
+        let slopes = |j: usize| -> Option<Vec<f64>> {
             let step = 0.1 * self.covariance[(j, j)].max(0.0).sqrt();
-            if step > 0.0 {
-                at[j] = self.values[j] + step;
-                let above = function(at.as_slice());
-                at[j] = self.values[j] - step;
-                let below = function(at.as_slice());
-                at[j] = self.values[j];
-                for (i, (a, b)) in above.iter().zip(&below).enumerate() {
-                    jacobian[(i, j)] = (a - b) / (2.0 * step);
-                }
+            let at = |step: f64| {
+                let mut at = self.values.clone();
+                at[j] += step;
+                function(at.as_slice())
+            };
+            (step > 0.0).then(|| {
+                let (above, below) = (at(step), at(-step));
+                above
+                    .iter()
+                    .zip(&below)
+                    .map(|(a, b)| (a - b) / (2.0 * step))
+                    .collect()
+            })
+        };
+        let mut jacobian = DMatrix::zeros(values.len(), self.values.len());
+        let columns: Vec<Option<Vec<f64>>> = (0..self.values.len()).into_par_iter().map(slopes).collect();
+        for (mut column, slopes) in jacobian.column_iter_mut().zip(columns) {
+            if let Some(slopes) = slopes {
+                column.copy_from_slice(&slopes);
             }
         }
         OutputQuantities {
