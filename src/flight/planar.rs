@@ -168,10 +168,14 @@ impl PlanarArcs<'_> {
         }
     }
 
-    /// Motions on arc `k` at `times`, as [`motion`](Self::motion) gives them one by one, and by how much a unit of drag shifts each
-    /// place, to first order: all in one pass from the mean time to both ends, in steps no longer than there.
+    /// Motions on arc `k` at `times`, as [`motion`](Self::motion) gives them one by one, and, where `pushed`, by how much a unit of
+    /// drag shifts each place, to first order: all in one pass from the mean time to both ends, in steps no longer than there.
     #[must_use]
-    pub fn motions(&self, k: usize, times: &[f64]) -> Vec<(Motion, (f64, f64))> {
+    pub fn motions(&self, k: usize, times: &[f64], pushed: bool) -> Vec<(Motion, (f64, f64))> {
+        if !pushed && self.parameters[DRAG] == 0.0 {
+            let each = times.iter().map(|&t| (self.motion(k, t), (0.0, 0.0)));
+            return each.collect();
+        }
         let mean_s = self.times[k];
         let longest_s = times
             .iter()

@@ -16,11 +16,11 @@ use super::drag::{Drag, DragLaw};
 use super::motion_model::{
     ArcFit, FitPoint, MotionModel, VerticalPrior, autocorrelation_inflation, mean_times,
 };
-use super::planar::{ACROSS, ARCS, BEND_POWERS, BENDS, DRAG, GRAVITY, Motion, PlanarArcs};
+use super::planar::{ACROSS, ARCS, BEND_POWERS, BENDS, DRAG, GRAVITY, PlanarArcs};
 use super::samples::middle_and_extent;
 use super::scale_change::{SCALE_CHANGES, ScaleChange};
 use super::segment::TrackSample;
-use crate::numeric::linear::solve;
+use crate::numeric::blocks::{BlockFactorisation, BlockRows};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -136,7 +136,7 @@ pub(super) fn fit(
             DVector::from_iterator(plain.parameters.len() + changes, all)
         }
     };
-    let mut covariance = None;
+    let mut factors = None;
     // Linear without drag: one step is the solution. A prior of the lean goes with gravity, which the first step finds.
     let rounds = match (without_drag, priors.vertical) {
         _ if changes > 0 => 20,
@@ -144,22 +144,24 @@ pub(super) fn fit(
         (None, Some(vertical)) if vertical.std_rad.is_finite() => 2,
         (None, _) => 1,
     };
+    let system_at = |parameters: &DVector<f64>| PlanarSystem::new(points, &times, parameters, priors, held);
     for _ in 0..rounds {
-        let (matrix, right) = system(points, &times, &parameters, priors, held);
-        let (mut step, inverse) = solve_by_arcs(&matrix, &right, points, arcs)?;
+        let system = system_at(&parameters);
+        let (found, mut step) = system.step()?;
         keep(&mut step, held);
         if changes > 0 {
-            shorten(&mut step, &right, |step| {
-                system(points, &times, &(&parameters + step), priors, held).1
+            shorten(&mut step, &system.residuals, |step| {
+                system_at(&(&parameters + step)).residuals
             });
         }
         parameters += &step;
-        covariance = Some(inverse);
-        if (&matrix * &step).amax() < SETTLED {
+        factors = Some(found);
+        if system.largest_change(&step) < SETTLED {
             break;
         }
     }
-    let (_, residuals) = system(points, &times, &parameters, priors, held);
+    let factors = factors?;
+    let residuals = system_at(&parameters).residuals;
     // Bends are held by what is known of them, and take from the points' freedom no more than their part.
     let fitted = parameters.len() - bends - changes - held.iter().filter(|&&h| h).count();
     let freedom = (2 * points.len()).saturating_sub(fitted);
@@ -169,13 +171,13 @@ pub(super) fn fit(
         1.0
     };
     let autocorrelation_inflation = autocorrelation_inflation(points, &residuals);
-    let inverse = covariance?;
     let deviance = deviance(
         points,
         &residuals,
-        &inverse,
+        factors.ln_determinant(),
         &priors.rows(points, &times, &parameters, held),
     );
+    let inverse = factors.covariance(&places(arcs, priors))?;
     let mut covariance = inverse * (reduced_chi.max(1.0).powi(2) * autocorrelation_inflation);
     for (i, _) in held.iter().enumerate().filter(|(_, h)| **h) {
         covariance[(i, i)] = 0.0;
@@ -202,15 +204,13 @@ fn shorten(step: &mut DVector<f64>, now: &DVector<f64>, residuals: impl Fn(&DVec
     }
 }
 
-/// See [`ArcFit::deviance`]: `known` are the parameters with a prior.
+/// See [`ArcFit::deviance`]: `determined` is the logarithm of the covariance's determinant, `known` are the parameters with a prior.
 fn deviance(
     points: &[FitPoint],
     residuals: &DVector<f64>,
-    inverse: &DMatrix<f64>,
+    determined: f64,
     known: &[(usize, f64, f64)],
 ) -> Option<f64> {
-    let factor = inverse.clone().cholesky()?;
-    let determined: f64 = factor.l_dirty().diagonal().iter().map(|d| 2.0 * d.ln()).sum();
     let weights: f64 = points.iter().map(|p| 2.0 * p.sample.weight.ln()).sum();
     let priors: f64 = known.iter().map(|(_, _, std)| 2.0 * std.ln()).sum();
     let all = residuals.norm_squared() - weights + priors - determined;
@@ -226,156 +226,215 @@ pub(super) fn response(
 ) -> Option<DVector<f64>> {
     // What was held has no variance.
     let held = [GRAVITY, DRAG, ACROSS].map(|i| fit.covariance[(i, i)] == 0.0);
-    let (matrix, mut right) = system(points, &fit.times, &fit.parameters, priors, held);
-    right.fill(0.0);
+    let mut system = PlanarSystem::new(points, &fit.times, &fit.parameters, priors, held);
+    system.residuals.fill(0.0);
     for (i, (p, (dr, dh))) in points.iter().zip(shifts).enumerate() {
         let w = p.sample.weight.sqrt();
-        right[2 * i] = w * dr;
-        right[2 * i + 1] = w * dh;
+        system.residuals[2 * i] = w * dr;
+        system.residuals[2 * i + 1] = w * dh;
     }
-    let (mut change, _) = solve_by_arcs(&matrix, &right, points, fit.times.len())?;
+    for rows in system.blocks.iter_mut().chain([&mut system.shared]) {
+        rows.right.fill(0.0);
+    }
+    system.take_residuals();
+    let (_, mut change) = system.step()?;
     keep(&mut change, held);
     Some(change)
 }
 
-/// Of each point, its arc's motion and what a unit of drag adds to the place.
-fn motions(planar: &PlanarArcs<'_>, points: &[FitPoint]) -> Vec<(Motion, (f64, f64))> {
-    let mut found = vec![None; points.len()];
-    for k in 0..planar.times.len() {
-        let own: Vec<usize> = (0..points.len()).filter(|&i| points[i].arc == k).collect();
-        let times: Vec<f64> = own.iter().map(|&i| points[i].sample.t).collect();
-        for (i, motion) in own.into_iter().zip(planar.motions(k, &times)) {
-            found[i] = Some(motion);
-        }
-    }
-    let all = found.into_iter();
-    all.map(|m| m.expect("every point is on an arc")).collect()
-}
-
-/// Whitened Jacobian and residuals at `parameters`; a parameter that is held gets a row of its own.
-fn system(
-    points: &[FitPoint],
-    times: &[f64],
-    parameters: &DVector<f64>,
-    priors: &PlanarPriors,
-    held: [bool; ARCS],
-) -> (DMatrix<f64>, DVector<f64>) {
-    let known = priors.rows(points, times, parameters, held);
-    let planar = PlanarArcs {
-        parameters: parameters.as_slice(),
-        times,
-        law: priors.law(),
-        bent: priors.bend.is_some(),
+/// Where the parameters of each arc are: place and velocity, and its bend; then those that all arcs share.
+fn places(arcs: usize, priors: &PlanarPriors) -> Vec<Vec<usize>> {
+    let bends = |k: usize| {
+        let from = ARCS + 4 * arcs + BENDS * k;
+        priors.bend.map_or(from..from, |_| from..from + BENDS)
     };
-    let rows = 2 * points.len() + held.iter().filter(|&&h| h).count() + known.len();
-    let mut matrix = DMatrix::zeros(rows, parameters.len());
-    let mut right = DVector::zeros(rows);
-    let motions = motions(&planar, points);
-    for (i, (p, (m, drag_shift))) in points.iter().zip(motions).enumerate() {
-        let t = p.sample.t - times[p.arc];
-        let w = p.sample.weight.sqrt();
-        let c = ARCS + 4 * p.arc;
-        let seen = priors.scale_change.map_or(m, |change| {
-            change.seen(ScaleChange::of(parameters.as_slice()), p.sample.t, &m)
-        });
-        right[2 * i] = w * (p.sample.r - seen.r);
-        right[2 * i + 1] = w * (p.sample.h - seen.h);
-        matrix[(2 * i, c)] = w;
-        matrix[(2 * i, c + 1)] = w * t;
-        matrix[(2 * i + 1, c + 2)] = w;
-        matrix[(2 * i + 1, c + 3)] = w * t;
-        if priors.bend.is_some() {
-            let b = ARCS + 4 * times.len() + BENDS * p.arc;
-            for (n, power) in BEND_POWERS.iter().enumerate() {
-                matrix[(2 * i, b + n)] = w * t.powi(*power);
-                matrix[(2 * i + 1, b + BEND_POWERS.len() + n)] = w * t.powi(*power);
-            }
-        }
-        if !held[GRAVITY] {
-            matrix[(2 * i + 1, GRAVITY)] = -0.5 * w * t * t;
-        }
-        if !held[ACROSS] {
-            matrix[(2 * i, ACROSS)] = 0.5 * w * t * t;
-        }
-        if !held[DRAG] {
-            let (dr, dh) = drag_shift;
-            matrix[(2 * i, DRAG)] = w * dr;
-            matrix[(2 * i + 1, DRAG)] = w * dh;
-        }
-        if let Some(change) = priors.scale_change {
-            let now = ScaleChange::of(parameters.as_slice());
-            let jacobian = change.jacobian(now, p.sample.t, &m);
-            let in_plane = matrix.rows(2 * i, 2).into_owned();
-            matrix.rows_mut(2 * i, 2).copy_from(&(jacobian * in_plane));
-            let from = parameters.len() - SCALE_CHANGES;
-            for (k, (dr, dh)) in change.slopes(now, p.sample.t, &m).into_iter().enumerate() {
-                matrix[(2 * i, from + k)] = w * dr;
-                matrix[(2 * i + 1, from + k)] = w * dh;
-            }
-        }
-    }
-    let mut row = 2 * points.len();
-    for (i, _) in held.iter().enumerate().filter(|(_, h)| **h) {
-        matrix[(row, i)] = 1.0;
-        row += 1;
-    }
-    for (i, value, std) in known {
-        matrix[(row, i)] = 1.0 / std;
-        right[row] = (value - parameters[i]) / std;
-        row += 1;
-    }
-    (matrix, right)
+    let own = |k: usize| (ARCS + 4 * k..ARCS + 4 * k + 4).chain(bends(k)).collect();
+    let mut places: Vec<Vec<usize>> = (0..arcs).map(own).collect();
+    let behind: usize = ARCS + places.iter().map(Vec::len).sum::<usize>();
+    let changes = priors.scale_change.map_or(0, |_| SCALE_CHANGES);
+    places.push((0..ARCS).chain(behind..behind + changes).collect());
+    places
 }
 
-/// The solution and covariance of the `matrix` that [`system`] makes of these points: an arc's rows are empty in the columns of the other
-/// arcs, so that each arc is factorised by itself, and all of them once more by what that leaves, a row for each column that is not empty.
-fn solve_by_arcs(
-    matrix: &DMatrix<f64>,
-    right: &DVector<f64>,
-    points: &[FitPoint],
-    arcs: usize,
-) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let mut rows_of: Vec<Vec<usize>> = vec![Vec::new(); arcs];
-    for (i, p) in points.iter().enumerate() {
-        rows_of[p.arc].extend([2 * i, 2 * i + 1]);
-    }
-    let count = matrix.ncols();
-    let mut left: Vec<(DMatrix<f64>, Vec<usize>)> = Vec::with_capacity(arcs);
-    for rows in &rows_of {
-        let used = |j: &usize| rows.iter().any(|&i| matrix[(i, *j)] != 0.0);
-        let columns: Vec<usize> = (0..count).filter(used).collect();
-        // The right side as a column of its own: what remains of it below is no equation.
-        let of_arc = DMatrix::from_fn(rows.len(), columns.len() + 1, |i, j| {
-            columns
-                .get(j)
-                .map_or_else(|| right[rows[i]], |&column| matrix[(rows[i], column)])
-        });
-        left.push((of_arc.qr().unpack_r(), columns));
-    }
-    let of_points = 2 * points.len();
-    let equations = |(r, columns): &(DMatrix<f64>, Vec<usize>)| r.nrows().min(columns.len());
-    let all = left.iter().map(equations).sum::<usize>() + matrix.nrows() - of_points;
-    let mut reduced = DMatrix::zeros(all, count);
-    let mut reduced_right = DVector::zeros(all);
-    let mut row = 0;
-    for part in &left {
-        let (r, columns) = part;
-        for i in 0..equations(part) {
-            for (j, &column) in columns.iter().enumerate().skip(i) {
-                reduced[(row, column)] = r[(i, j)];
+/// Whitened Jacobian and residuals at some parameters.
+struct PlanarSystem {
+    /// See [`places`].
+    places: Vec<Vec<usize>>,
+    /// Of each arc: two rows for each of its points, then what is known of its own parameters.
+    blocks: Vec<BlockRows>,
+    /// What is known of the shared parameters; one that is held has a row of its own.
+    shared: BlockRows,
+    /// The points of each arc.
+    points: Vec<Vec<usize>>,
+    /// Two residuals for each point, then those of all that is known.
+    residuals: DVector<f64>,
+}
+
+impl PlanarSystem {
+    fn new(
+        points: &[FitPoint],
+        times: &[f64],
+        parameters: &DVector<f64>,
+        priors: &PlanarPriors,
+        held: [bool; ARCS],
+    ) -> Self {
+        let planar = PlanarArcs {
+            parameters: parameters.as_slice(),
+            times,
+            law: priors.law(),
+            bent: priors.bend.is_some(),
+        };
+        let places = places(times.len(), priors);
+        let known = priors.rows(points, times, parameters, held);
+        let holds = held.iter().enumerate().filter(|(_, h)| **h);
+        // Which parameter, its residual, its weight.
+        let known: Vec<(usize, f64, f64)> = holds
+            .map(|(i, _)| (i, 0.0, 1.0))
+            .chain(
+                known
+                    .into_iter()
+                    .map(|(i, value, std)| (i, (value - parameters[i]) / std, 1.0 / std)),
+            )
+            .collect();
+        let mut of_arc = vec![Vec::new(); times.len()];
+        for (i, p) in points.iter().enumerate() {
+            of_arc[p.arc].push(i);
+        }
+        let mut residuals = DVector::zeros(2 * points.len() + known.len());
+        for (i, (_, residual, _)) in known.iter().enumerate() {
+            residuals[2 * points.len() + i] = *residual;
+        }
+        let all_shared = places[times.len()].len();
+        let mut blocks = Vec::with_capacity(times.len());
+        for (k, own) in of_arc.iter().enumerate() {
+            let known = known_of(&places[k], &known);
+            let columns = places[k].len();
+            let mut block = BlockRows {
+                matrix: DMatrix::zeros(2 * own.len() + known.len(), columns + all_shared),
+                right: DVector::zeros(2 * own.len() + known.len()),
+            };
+            let times_s: Vec<f64> = own.iter().map(|&i| points[i].sample.t).collect();
+            let motions = planar.motions(k, &times_s, !held[DRAG]);
+            for (row, (&i, (m, drag_shift))) in own.iter().zip(motions).enumerate() {
+                let sample = &points[i].sample;
+                let w = sample.weight.sqrt();
+                let t = sample.t - times[k];
+                let mut rows = block.matrix.rows_mut(2 * row, 2);
+                let seen = priors.scale_change.map_or(m, |change| {
+                    change.seen(ScaleChange::of(parameters.as_slice()), sample.t, &m)
+                });
+                residuals[2 * i] = w * (sample.r - seen.r);
+                residuals[2 * i + 1] = w * (sample.h - seen.h);
+                rows[(0, 0)] = w;
+                rows[(0, 1)] = w * t;
+                rows[(1, 2)] = w;
+                rows[(1, 3)] = w * t;
+                if priors.bend.is_some() {
+                    for (n, power) in BEND_POWERS.iter().enumerate() {
+                        rows[(0, 4 + n)] = w * t.powi(*power);
+                        rows[(1, 4 + BEND_POWERS.len() + n)] = w * t.powi(*power);
+                    }
+                }
+                if !held[GRAVITY] {
+                    rows[(1, columns + GRAVITY)] = -0.5 * w * t * t;
+                }
+                if !held[ACROSS] {
+                    rows[(0, columns + ACROSS)] = 0.5 * w * t * t;
+                }
+                if !held[DRAG] {
+                    let (dr, dh) = drag_shift;
+                    rows[(0, columns + DRAG)] = w * dr;
+                    rows[(1, columns + DRAG)] = w * dh;
+                }
+                if let Some(change) = priors.scale_change {
+                    let now = ScaleChange::of(parameters.as_slice());
+                    let in_plane = change.jacobian(now, sample.t, &m) * &rows;
+                    rows.copy_from(&in_plane);
+                    for (j, (dr, dh)) in change.slopes(now, sample.t, &m).into_iter().enumerate() {
+                        rows[(0, columns + ARCS + j)] = w * dr;
+                        rows[(1, columns + ARCS + j)] = w * dh;
+                    }
+                }
             }
-            reduced_right[row] = r[(i, columns.len())];
-            row += 1;
+            for (row, (column, residual, weight)) in known.into_iter().enumerate() {
+                block.matrix[(2 * own.len() + row, column)] = weight;
+                block.right[2 * own.len() + row] = residual;
+            }
+            blocks.push(block);
+        }
+        let known = known_of(&places[times.len()], &known);
+        let mut shared = BlockRows {
+            matrix: DMatrix::zeros(known.len(), all_shared),
+            right: DVector::zeros(known.len()),
+        };
+        for (row, (column, residual, weight)) in known.into_iter().enumerate() {
+            shared.matrix[(row, column)] = weight;
+            shared.right[row] = residual;
+        }
+        let mut system = Self {
+            places,
+            blocks,
+            shared,
+            points: of_arc,
+            residuals,
+        };
+        system.take_residuals();
+        system
+    }
+
+    /// Puts the points' residuals into their rows.
+    fn take_residuals(&mut self) {
+        for (block, own) in self.blocks.iter_mut().zip(&self.points) {
+            for (row, i) in own.iter().enumerate() {
+                for c in 0..2 {
+                    block.right[2 * row + c] = self.residuals[2 * i + c];
+                }
+            }
         }
     }
-    let rest = matrix.nrows() - of_points;
-    reduced
-        .rows_mut(row, rest)
-        .copy_from(&matrix.rows(of_points, rest));
-    reduced_right
-        .rows_mut(row, rest)
-        .copy_from(&right.rows(of_points, rest));
-    solve(&reduced, &reduced_right)
+
+    /// The factors, and the step that they lead to.
+    fn step(&self) -> Option<(BlockFactorisation, DVector<f64>)> {
+        let factors = BlockFactorisation::new(&self.blocks, &self.shared)?;
+        let (own, shared) = factors.solution()?;
+        let mut step = DVector::zeros(self.places.iter().map(Vec::len).sum());
+        for (values, places) in own.iter().chain([&shared]).zip(&self.places) {
+            for (value, &place) in values.iter().zip(places) {
+                step[place] = *value;
+            }
+        }
+        Some((factors, step))
+    }
+
+    /// The largest change of a residual that a `step` makes, to first order.
+    fn largest_change(&self, step: &DVector<f64>) -> f64 {
+        let of = |places: &[usize]| DVector::from_iterator(places.len(), places.iter().map(|&i| step[i]));
+        let (own, shared) = self.places.split_at(self.blocks.len());
+        let shared = of(&shared[0]);
+        let change = |(block, places): (&BlockRows, &Vec<usize>)| {
+            let own = places.len();
+            let (a, b) = (
+                block.matrix.columns(0, own),
+                block.matrix.columns(own, shared.len()),
+            );
+            (a * of(places) + b * &shared).amax()
+        };
+        let alone = if self.shared.right.is_empty() {
+            0.0
+        } else {
+            (&self.shared.matrix * &shared).amax()
+        };
+        self.blocks.iter().zip(own).map(change).fold(alone, f64::max)
+    }
+}
+
+/// Of what is `known`, that of the parameters at `places`, by their place among these.
+fn known_of(places: &[usize], known: &[(usize, f64, f64)]) -> Vec<(usize, f64, f64)> {
+    let at = |i: usize| places.iter().position(|&p| p == i);
+    let own = known
+        .iter()
+        .filter_map(|&(i, residual, weight)| Some((at(i)?, residual, weight)));
+    own.collect()
 }
 
 /// Takes from a step what rounding puts into a parameter that is held. The others do not feel its row; but a drag of

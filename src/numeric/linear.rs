@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 /// Smallest pivot of a determined parameter, columns being of unit length: normal equations would have lost it altogether.
-const PIVOT: f64 = 1e-10;
+pub(super) const PIVOT: f64 = 1e-10;
 
 /// A factorised problem.
 #[derive(Debug, Clone)]

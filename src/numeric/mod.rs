@@ -3,6 +3,7 @@
 //! | to | use |
 //! |---|---|
 //! | solve one linear least-squares problem, with covariance and rank | [`linear::Factorisation`] |
+//! | the same where blocks of rows have unknowns of their own and share a few | [`blocks::BlockFactorisation`] |
 //! | fit a model whose whitened residuals you can write down | [`least_squares::Residuals`] and [`least_squares::fit`] |
 //! | fit a few parameters to many pixels, summing JᵀJ and Jᵀr yourself | [`least_squares::Accumulate`] and [`least_squares::fit_normal`] |
 //! | run the loop on a state of your own (poses, a block structure, another cost) | [`least_squares::Problem`] and [`least_squares::minimise`] |
@@ -33,6 +34,7 @@
 //! assert!(std > 0.01 && std < 0.1);
 //! ```
 
+pub mod blocks;
 pub mod least_squares;
 pub mod linear;
 pub mod propagation;
