@@ -25,6 +25,7 @@ use blobs::Blob;
 use camera_swing::ShiftThreshold;
 use centre::{Centre, Disc, Patch, outline};
 use crop::Crop;
+use rayon::prelude::*;
 use registration::Registration;
 
 /// A moving thing in one frame.
@@ -131,11 +132,17 @@ impl Detector {
             colours: None,
         };
         let things = blobs::find(&self.background, &frame.luma, &registration, &changes);
-        things
-            .into_iter()
-            .flat_map(|blob| self.parted(blob, &registration))
-            .map(sighting)
-            .collect()
+        // A ball alone is sooner looked at than handed to another core.
+        let parted: Vec<Vec<_>> = if things.len() < 2 {
+            things
+                .into_iter()
+                .map(|blob| self.parted(blob, &registration))
+                .collect()
+        } else {
+            let each = things.into_par_iter();
+            each.map(|blob| self.parted(blob, &registration)).collect()
+        };
+        parted.into_iter().flatten().map(sighting).collect()
     }
 
     /// A blob with its first centre; or where a ball and its shadow beside it are one region, both: what is brighter than the scene and what

@@ -54,6 +54,9 @@ impl Default for KindVariance {
     }
 }
 
+/// Variances that differ by less than this part weigh points alike.
+const CLOSE_PART: f64 = 1e-6;
+
 /// Fewer points of a kind do not tell its variance; that of all kinds together has to do.
 const LEAST_POINTS: usize = 12;
 
@@ -66,6 +69,18 @@ impl ExtraVariance {
     pub fn variance(&self, own: f64, coded: Coded) -> f64 {
         let seen = self.of(coded);
         seen.own_part * own + seen.more
+    }
+
+    /// Whether both weigh points alike.
+    #[must_use]
+    pub fn is_close_to(&self, other: &Self) -> bool {
+        let close = |a: f64, b: f64| (a - b).abs() <= CLOSE_PART * a.abs();
+        [Coded::Whole, Coded::Predicted, Coded::Interpolated]
+            .into_iter()
+            .all(|coded| {
+                let (a, b) = (self.of(coded), other.of(coded));
+                close(a.own_part, b.own_part) && close(a.more, b.more)
+            })
     }
 
     /// The variance of a spot's coordinate, plane units².

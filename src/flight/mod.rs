@@ -56,6 +56,7 @@ pub mod side_view;
 use flight_search::{FlightSearch, TrackCandidate, flight_with_its_fall};
 pub use free_flight::{Flight, FlightPoint, NoFlight, OtherFlight, SpotUse};
 use linking::{LinkedSpots, Spot, Track};
+use rayon::prelude::*;
 
 /// A fall that leans by more than this is looked for as one, rad.
 const LEAST_LEAN_RAD: f64 = 0.035;
@@ -159,7 +160,8 @@ fn flight_of(
     let is_chosen = |f: &Flight| chosen.is_none_or(|id| f.used_points().any(|p| p.spot.id == id));
     let stages = model.with_continuations(linked, track, candidate, leaning);
     let bounces = |f: &Flight| f.impacts.iter().any(Option::is_some);
-    let flights = stages.into_iter().filter_map(along).filter(is_chosen);
+    let flights: Vec<Option<Flight>> = stages.into_par_iter().map(along).collect();
+    let flights = flights.into_iter().flatten().filter(is_chosen);
     flights.max_by_key(|f| (bounces(f), f.used()))
 }
 
@@ -169,10 +171,10 @@ fn flight_of(
 pub fn others(linked: &LinkedSpots, flight: &Flight, model: &dyn FlightSearch) -> Vec<OtherFlight> {
     let ball: Vec<&Spot> = flight.used_points().map(|p| &p.spot).collect();
     let mut found: Vec<(Vec<usize>, OtherFlight)> = Vec::new();
-    for (track, candidate) in candidates(linked, model, false, None) {
-        let Some(other) = flight_of(linked, track, &candidate, model, false, None) else {
-            continue;
-        };
+    let candidates = candidates(linked, model, false, None).into_par_iter();
+    let flight_of = |(track, candidate)| flight_of(linked, track, &candidate, model, false, None);
+    let flights: Vec<Option<Flight>> = candidates.map(flight_of).collect();
+    for other in flights.into_iter().flatten() {
         let spots: Vec<&Spot> = other.used_points().map(|p| &p.spot).collect();
         let ids: Vec<usize> = spots.iter().map(|s| s.id).collect();
         let shares = |known: &[usize]| 2 * ids.iter().filter(|id| known.contains(id)).count() > ids.len();

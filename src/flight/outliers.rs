@@ -62,12 +62,19 @@ pub(super) fn refitted(
     mut extra: ExtraVariance,
 ) -> Option<(ArcFit, ExtraVariance)> {
     let mut fit = model.fit(&fit_points(spots, uses, &extra), arcs)?;
-    for _ in 0..4 {
-        extra = ExtraVariance::efficient(&distances(spots, uses, &fit, &extra));
+    for _ in 0..SCATTER_ROUNDS {
+        let told = ExtraVariance::efficient(&distances(spots, uses, &fit, &extra));
+        if told.is_close_to(&extra) {
+            break;
+        }
+        extra = told;
         fit = model.fit(&fit_points(spots, uses, &extra), arcs)?;
     }
     Some((fit, extra))
 }
+
+/// Times that the points are asked for their scatter, at most.
+const SCATTER_ROUNDS: usize = 4;
 
 /// Times that outliers are looked for.
 const OUTLIER_ROUNDS: usize = 12;

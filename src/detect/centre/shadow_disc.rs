@@ -13,6 +13,7 @@
 
 use crate::numeric::least_squares::{Damping, Residuals, StopRule, fit};
 use nalgebra::DVector;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 /// A lamp that is not far away, or a wall at an angle, makes the shadow larger or smaller than the ball: the standard uncertainty of the logarithm
@@ -22,6 +23,9 @@ const LN_SIZE_STD: f64 = 0.2;
 /// Edges of shadows are about so wide, px, to so much in the logarithm.
 const USUAL_BLUR_PX: f64 = 2.0;
 const LN_BLUR_STD: f64 = 0.8;
+
+/// Further from its edge than so many widths a place is in the shadow or out of it.
+const CERTAIN_BLURS: f64 = 9.0;
 
 /// How far aside the search begins, in radii, and in how many directions.
 const FIRST_OFFSETS: [f64; 5] = [0.3, 0.6, 1.0, 1.5, 2.0];
@@ -59,8 +63,14 @@ impl ShadowDisc {
                 }
             })
         });
+        let starts: Vec<Self> = starts.collect();
+        let starts: Vec<_> = starts
+            .into_par_iter()
+            .map(|start| start.as_deep_as(changes))
+            .collect();
         let start = starts
-            .filter_map(|start| start.as_deep_as(changes))
+            .into_iter()
+            .flatten()
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .map(|(_, start)| start)?;
         let model = Beside { changes, ball_px };
@@ -82,7 +92,12 @@ impl ShadowDisc {
     /// The part of the depth.
     fn share(&self, (du, dv): (f64, f64)) -> f64 {
         let inside_px = self.radius_px - (du - self.offset.0).hypot(dv - self.offset.1);
-        0.5 * libm::erfc(-inside_px / self.blur_px * FRAC_1_SQRT_2)
+        match inside_px / self.blur_px {
+            // As far as numbers go.
+            far if far > CERTAIN_BLURS => 1.0,
+            far if far < -CERTAIN_BLURS => 0.0,
+            near => 0.5 * libm::erfc(-near * FRAC_1_SQRT_2),
+        }
     }
 
     /// The same with the depth that explains `changes` best, and by how much that lowers χ².

@@ -9,7 +9,9 @@ use crate::detect::centre::ball::{self, BandLimits, BandPixel, PixelModel, Radia
 use crate::detect::centre::edge_likelihood::SIZE;
 use crate::detect::noise::ROUNDING_STD_GREY;
 use crate::geometry::PixelPoint;
-use crate::numeric::least_squares::{Acceptance, Damping, Easing, Problem, Termination, Trial, minimise};
+use crate::numeric::least_squares::{
+    Acceptance, Damping, Easing, Outlook, Problem, Termination, Trial, minimise,
+};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, tukey_cost, tukey_weight};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -43,8 +45,10 @@ const STEPS: usize = 24;
 /// The pixels are chosen anew after so many steps, which lead near the minimum.
 const STEPS_BEFORE_NEW_PIXELS: usize = 3;
 
-/// Converged when radius, blur and shift move by less, px.
+/// Converged when radius, blur and shift move by less, px; or where a step promises to lower χ² by less: it moves no parameter by more
+/// than a hundredth of its standard uncertainty.
 const CONVERGED_PX: f64 = 5e-4;
+const CONVERGED_CHI2: f64 = 1e-4;
 
 /// Damping of the normal equations, whose columns are scaled to one. It never vanishes: terms that a small ball cannot tell
 /// apart must not run away.
@@ -202,8 +206,22 @@ impl Problem for JointProblem<'_> {
         cost(&of.residuals, here.weighed_at)
     }
 
-    fn is_settled(&self, _here: &Self::State, trial: &Trial<'_, DVector<f64>>) -> bool {
-        let px = [0, 1, RADIUS, BLUR].map(|i| trial.step[i].abs());
+    fn outlook(&self, (_, here): &Self::State, step: &DVector<f64>, _damping: f64) -> Outlook {
+        let promised = step.dot(&here.right) / here.weighed_at.powi(2);
+        if promised < CONVERGED_CHI2 {
+            Outlook::Settled
+        } else {
+            Outlook::Open
+        }
+    }
+
+    fn is_settled(&self, (here, _): &Self::State, trial: &Trial<'_, DVector<f64>>) -> bool {
+        // A blur at the end of its range goes no further, whatever the step.
+        let blur_px = here.shared.blur_px;
+        let (least, most) = ball::BLUR_RANGE_PX;
+        let blur_step_px = (blur_px + trial.step[BLUR]).clamp(least, most) - blur_px;
+        let [u, v, radius] = [0, 1, RADIUS].map(|i| trial.step[i]);
+        let px = [u, v, radius, blur_step_px].map(f64::abs);
         px.into_iter().fold(0.0, f64::max) < CONVERGED_PX
     }
 }
