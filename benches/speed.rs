@@ -1,6 +1,11 @@
 //! Frames a second of decoding alone, of the three accuracy levels, and of a hand-written OpenCV threshold pipeline, side
 //! by side on one rendered 1080p H.264 recording: `cargo bench --bench speed [-- ROUNDS]`.
 //!
+//! `cargo bench --bench speed -- FILE... [ROUNDS]` takes recordings of your own instead: what measuring each takes, against decoding it
+//! alone, in turn (the median of the ratios and the least and largest of them), and the parts of it: up to the first frame looked at
+//! (the survey and the empty scene), the frames, and what follows the last one (the ball's appearance, centres, flights, impacts). A
+//! `calib.json` among the files is that of those after it; without one a pixel is a millimetre.
+//!
 //! Decoding alone is the same decoder with the same threads, its frames thrown away. All are run in turn, round after
 //! round, so that what else the machine does falls on all alike; the quickest round of each counts. Processor time stands beside the
 //! clock, since on a busy machine the clock alone tells little.
@@ -14,7 +19,7 @@ use std::time::{Duration, Instant};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{self, FrameSource, Luma};
-use track::pipeline::measure;
+use track::pipeline::{Progress, measure};
 use track::simulate::truth::Truth;
 use track::simulate::{Scene, SimulatedRecording, write};
 
@@ -47,14 +52,100 @@ type Work<'a> = Box<dyn Fn() -> Result<Vec<(usize, [f64; 2])>> + 'a>;
 
 fn main() -> Result<()> {
     // Cargo adds `--bench`; a number is ours.
-    let rounds = std::env::args()
-        .find_map(|a| a.parse().ok())
-        .unwrap_or(ROUNDS)
-        .max(1);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let rounds = arguments.iter().find_map(|a| a.parse().ok());
+    let rounds = rounds.unwrap_or(ROUNDS).max(1);
+    let ours = |a: &&String| !a.starts_with("--") && a.parse::<usize>().is_err();
+    let files: Vec<&Path> = arguments.iter().filter(ours).map(Path::new).collect();
+    if !files.is_empty() {
+        return compare_files(&files, rounds);
+    }
     for tail_s in TAILS_S {
         compare(tail_s, rounds)?;
     }
     Ok(())
+}
+
+/// A calibration for recordings that come without one.
+const ANY_CALIBRATION: &str =
+    r#"{"schema": "track.calib/1", "scale": {"metres_per_pixel": 0.001}, "origin_px": [0, 0]}"#;
+
+/// What measuring takes, s: up to the first frame, up to the last, all of it; and decoding alone.
+struct FileRun {
+    first_frame_s: f64,
+    last_frame_s: f64,
+    whole_s: f64,
+    decoding_s: f64,
+}
+
+fn compare_files(files: &[&Path], rounds: usize) -> Result<()> {
+    let dir = tempfile::tempdir()?;
+    let any = dir.path().join("calib.json");
+    std::fs::write(&any, ANY_CALIBRATION)?;
+    let mut calibration = Calibration::read(&any)?;
+    println!("{rounds} rounds, {} cores; times are medians.\n", cores());
+    println!(
+        "| recording | frames | decoding alone, s | measuring, s | ratio | least to largest | before the frames, s | frames, s | after them, s |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for file in files {
+        if file.extension().is_some_and(|e| e == "json") {
+            calibration = Calibration::read(file)?;
+            continue;
+        }
+        let mut frames = 0;
+        let mut runs = Vec::with_capacity(rounds);
+        for _ in 0..rounds {
+            runs.push(file_run(file, &calibration, &mut frames)?);
+        }
+        let median = |of: &dyn Fn(&FileRun) -> f64| sorted(&runs, of)[rounds / 2];
+        let ratios = sorted(&runs, &|r| r.whole_s / r.decoding_s);
+        println!(
+            "| {} | {frames} | {:.2} | {:.2} | {:.2} | {:.2} to {:.2} | {:.2} | {:.2} | {:.2} |",
+            file.file_name().unwrap_or_default().display(),
+            median(&|r| r.decoding_s),
+            median(&|r| r.whole_s),
+            ratios[rounds / 2],
+            ratios[0],
+            ratios[rounds - 1],
+            median(&|r| r.first_frame_s),
+            median(&|r| r.last_frame_s - r.first_frame_s),
+            median(&|r| r.whole_s - r.last_frame_s),
+        );
+    }
+    Ok(())
+}
+
+fn sorted(runs: &[FileRun], of: &dyn Fn(&FileRun) -> f64) -> Vec<f64> {
+    let mut all: Vec<f64> = runs.iter().map(of).collect();
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+/// Decoding alone, then measuring, of a recording whose number of frames is left in `frames`.
+fn file_run(file: &Path, calibration: &Calibration, frames: &mut usize) -> Result<FileRun> {
+    let start = Instant::now();
+    decoded(file)?;
+    let decoding_s = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let (mut first_frame_s, mut last_frame_s) = (None, 0.0);
+    measure(file, calibration, "speed", Accuracy::Standard, &mut |progress| {
+        let now_s = start.elapsed().as_secs_f64();
+        match progress {
+            Progress::Survey => {}
+            Progress::Frame { index, .. } => {
+                first_frame_s.get_or_insert(now_s);
+                *frames = index + 1;
+            }
+            Progress::Fit => last_frame_s = now_s,
+        }
+    })?;
+    Ok(FileRun {
+        first_frame_s: first_frame_s.unwrap_or(last_frame_s),
+        last_frame_s,
+        whole_s: start.elapsed().as_secs_f64(),
+        decoding_s,
+    })
 }
 
 fn compare(tail_s: f64, rounds: usize) -> Result<()> {
