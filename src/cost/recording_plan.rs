@@ -165,7 +165,7 @@ impl RecordingPlan {
             },
             frame_rates_hz: vec![60.0, 240.0],
             crfs: vec![14, 23, 32],
-            recordings: 3,
+            recordings: 2,
             ..Self::full()
         }
     }

@@ -1,4 +1,5 @@
-//! What `track cost` prints: tables that people read and that a README takes as they are (Markdown).
+//! What `track cost` prints: tables that people read and that a README takes as they are (Markdown; what is said beside them is quoted,
+//! so that it is taken along).
 
 use super::words::NO_VALUE;
 use crate::cost::recording_metrics::{DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE};
@@ -10,7 +11,7 @@ use std::fmt::Write as _;
 #[must_use]
 pub fn cost_table(report: &CostReport, check: Option<&Check>) -> String {
     let mut text = format!(
-        "track {}, {}, {:.0} s on {}\n",
+        "> track {}, {}, {:.0} s on {}\n",
         env!("CARGO_PKG_VERSION"),
         if report.quick { "quick" } else { "full" },
         report.took_s,
@@ -27,9 +28,9 @@ pub fn cost_table(report: &CostReport, check: Option<&Check>) -> String {
             rest(&mut text, section);
         }
     }
-    let _ = writeln!(text, "\n{}", report.recommendation.words);
+    let _ = writeln!(text, "\n> {}", report.recommendation.words);
     if let Some(check) = check {
-        let _ = writeln!(text, "{}", check_words(check));
+        let _ = writeln!(text, "> {}", check_words(check));
     }
     text
 }
@@ -136,7 +137,7 @@ fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSettin
     let failed = section.runs.iter().filter(|r| r.failed.is_some()).count();
     let _ = writeln!(
         text,
-        "\nrms over the recordings of each setting; × where some of them could not be measured. {failed} of {} settings \
+        "\n> rms over the recordings of each setting; × where some of them could not be measured. {failed} of {} settings \
          failed on at least one recording.",
         section.runs.len()
     );
