@@ -10,6 +10,7 @@ use std::fs;
 use std::time::Instant;
 use tempfile::tempdir;
 use track::cost::recommendation::Requirement;
+use track::cost::recordings::{RecordingPlan, RecordingSetting};
 use track::cost::{self, CostPlan, CostProgress, Stopwatch, centres, fits, recordings, simulator};
 use track::detect::centre::Accuracy;
 use track::report::formats::cost::write_cost;
@@ -69,12 +70,19 @@ fn small() -> CostPlan {
             radii_px: vec![4.0],
             repeats: 1,
         },
-        whole: recordings::RecordingPlan {
+        whole: RecordingPlan {
             accuracies: vec![Accuracy::Fast, Accuracy::Standard],
             frame_rates_hz: vec![8.0, 120.0],
             reductions: vec![4],
             exposures_s: vec![0.0005],
+            usual: RecordingSetting {
+                frame_rate_hz: 120.0,
+                reduction: 4,
+                ..RecordingSetting::DEFAULT
+            },
+            crfs: vec![14, 26],
             recordings: 2,
+            ..RecordingPlan::full()
         },
         simulator: simulator::SimulatorPlan {
             repeats: 1,
@@ -123,6 +131,9 @@ fn a_small_run_gives_its_four_files_and_progress_to_the_end() {
         "time a recording / s",
         "light at f/2, ISO 800 / lx",
         "storage a recording / MB",
+        "threshold, circle",
+        "H.264 constant rate factor",
+        "width of the picture / px",
     ] {
         assert!(page.contains(expected), "{expected}");
     }
@@ -165,20 +176,31 @@ fn a_recommended_setting_reaches_what_was_wanted_on_new_recordings() {
     let clock = || start.elapsed().as_secs_f64();
     let mut progress = |_| {};
     let mut stopwatch = Stopwatch::new(1.0, &clock, &mut progress);
-    let plan = recordings::RecordingPlan {
+    let plan = RecordingPlan {
         accuracies: vec![Accuracy::Fast, Accuracy::Standard],
         frame_rates_hz: vec![60.0, 120.0],
         reductions: vec![2, 4],
         exposures_s: vec![0.0005],
+        usual: RecordingSetting {
+            frame_rate_hz: 120.0,
+            reduction: 2,
+            ..RecordingSetting::DEFAULT
+        },
+        tools: Vec::new(),
+        crfs: vec![14],
         recordings: 5,
+        ..RecordingPlan::full()
     };
     let requirements: Vec<Requirement> = ["restitution=0.002", "rebound_angle_deg=0.2"]
         .map(|w| w.parse().unwrap())
         .to_vec();
     let (section, settings) = recordings::run(&plan, &mut stopwatch).unwrap();
-    let found = cost::recommendation::recommend(&section, &requirements, |i| {
-        recordings::refusal(&settings[i], &requirements, &mut stopwatch)
-    })
+    let found = cost::recommendation::recommend(
+        &section,
+        &requirements,
+        |_| true,
+        |i| recordings::refusal(&settings[i], &requirements, &mut stopwatch),
+    )
     .unwrap();
     println!("{}", found.words);
     let setting = settings[found.chosen.expect("some setting is good enough")];

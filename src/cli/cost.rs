@@ -19,7 +19,7 @@ pub struct CostArgs {
     /// Write cost.html, cost.svg, cost.json and cost.csv into this folder.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// A coarse version in less than a minute; the full one takes up to 15 on two cores.
+    /// A coarse version in half a minute; the full one takes about ten minutes on two cores.
     #[arg(long)]
     pub quick: bool,
     /// Name the cheapest measured setting with which 95 % of the recordings are this exact, e.g. restitution=0.002. May be

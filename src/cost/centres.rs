@@ -13,7 +13,7 @@
 use super::rendering::{Rendered, decode, folder, render};
 use super::stats::{ErrorStatistics, Quartiles};
 use super::study::{CostError, Diagram, ErrorFloor, Metric, Run, SettingCurve, Stopwatch, Subject};
-use super::threshold_moments;
+use super::todays_tools::{self, Tool};
 use crate::detect::centre::Accuracy;
 use crate::pipeline::{Outcome, PointUse, measure};
 use crate::simulate::Scene;
@@ -49,8 +49,8 @@ pub const DECODING: Metric = Metric {
 /// How a centre is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ComparedMethod {
-    /// Threshold and moments.
-    Moments,
+    /// One of today's tools.
+    Tool(Tool),
     /// A level of accuracy of `track`.
     Level(Accuracy),
 }
@@ -60,14 +60,14 @@ impl ComparedMethod {
     #[must_use]
     pub fn all() -> Vec<Self> {
         let levels = Accuracy::ALL.into_iter().map(Self::Level);
-        std::iter::once(Self::Moments).chain(levels).collect()
+        Tool::ALL.into_iter().map(Self::Tool).chain(levels).collect()
     }
 
     /// For people and files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Moments => "threshold, moments",
+            Self::Tool(tool) => tool.name(),
             Self::Level(level) => level.name(),
         }
     }
@@ -124,7 +124,7 @@ impl CentrePlan {
             lights: vec![LightAndCodec::Flat, LightAndCodec::Coded],
             noises_grey: vec![2.0, 8.0],
             radii_px: vec![4.0, 8.0, 16.0],
-            repeats: 3,
+            repeats: 2,
         }
     }
 
@@ -135,14 +135,16 @@ impl CentrePlan {
             lights: vec![LightAndCodec::Flat, LightAndCodec::Coded],
             noises_grey: vec![2.0],
             radii_px: vec![4.0, 8.0],
-            repeats: 2,
+            repeats: 1,
         }
     }
 
     /// What a frame costs grows with the picture, which grows with the ball.
     pub(super) fn units(&self) -> f64 {
         let pictures: f64 = self.radii_px.iter().map(|r| cost(*r)).sum();
-        (self.lights.len() * self.noises_grey.len()) as f64 * pictures * (2 + 4 * self.repeats) as f64
+        (self.lights.len() * self.noises_grey.len()) as f64
+            * pictures
+            * (2 + ComparedMethod::all().len() * self.repeats) as f64
     }
 }
 
@@ -183,7 +185,10 @@ type FoundCentres = Result<Vec<(usize, [f64; 2])>, String>;
 /// Finds the centres of a recording.
 fn find(method: ComparedMethod, recording: &Rendered) -> FoundCentres {
     match method {
-        ComparedMethod::Moments => threshold_moments::centres(&recording.video).map_err(|e| e.to_string()),
+        ComparedMethod::Tool(tool) => {
+            let found = todays_tools::centres(&recording.video).map_err(|e| e.to_string())?;
+            Ok(found.iter().map(|c| (c.frame, c.place(tool))).collect())
+        }
         ComparedMethod::Level(level) => {
             let m = measure(
                 &recording.video,
@@ -313,6 +318,7 @@ fn diagram(
         curves,
         alternatives: true,
         overview: plan.noises_grey.first() == Some(&noise_grey),
+        less_is_better: true,
     });
     Ok(())
 }

@@ -212,6 +212,7 @@ fn subject(
         curves: curves.to_vec(),
         alternatives: false,
         overview: false,
+        less_is_better: true,
     };
     let reference = vec![ErrorFloor {
         name: "the reference's own".to_owned(),

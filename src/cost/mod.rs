@@ -2,8 +2,10 @@
 //!
 //! | file | what it runs |
 //! |---|---|
-//! | [`centres`] | centre methods × noise × radius, and the threshold-moments baseline |
-//! | [`recordings`] | whole recordings: accuracy level × frame rate × picture size × exposure |
+//! | [`centres`] | centre methods × noise × radius |
+//! | [`recordings`] | whole recordings: accuracy level, frame rate, picture size, exposure, codec quality |
+//! | `recording_plan`, `recording_diagrams` | at which settings those are run, and what is drawn of them |
+//! | [`todays_tools`] | what a script of a few lines reaches on the same recordings |
 //! | [`simulator`] | the integrator's tolerance and order; `none`, `auto` and `all` effects |
 //! | [`fits`] | the search tolerance of a series' fit |
 //! | [`recommendation`] | the cheapest setting that was measured to reach a wanted error |
@@ -16,13 +18,15 @@
 pub mod centres;
 pub mod fits;
 pub mod recommendation;
+mod recording_diagrams;
 pub mod recording_metrics;
+mod recording_plan;
 pub mod recordings;
 mod rendering;
 pub mod simulator;
 pub mod stats;
 pub mod study;
-mod threshold_moments;
+pub mod todays_tools;
 
 use recommendation::{Recommendation, Requirement};
 use schemars::JsonSchema;
@@ -128,7 +132,7 @@ impl CostPlan {
         }
     }
 
-    /// A coarse version: less than a minute.
+    /// A coarse version: half a minute.
     #[must_use]
     pub fn quick() -> Self {
         Self {
@@ -164,7 +168,8 @@ pub fn run(
     let (whole, whole_settings) = recordings::run(&plan.whole, &mut stopwatch)?;
     let simulator = simulator::run(&plan.simulator, &mut stopwatch)?;
     let fits = fits::run(&plan.fits, &mut stopwatch)?;
-    let recommendation = recommendation::recommend(&whole, requirements, |i| {
+    let is_choice = |i: usize| whole_settings[i].level().is_some();
+    let recommendation = recommendation::recommend(&whole, requirements, is_choice, |i| {
         recordings::refusal(&whole_settings[i], requirements, &mut stopwatch)
     })?;
     let mut sections = vec![centres, whole];

@@ -116,13 +116,15 @@ const MOST_REFUSED: usize = 12;
 
 /// The run with the least median time among those where no recording failed and the 95 % bound of every wanted error
 /// is within what is wanted, and that `holds` on new recordings: the cheapest of a hundred settings is a lucky one, so that its
-/// own recordings say too much good of it. `holds` gives the reason why a run does not.
+/// own recordings say too much good of it. `holds` gives the reason why a run does not; only runs that `is_choice` are taken, what a
+/// user can ask this program for.
 ///
 /// # Errors
 /// Those of `holds`.
 pub fn recommend<E>(
     whole: &Subject,
     requirements: &[Requirement],
+    is_choice: impl Fn(usize) -> bool,
     mut holds: impl FnMut(usize) -> Result<Option<String>, E>,
 ) -> Result<Recommendation, E> {
     let seconds = |i: usize| {
@@ -138,7 +140,9 @@ pub fn recommend<E>(
                     .is_some_and(|e| e.bound_95 <= w.at_most)
             })
     };
-    let mut candidates: Vec<usize> = (0..whole.runs.len()).filter(reaches).collect();
+    let mut candidates: Vec<usize> = (0..whole.runs.len())
+        .filter(|i| is_choice(*i) && reaches(i))
+        .collect();
     candidates.sort_by(|a, b| seconds(*a).total_cmp(&seconds(*b)));
     let (mut chosen, mut set_aside) = (None, Vec::new());
     for i in candidates.into_iter().take(MOST_REFUSED) {
@@ -150,9 +154,12 @@ pub fn recommend<E>(
             Some(why) => set_aside.push((i, why)),
         }
     }
+    let choices = (0..whole.runs.len())
+        .filter(|i| is_choice(*i))
+        .collect::<Vec<_>>();
     let words = match chosen {
-        Some(i) => reached(whole, requirements, i) + &refused(whole, &set_aside),
-        None => missed(whole, requirements) + &refused(whole, &set_aside),
+        Some(i) => reached(whole, requirements, i, choices.len()) + &refused(whole, &set_aside),
+        None => missed(whole, requirements, &choices) + &refused(whole, &set_aside),
     };
     Ok(Recommendation {
         requirements: requirements.to_vec(),
@@ -197,7 +204,8 @@ fn listed(requirements: &[Requirement]) -> String {
         .join(", ")
 }
 
-fn reached(whole: &Subject, requirements: &[Requirement], chosen: usize) -> String {
+/// `choices` is how many there were.
+fn reached(whole: &Subject, requirements: &[Requirement], chosen: usize, choices: usize) -> String {
     let run = &whole.runs[chosen];
     let of = |name: &str| run.setting(name).unwrap_or_default();
     let found: Vec<String> = requirements
@@ -215,29 +223,29 @@ fn reached(whole: &Subject, requirements: &[Requirement], chosen: usize) -> Stri
     let light = run.work(LIGHT.name).map_or(0.0, |s| s.median);
     let megabytes = run.work(STORAGE.name).map_or(0.0, |s| s.median);
     format!(
-        "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s. Measured on {recordings} recordings: \
-         {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.3} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {} settings that \
+        "For {}: --accuracy {} at {} frames a second, {} picture, exposure {} s, H.264 at crf {}. Measured on {recordings} recordings: \
+         {}. It takes {seconds:.2} s a recording (median, decoding included), {megabytes:.3} MB and about {light:.0} lx at f/2, ISO 800. It is the cheapest of the {choices} settings that \
          were measured which also held on new recordings, every one of them; none is interpolated.",
         listed(requirements),
         of("accuracy"),
         of("frame_rate_hz"),
         of("picture"),
         of("exposure_s"),
+        of("crf"),
         found.join("; "),
-        whole.runs.len(),
     )
 }
 
-fn missed(whole: &Subject, requirements: &[Requirement]) -> String {
+fn missed(whole: &Subject, requirements: &[Requirement], choices: &[usize]) -> String {
     let mut words = format!(
         "For {}: none of the {} settings that were measured reaches it.",
         listed(requirements),
-        whole.runs.len()
+        choices.len()
     );
     for want in requirements {
-        let best = whole
-            .runs
+        let best = choices
             .iter()
+            .map(|i| &whole.runs[*i])
             .filter(|run| run.failed.is_none())
             .filter_map(|run| Some((run.error(want.quantity.name)?.bound_95, run)))
             .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -292,11 +300,26 @@ mod tests {
         ];
         let requirements: Vec<Requirement> = vec!["restitution=0.002".parse().unwrap()];
         let all_hold = |_| Ok::<_, std::convert::Infallible>(None);
-        let found = recommend(&section(runs), &requirements, all_hold).unwrap();
+        let found = recommend(&section(runs.clone()), &requirements, |_| true, all_hold).unwrap();
         assert_eq!(found.chosen, Some(3));
+        let of_another_program = |i| i != 3;
+        let found_without = recommend(
+            &section(runs.clone()),
+            &requirements,
+            of_another_program,
+            all_hold,
+        )
+        .unwrap();
+        assert_eq!(found_without.chosen, Some(2));
         assert!(found.words.contains("--accuracy fast"), "{}", found.words);
         let strict: Vec<Requirement> = vec!["restitution=1e-6".parse().unwrap()];
-        let found = recommend(&section(vec![run(0.4, &good, false)]), &strict, all_hold).unwrap();
+        let found = recommend(
+            &section(vec![run(0.4, &good, false)]),
+            &strict,
+            |_| true,
+            all_hold,
+        )
+        .unwrap();
         assert_eq!(found.chosen, None);
         assert!(found.words.contains("none of the 1 settings") && found.words.contains("The best"));
     }
@@ -308,6 +331,7 @@ mod tests {
         let few = recommend(
             &section(vec![run(0.1, &[0.0015, -0.0012, 0.0014], false)]),
             &requirements,
+            |_| true,
             |_| Ok::<_, std::convert::Infallible>(None),
         )
         .unwrap();
@@ -325,13 +349,16 @@ mod tests {
         let lucky = |i: usize| {
             Ok::<_, std::convert::Infallible>((i == 1).then(|| "restitution off by 6.4e-3".to_owned()))
         };
-        let found = recommend(&section(runs.clone()), &requirements, lucky).unwrap();
+        let found = recommend(&section(runs.clone()), &requirements, |_| true, lucky).unwrap();
         assert_eq!(found.chosen, Some(2));
         assert_eq!(found.set_aside.len(), 1);
         assert!(found.words.contains("off by 6.4e-3"), "{}", found.words);
-        let none = recommend(&section(runs), &requirements, |_| {
-            Ok::<_, std::convert::Infallible>(Some("no".to_owned()))
-        });
+        let none = recommend(
+            &section(runs),
+            &requirements,
+            |_| true,
+            |_| Ok::<_, std::convert::Infallible>(Some("no".to_owned())),
+        );
         assert_eq!(none.unwrap().chosen, None);
     }
 

@@ -60,3 +60,15 @@ pub const STORAGE: Metric = Metric {
     words: "storage a recording",
     unit: "MB",
 };
+/// Quality of the codec: less is better, and larger. Not a work, but what a lab sets.
+pub const CRF: Metric = Metric {
+    name: "crf",
+    words: "H.264 constant rate factor",
+    unit: "",
+};
+/// Size of the picture.
+pub const PICTURE: Metric = Metric {
+    name: "picture_px",
+    words: "width of the picture",
+    unit: "px",
+};

@@ -235,6 +235,7 @@ fn integrator(plan: &SimulatorPlan, stopwatch: &mut Stopwatch<'_>) -> Result<Sub
         curves: curves.iter().map(|c| (*c).clone()).collect(),
         alternatives: true,
         overview: false,
+        less_is_better: true,
     };
     Ok(Subject {
         name: "integrator",
@@ -392,6 +393,7 @@ fn effects_section(plan: &SimulatorPlan, stopwatch: &mut Stopwatch<'_>) -> Resul
         curves: curves.clone(),
         alternatives: false,
         overview: false,
+        less_is_better: true,
     };
     let diagrams = vec![
         diagram(

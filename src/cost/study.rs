@@ -117,6 +117,8 @@ pub struct Diagram {
     pub alternatives: bool,
     /// Whether it is one of the few for an overview.
     pub overview: bool,
+    /// Whether less of the work is better; else there is no front.
+    pub less_is_better: bool,
 }
 
 impl Diagram {
@@ -124,6 +126,9 @@ impl Diagram {
     /// part is not among them: what it reached, it did not reach reliably.
     #[must_use]
     pub fn fronts(&self, runs: &[Run]) -> Vec<Vec<usize>> {
+        if !self.less_is_better {
+            return Vec::new();
+        }
         if self.alternatives {
             vec![self.front(runs, self.curves.iter().flat_map(|c| &c.runs))]
         } else {
@@ -311,6 +316,7 @@ mod tests {
             ],
             alternatives: true,
             overview: false,
+            less_is_better: true,
         };
         assert_eq!(diagram.fronts(&runs), [[0, 2, 5]]);
         let apart = Diagram {

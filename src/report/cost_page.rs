@@ -245,6 +245,7 @@ mod tests {
                     }],
                     alternatives: true,
                     overview: true,
+                    less_is_better: true,
                 }],
             }],
             whole_settings: vec![RecordingSetting::DEFAULT; 2],

@@ -1,4 +1,5 @@
-//! What `track cost` prints: tables that people read and that a README takes as they are (Markdown).
+//! What `track cost` prints: tables that people read and that a README takes as they are (Markdown; what is said beside them is quoted,
+//! so that it is taken along).
 
 use super::words::NO_VALUE;
 use crate::cost::recording_metrics::{DECODING, LIGHT, QUANTITIES, SECONDS, STORAGE};
@@ -10,7 +11,7 @@ use std::fmt::Write as _;
 #[must_use]
 pub fn cost_table(report: &CostReport, check: Option<&Check>) -> String {
     let mut text = format!(
-        "track {}, {}, {:.0} s on {}\n",
+        "> track {}, {}, {:.0} s on {}\n",
         env!("CARGO_PKG_VERSION"),
         if report.quick { "quick" } else { "full" },
         report.took_s,
@@ -20,16 +21,16 @@ pub fn cost_table(report: &CostReport, check: Option<&Check>) -> String {
         centres_table(&mut text, section);
     }
     if let Some(section) = report.section("whole") {
-        whole_table(&mut text, section, &report.whole_settings);
+        whole_table(&mut text, section, &report.whole_settings, report.quick);
     }
     for name in ["integrator", "effects", "fits"] {
         if let Some(section) = report.section(name) {
             rest(&mut text, section);
         }
     }
-    let _ = writeln!(text, "\n{}", report.recommendation.words);
+    let _ = writeln!(text, "\n> {}", report.recommendation.words);
     if let Some(check) = check {
-        let _ = writeln!(text, "{}", check_words(check));
+        let _ = writeln!(text, "> {}", check_words(check));
     }
     text
 }
@@ -92,9 +93,9 @@ fn work(run: &Run, name: &str) -> String {
         .map_or(NO_VALUE.to_owned(), |s| significant(s.median))
 }
 
-/// The default and what differs from it in one thing.
-fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSetting]) {
-    text.push_str("\n| whole recording: accuracy | Hz | picture | exposure, ms |");
+/// The default and what differs from it in one thing; of a quick run, which has few, all.
+fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSetting], quick: bool) {
+    text.push_str("\n| whole recording: accuracy | Hz | picture | exposure, ms | crf |");
     for q in QUANTITIES {
         let unit = if q.unit.is_empty() {
             String::new()
@@ -103,20 +104,21 @@ fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSettin
         };
         let _ = write!(text, " {}{unit} |", q.words.trim_start_matches("rms error of "));
     }
-    text.push_str(" s a recording | of it decoding alone | MB | lx |\n|---|---|---|---|");
+    text.push_str(" s a recording | of it decoding alone | MB | lx |\n|---|---|---|---|---|");
     text.push_str(&"---|".repeat(QUANTITIES.len() + 4));
     text.push('\n');
     for (run, setting) in section.runs.iter().zip(settings) {
-        if differences(setting) > 1 {
+        if !quick && setting.differences(&RecordingSetting::DEFAULT) > 1 {
             continue;
         }
         let _ = write!(
             text,
-            "| {} | {} | {} | {} |",
-            setting.accuracy,
+            "| {} | {} | {} | {} | {} |",
+            setting.method.name(),
             setting.frame_rate_hz,
             setting.picture(),
-            significant(1e3 * setting.exposure_s)
+            significant(1e3 * setting.exposure_s),
+            setting.crf
         );
         for q in QUANTITIES {
             let error = run.error(q.name).map(|e| significant(e.rms));
@@ -135,24 +137,10 @@ fn whole_table(text: &mut String, section: &Subject, settings: &[RecordingSettin
     let failed = section.runs.iter().filter(|r| r.failed.is_some()).count();
     let _ = writeln!(
         text,
-        "\nrms over the recordings of each setting; × where some of them could not be measured. {failed} of {} settings \
+        "\n> rms over the recordings of each setting; × where some of them could not be measured. {failed} of {} settings \
          failed on at least one recording.",
         section.runs.len()
     );
-}
-
-/// In how many things a setting differs from the default.
-fn differences(setting: &RecordingSetting) -> usize {
-    let usual = RecordingSetting::DEFAULT;
-    [
-        setting.accuracy != usual.accuracy,
-        setting.frame_rate_hz != usual.frame_rate_hz,
-        setting.reduction != usual.reduction,
-        setting.exposure_s != usual.exposure_s,
-    ]
-    .into_iter()
-    .filter(|d| *d)
-    .count()
 }
 
 /// A line a run.

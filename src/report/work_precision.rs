@@ -300,11 +300,13 @@ fn draw_legend(area: &Area<'_>, diagram: &Diagram, runs: &[Run]) -> Result<(), P
         y += ROW;
     }
     y += ROW / 3;
+    if diagram.less_is_better {
+        let ends = [(LEFT, y), (LEFT + LINE, y)];
+        area.draw(&PathElement::new(ends, FRONT.stroke_width(70)))?;
+        word(y, "Pareto front")?;
+        y += ROW;
+    }
     let shown = || diagram.curves.iter().flat_map(|c| &c.runs).map(|&i| &runs[i]);
-    let ends = [(LEFT, y), (LEFT + LINE, y)];
-    area.draw(&PathElement::new(ends, FRONT.stroke_width(70)))?;
-    word(y, "Pareto front")?;
-    y += ROW;
     if shown().any(|r| r.is_default) {
         area.draw(&Circle::new((LEFT + LINE / 2, y), 80, INK.stroke_width(12)))?;
         word(y, "default")?;
@@ -361,6 +363,7 @@ mod tests {
             }],
             alternatives: true,
             overview: false,
+            less_is_better: true,
             curves: vec![SettingCurve {
                 name: "one".to_owned(),
                 runs: vec![0, 1, 2, 3],

@@ -146,7 +146,12 @@ fn edge_area(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
 
 /// Signed area of the unit circle's sector between the directions of `a` and `b`.
 fn sector(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    0.5 * a.perp(&b).atan2(a.dot(&b))
+    let (across, along) = (a.perp(&b), a.dot(&b));
+    // Most edges are inside from end to end, so that there is nothing on either side of that.
+    if across == 0.0 && along > 0.0 {
+        return 0.0;
+    }
+    0.5 * across.atan2(along)
 }
 
 #[cfg(test)]

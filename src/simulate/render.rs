@@ -8,14 +8,17 @@
 //! 3. each pixel sums the cells with the weight of box ∗ Gaussian at their centres. Cells of side h stand for a blur of
 //!    variance h²/12 themselves, which the Gaussian's variance is reduced by; what remains is of fourth order in h.
 //!
+//! The ball, its shadow and its image in the floor are computed apart where they are apart (`exposed_region`); the light of a frame
+//! is the backdrop, made once, and what is added there, put together and developed row by row. `slow_reference` holds that none of
+//! this shows.
+//!
 //! A camera that is shaken shifts the whole picture: what was computed for a point is then seen beside it, and the backdrop
 //! is computed anew at the points that the pixels see.
 //!
 //! Then light, flicker, noise and rounding. Noise has a stream of its own for each frame, so that frames do not depend
 //! on the order in which they are made.
 
-use super::camera::{BallOutline, Ellipse, PictureEdge, PictureOf};
-use super::coverage::EllipseCoverage;
+use super::camera::{BallOutline, PictureEdge, PictureOf};
 use super::effects::{
     Acting, BackdropPattern, BallMoment, ChosenEffects, Fixture, Lamp, Layer, LightField, PictureShift,
     Plane, SensorNoise, Surface,
@@ -26,13 +29,21 @@ use super::quadrature::gauss_legendre;
 use super::scene::Scene;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
+use exposed_region::{CellWeights, ExposedRegion, PictureBox};
 use nalgebra::{Vector2, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
 
+mod exposed_region;
+mod fine_grid;
+
+pub use fine_grid::FineGrid;
+
 /// The empty picture.
+#[derive(Clone)]
 pub struct Backdrop {
     width: usize,
     height: usize,
@@ -106,92 +117,18 @@ fn pixels(scene: &Scene) -> impl Iterator<Item = PixelPoint> + use<> {
 fn step(x: f64, sigma: f64) -> f64 {
     // Far enough from pure geometry to look soft, near enough not to matter: the floor line never moves.
     let width = (sigma * sigma + 1.0 / 12.0).sqrt();
-    gaussian_below(x / width)
+    let deviations = x / width;
+    // Where a grey has no more digits for what is missing to 0 or 1: most of a picture.
+    const ALL_OF_IT: f64 = 9.0;
+    if deviations.abs() > ALL_OF_IT {
+        return if deviations > 0.0 { 1.0 } else { 0.0 };
+    }
+    gaussian_below(deviations)
 }
 
 /// Φ, the normal distribution function.
 pub(super) fn gaussian_below(x: f64) -> f64 {
     0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
-}
-
-/// A part of the picture on the fine grid.
-pub struct FineGrid {
-    /// Centre of its first cell, px.
-    first: Vector2<f64>,
-    /// Side of a cell, px.
-    side: f64,
-    columns: usize,
-    rows: usize,
-    grey: Vec<f32>,
-}
-
-impl FineGrid {
-    /// Centre of a cell, px.
-    fn centre(&self, column: usize, row: usize) -> Vector2<f64> {
-        self.first + Vector2::new(column as f64, row as f64) * self.side
-    }
-
-    /// Columns and rows of the cells that a box touches, with one more on each side.
-    fn window(&self, low: Vector2<f64>, high: Vector2<f64>) -> (Range<usize>, Range<usize>) {
-        let range = |low: f64, high: f64, first: f64, cells: usize| {
-            let from = ((low - first) / self.side).floor().max(1.0) as usize - 1;
-            let to = ((high - first) / self.side).ceil().max(0.0) as usize + 2;
-            from.min(cells)..to.min(cells)
-        };
-        (
-            range(low.x, high.x, self.first.x, self.columns),
-            range(low.y, high.y, self.first.y, self.rows),
-        )
-    }
-
-    /// Side of a cell, px.
-    #[must_use]
-    pub fn side_px(&self) -> f64 {
-        self.side
-    }
-
-    /// Height of a row of cells, px.
-    #[must_use]
-    pub fn row_px(&self, row: usize) -> f64 {
-        self.first.y + row as f64 * self.side
-    }
-
-    /// Paints an ellipse over the rows `rows`: `paint` gives the grey of a cell from its place in the ellipse (inside is
-    /// within 1 of the origin; right, down), its place in the picture and its grey so far. Cells at the edge are
-    /// mixed by the exact share that is covered.
-    pub fn paint(
-        &mut self,
-        ellipse: &Ellipse,
-        rows: Range<usize>,
-        mut paint: impl FnMut(Vector2<f64>, Vector2<f64>, f32) -> f32,
-    ) {
-        let Some(cover) = EllipseCoverage::new(ellipse) else {
-            return;
-        };
-        let half = 0.5 * self.side;
-        let to_row = |y: f64| ((y - self.first.y) / self.side).round().max(0.0) as usize;
-        let reached = cover.rows();
-        let rows = rows.start.max(to_row(*reached.start()))..rows.end.min(to_row(*reached.end()) + 1);
-        for row in rows {
-            let y = self.row_px(row);
-            let Some(span) = cover.span(y - half, y + half) else {
-                continue;
-            };
-            let to_column = |x: f64| ((x - self.first.x) / self.side).round().max(0.0) as usize;
-            let columns = to_column(span.touched.0)..(to_column(span.touched.1) + 1).min(self.columns);
-            for column in columns {
-                let at = self.centre(column, row);
-                let inside = at.x - half >= span.covered.0 && at.x + half <= span.covered.1;
-                let share = if inside {
-                    1.0
-                } else {
-                    cover.of_square(at, self.side) as f32
-                };
-                let cell = &mut self.grey[row * self.columns + column];
-                *cell += share * (paint(cover.unit(at), at, *cell) - *cell);
-            }
-        }
-    }
 }
 
 /// A ball of one grey, where shading is off.
@@ -257,8 +194,6 @@ const CELLS_PER_BLUR: f64 = 3.2;
 /// Cells a pixel, at least and at most.
 const FEWEST_CELLS: usize = 4;
 const MOST_CELLS: usize = 16;
-/// Standard deviations after which blur is over.
-const BLUR_REACH: f64 = 5.0;
 /// Nodes of an exposure: at least, and for each length over which the picture of an edge changes (the blur, or what a
 /// pixel's own size leaves where there is none).
 const FEWEST_NODES: usize = 2;
@@ -353,31 +288,42 @@ impl Renderer {
     /// The frame with number `index`.
     #[must_use]
     pub fn frame(&self, trajectory: &Trajectory, index: usize) -> Luma {
-        Luma {
-            width: self.scene.camera.width_px,
-            height: self.scene.camera.height_px,
-            data: self.develop(&self.light(trajectory, index), index),
+        let light = self.frame_light(trajectory, index);
+        let mut sensor = Sensor::new(self, index);
+        let (width, height) = (self.scene.camera.width_px, self.scene.camera.height_px);
+        let mut data = vec![0; width * height];
+        // Row by row: a row's light stays in the processor's cache until it is developed.
+        let mut grey = vec![0.0; width];
+        for (v, codes) in data.chunks_exact_mut(width).enumerate() {
+            light.row(v, &mut grey);
+            sensor.develop(&grey, codes);
         }
+        Luma { width, height, data }
     }
 
     /// The light on each pixel in frame `index`, grey, without noise or rounding.
     pub(super) fn light(&self, trajectory: &Trajectory, index: usize) -> Vec<f32> {
+        let light = self.frame_light(trajectory, index);
+        let (width, height) = (self.scene.camera.width_px, self.scene.camera.height_px);
+        let mut grey = vec![0.0; width * height];
+        for (v, row) in grey.chunks_exact_mut(width).enumerate() {
+            light.row(v, row);
+        }
+        grey
+    }
+
+    fn frame_light(&self, trajectory: &Trajectory, index: usize) -> FrameLight<'_> {
         let time_s = index as f64 / self.scene.camera.frame_rate_hz;
         let exposure_s = self.exposure_s.as_ref().map_or(0.0, |e| *e.apply());
         let turning_s = self.rotation_blur_s.as_ref().map_or(0.0, |e| *e.apply());
         let blur_px = self.blur_px.as_ref().map_or(0.0, |b| *b.apply());
         let shift_px = self.shift_px(trajectory, time_s);
-        let shifted;
-        let backdrop = if shift_px == Vector2::zeros() {
-            self.backdrop
-                .get_or_init(|| Backdrop::new(self, Vector2::zeros()))
+        let mut backdrop = if shift_px == Vector2::zeros() {
+            let at_rest = || Backdrop::new(self, Vector2::zeros());
+            Cow::Borrowed(self.backdrop.get_or_init(at_rest))
         } else {
-            shifted = Backdrop::new(self, shift_px);
-            &shifted
+            Cow::Owned(Backdrop::new(self, shift_px))
         };
-        let mut grey = backdrop.grey.clone();
-        let behind;
-        let mut backdrop = backdrop;
         if let Some(other) = self.second() {
             let own_s = other.own_time_s(time_s);
             let own_exposure_s = if own_s > 0.0 { exposure_s } else { 0.0 };
@@ -390,12 +336,11 @@ impl Renderer {
                 moves: own_exposure_s > 0.0,
                 turns: false,
             };
-            (other.renderer).add_ball(&other.trajectory, &exposure, blur_px, backdrop, &mut grey);
-            behind = Backdrop {
-                grey: grey.clone(),
-                ..*backdrop
-            };
-            backdrop = &behind;
+            let behind = (other.renderer).ball_light(&other.trajectory, &exposure, blur_px, &backdrop);
+            let backdrop = backdrop.to_mut();
+            for change in behind {
+                change.add_to(backdrop);
+            }
         }
         let exposure = Exposure {
             nodes: self.exposure_nodes(trajectory, time_s, exposure_s.max(turning_s), blur_px, shift_px),
@@ -404,20 +349,19 @@ impl Renderer {
             moves: exposure_s > 0.0,
             turns: turning_s > 0.0,
         };
-        self.add_ball(trajectory, &exposure, blur_px, backdrop, &mut grey);
-        if !self.lights.is_empty() {
-            let gain = self.gain.get_or_init(|| self.gains());
-            grey.iter_mut().zip(gain).for_each(|(g, factor)| *g *= factor);
+        let changes = self.ball_light(trajectory, &exposure, blur_px, &backdrop);
+        let gain = if self.lights.is_empty() {
+            None
+        } else {
+            Some(self.gain.get_or_init(|| self.gains()).as_slice())
+        };
+        let lamps = self.lamps.iter().map(|l| l.apply().gain(time_s, exposure_s));
+        FrameLight {
+            backdrop,
+            changes,
+            gain,
+            lamp: lamps.reduce(|a, b| a * b).map(|lamp| lamp as f32),
         }
-        if !self.lamps.is_empty() {
-            let lamp: f64 = self
-                .lamps
-                .iter()
-                .map(|l| l.apply().gain(time_s, exposure_s))
-                .product();
-            grey.iter_mut().for_each(|g| *g *= lamp as f32);
-        }
-        grey
     }
 
     /// The factor of uneven light on each pixel.
@@ -494,92 +438,130 @@ impl Renderer {
         }
     }
 
-    /// Adds what the ball changes in an exposure.
-    fn add_ball(
+    /// What the ball changes in an exposure.
+    fn ball_light(
         &self,
         trajectory: &Trajectory,
         exposure: &Exposure,
         blur_px: f64,
         backdrop: &Backdrop,
-        grey: &mut [f32],
-    ) {
-        let Some(field) = self.field(trajectory, exposure, blur_px, backdrop) else {
-            return;
-        };
+    ) -> Vec<RegionLight> {
+        let things = self.layers.len() + 1;
+        let reached: Vec<Vec<Option<PictureBox>>> = exposure
+            .nodes
+            .iter()
+            .map(|(node_s, _)| self.reached(trajectory, exposure.place_s(*node_s)))
+            .collect();
+        let ever =
+            (0..things).map(|thing| PictureBox::around(reached.iter().filter_map(|boxes| boxes[thing])));
+        let weights = CellWeights::new(self.cells, blur_px);
         // On the points that the pixels see, so that the ball and what it does to the picture are where they would be without
         // a shift.
         let shift_px = exposure.shift_px;
-        let mut patch = field.patch(backdrop, self.cells, shift_px);
-        let empty = patch.grey.clone();
-        let mut change = vec![0.0_f32; empty.len()];
-        for (node_s, weight) in &exposure.nodes {
-            let (place_s, turned_s) = (exposure.place_s(*node_s), exposure.turned_s(*node_s));
-            let (low, high) = self.extent(trajectory, place_s);
-            let (columns, rows) = patch.window(low, high);
-            for row in rows.clone() {
-                let cells = row * patch.columns + columns.start..row * patch.columns + columns.end;
-                patch.grey[cells.clone()].copy_from_slice(&empty[cells]);
-            }
-            if self.readout_s.is_some() {
-                for row in rows.clone() {
-                    let late_s = self.row_delay_s(patch.row_px(row) + shift_px.y);
-                    let moment = self.moment(trajectory, place_s + late_s, turned_s + late_s);
-                    self.paint(&moment, backdrop, &mut patch, row..row + 1);
+        ExposedRegion::all(ever, blur_px, shift_px, backdrop)
+            .into_iter()
+            .map(|region| {
+                let mut patch = region.patch(backdrop, &weights, shift_px);
+                let empty = patch.grey.clone();
+                let mut change = vec![0.0_f32; empty.len()];
+                for ((node_s, weight), boxes) in exposure.nodes.iter().zip(&reached) {
+                    let times_s = (exposure.place_s(*node_s), exposure.turned_s(*node_s));
+                    let moment = NodeOfExposure {
+                        times_s,
+                        shift_px,
+                        boxes,
+                    };
+                    let within = PictureBox::around(region.things.iter().filter_map(|thing| boxes[*thing]));
+                    let Some(within) = within else { continue };
+                    let (columns, rows) = patch.cells.window(&within);
+                    let cells_of =
+                        |row: usize, width: usize| row * width + columns.start..row * width + columns.end;
+                    for row in rows.clone() {
+                        let cells = cells_of(row, patch.cells.columns);
+                        patch.grey[cells.clone()].copy_from_slice(&empty[cells]);
+                    }
+                    self.paint_node(
+                        trajectory,
+                        &moment,
+                        &region.things,
+                        backdrop,
+                        &mut patch,
+                        rows.clone(),
+                    );
+                    for row in rows {
+                        let cells = cells_of(row, patch.cells.columns);
+                        let (now, before) = (&patch.grey[cells.clone()], &empty[cells.clone()]);
+                        for ((c, now), before) in change[cells].iter_mut().zip(now).zip(before) {
+                            *c += *weight as f32 * (now - before);
+                        }
+                    }
                 }
-            } else {
-                let moment = self.moment(trajectory, place_s, turned_s);
-                self.paint(&moment, backdrop, &mut patch, rows.clone());
-            }
-            for row in rows {
-                let cells = row * patch.columns + columns.start..row * patch.columns + columns.end;
-                let (now, before) = (&patch.grey[cells.clone()], &empty[cells.clone()]);
-                for ((c, now), before) in change[cells].iter_mut().zip(now).zip(before) {
-                    *c += *weight as f32 * (now - before);
+                RegionLight {
+                    grey: region.light(&change, &patch.cells, &weights),
+                    columns: region.columns,
+                    rows: region.rows,
                 }
-            }
-        }
-        let weights = CellWeights::new(self.cells, blur_px);
-        field.add(&change, patch.columns, &weights, backdrop, grey);
+            })
+            .collect()
     }
 
-    /// Shadow, reflection, ball.
-    fn paint(&self, moment: &BallMoment<'_>, backdrop: &Backdrop, patch: &mut FineGrid, rows: Range<usize>) {
-        for layer in &self.layers {
-            layer.apply().paint(moment, backdrop, patch, rows.clone());
+    /// Paints the rows `rows` with `things` as they are at a node of an exposure.
+    fn paint_node(
+        &self,
+        trajectory: &Trajectory,
+        node: &NodeOfExposure<'_>,
+        things: &[usize],
+        backdrop: &Backdrop,
+        patch: &mut FineGrid,
+        rows: Range<usize>,
+    ) {
+        let (place_s, turned_s) = node.times_s;
+        if self.readout_s.is_none() {
+            let moment = self.moment(trajectory, place_s, turned_s);
+            for thing in things {
+                self.paint(*thing, &moment, backdrop, patch, rows.clone());
+            }
+            return;
+        }
+        let reach: Vec<(usize, Range<usize>)> = (things.iter())
+            .filter_map(|thing| Some((*thing, patch.cells.window(&node.boxes[*thing]?).1)))
+            .collect();
+        for row in rows {
+            let mut there = reach.iter().filter(|(_, rows)| rows.contains(&row)).peekable();
+            if there.peek().is_none() {
+                continue;
+            }
+            let late_s = self.row_delay_s(patch.row_px(row) + node.shift_px.y);
+            let moment = self.moment(trajectory, place_s + late_s, turned_s + late_s);
+            for (thing, _) in there {
+                self.paint(*thing, &moment, backdrop, patch, row..row + 1);
+            }
+        }
+    }
+
+    /// Paints a thing: a layer (shadow, reflection) by its number, or after them the ball.
+    fn paint(
+        &self,
+        thing: usize,
+        moment: &BallMoment<'_>,
+        backdrop: &Backdrop,
+        patch: &mut FineGrid,
+        rows: Range<usize>,
+    ) {
+        if let Some(layer) = self.layers.get(thing) {
+            return layer.apply().paint(moment, backdrop, patch, rows);
         }
         let ellipse = &moment.outline.ellipse;
         match moment.seen_marks(patch.side_px()) {
-            None => patch.paint(ellipse, rows, |unit, _, _| {
-                moment.surface.grey(&normal(unit)) as f32
-            }),
+            None => patch.paint_surface(ellipse, rows, moment.surface),
             Some(marks) => patch.paint(ellipse, rows, |unit, _, _| {
                 (marks.albedo(unit) * moment.surface.grey(&normal(unit))) as f32
             }),
         }
     }
 
-    /// The pixels that an exposure changes, `None` where those are outside the picture.
-    fn field(
-        &self,
-        trajectory: &Trajectory,
-        exposure: &Exposure,
-        blur_px: f64,
-        backdrop: &Backdrop,
-    ) -> Option<ExposedRegion> {
-        let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
-        for (node_s, _) in &exposure.nodes {
-            let (least, most) = self.extent(trajectory, exposure.place_s(*node_s));
-            low = low.inf(&least);
-            high = high.sup(&most);
-        }
-        let margin = (BLUR_REACH * blur_px + 0.5).ceil() + 1.0;
-        let shift_px = exposure.shift_px;
-        ExposedRegion::new(low + shift_px, high + shift_px, margin, backdrop)
-    }
-
-    /// Smallest and largest corner of what the ball changes at a time, in a picture that is not shifted, px.
-    fn extent(&self, trajectory: &Trajectory, time_s: f64) -> (Vector2<f64>, Vector2<f64>) {
-        let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
+    /// Where each thing is at a time, in a picture that is not shifted: the layers, then the ball.
+    fn reached(&self, trajectory: &Trajectory, time_s: f64) -> Vec<Option<PictureBox>> {
         // With a rolling shutter the ball's rows may have any time of the readout.
         let half_readout_s = self.readout_s.as_ref().map_or(0.0, |r| 0.5 * *r.apply());
         let shares: &[f64] = if half_readout_s > 0.0 {
@@ -587,6 +569,7 @@ impl Renderer {
         } else {
             &[0.0]
         };
+        let mut reached: Vec<Option<PictureBox>> = vec![None; self.layers.len() + 1];
         for share in shares {
             let at_s = time_s + share * half_readout_s;
             let moment = self.moment(trajectory, at_s, at_s);
@@ -594,42 +577,14 @@ impl Renderer {
             let boxes = self
                 .layers
                 .iter()
-                .filter_map(|l| l.apply().extent(&moment))
-                .chain([(centre - reach, centre + reach)]);
-            for (least, most) in boxes {
-                low = low.inf(&least);
-                high = high.sup(&most);
+                .map(|l| l.apply().extent(&moment))
+                .chain([Some((centre - reach, centre + reach))]);
+            for (sofar, now) in reached.iter_mut().zip(boxes) {
+                let now = now.map(|(low, high)| PictureBox { low, high });
+                *sofar = PictureBox::around(sofar.iter().copied().chain(now));
             }
         }
-        (low, high)
-    }
-
-    /// Noise, rounding to code values.
-    fn develop(&self, grey: &[f32], index: usize) -> Vec<u8> {
-        // Rounding half up; the cast saturates at 0 and 255.
-        let code = |g: f32| (g + 0.5) as u8;
-        if self.noises.is_empty() {
-            return grey.iter().map(|g| code(*g)).collect();
-        }
-        let noises: Vec<&dyn SensorNoise> = self.noises.iter().map(Acting::apply).collect();
-        let spread: Vec<f32> = (0..=255_u8)
-            .map(|g| {
-                let variance: f64 = noises.iter().map(|n| n.variance(f64::from(g))).sum();
-                variance.sqrt() as f32
-            })
-            .collect();
-        let mut random = ChaCha8Rng::seed_from_u64(self.scene.seed);
-        random.set_stream(index as u64);
-        let mut bits = vec![0_u8; 2 * grey.len()];
-        random.fill_bytes(&mut bits);
-        let normal = normal_table();
-        grey.iter()
-            .zip(bits.chunks_exact(2))
-            .map(|(g, pair)| {
-                let draw = normal[usize::from(u16::from_le_bytes([pair[0], pair[1]]))];
-                code(g + spread[usize::from(code(*g))] * draw)
-            })
-            .collect()
+        reached
     }
 }
 
@@ -644,6 +599,163 @@ pub fn normal(unit: Vector2<f64>) -> Vector3<f64> {
         unit
     };
     Vector3::new(unit.x, -unit.y, (1.0 - squared.min(1.0)).sqrt())
+}
+
+/// A node of an exposure.
+struct NodeOfExposure<'a> {
+    /// When the ball is where it has it, and when turned as it has it, s.
+    times_s: (f64, f64),
+    /// How far the picture is shifted, px.
+    shift_px: Vector2<f64>,
+    /// Where each thing is.
+    boxes: &'a [Option<PictureBox>],
+}
+
+/// What is added to the pixels of a region of the picture.
+struct RegionLight {
+    columns: Range<usize>,
+    rows: Range<usize>,
+    /// By row and column of the region.
+    grey: Vec<f32>,
+}
+
+impl RegionLight {
+    /// Adds its part of row `v` to that row.
+    fn add_to_row(&self, v: usize, row: &mut [f32]) {
+        if !self.rows.contains(&v) {
+            return;
+        }
+        let width = self.columns.len();
+        let own = &self.grey[(v - self.rows.start) * width..][..width];
+        for (grey, change) in row[self.columns.clone()].iter_mut().zip(own) {
+            *grey += change;
+        }
+    }
+
+    fn add_to(&self, backdrop: &mut Backdrop) {
+        for v in self.rows.clone() {
+            let row = v * backdrop.width..(v + 1) * backdrop.width;
+            self.add_to_row(v, &mut backdrop.grey[row]);
+        }
+    }
+}
+
+/// The light of a frame: the backdrop, which most frames share, and what makes it that of this one.
+struct FrameLight<'a> {
+    backdrop: Cow<'a, Backdrop>,
+    changes: Vec<RegionLight>,
+    /// Factor on each pixel.
+    gain: Option<&'a [f32]>,
+    /// Factor on all of them.
+    lamp: Option<f32>,
+}
+
+impl FrameLight<'_> {
+    /// Row `v`, into `grey`.
+    fn row(&self, v: usize, grey: &mut [f32]) {
+        let width = grey.len();
+        grey.copy_from_slice(&self.backdrop.grey[v * width..][..width]);
+        for change in &self.changes {
+            change.add_to_row(v, grey);
+        }
+        if let Some(gain) = self.gain {
+            let own = &gain[v * width..][..width];
+            grey.iter_mut().zip(own).for_each(|(g, factor)| *g *= factor);
+        }
+        if let Some(lamp) = self.lamp {
+            grey.iter_mut().for_each(|g| *g *= lamp);
+        }
+    }
+}
+
+/// The sensor in a frame: noise, rounding to code values.
+struct Sensor {
+    /// How large the noise is, and its source; `None` of a sensor without.
+    noise: Option<(NoiseSpread, ChaCha8Rng)>,
+    /// Of a row: random bits, and the standard normal numbers that they stand for.
+    bits: Vec<u8>,
+    draws: Vec<f32>,
+}
+
+/// Standard deviation of the noise, grey.
+enum NoiseSpread {
+    /// At any code value.
+    Constant(f32),
+    /// At each.
+    ByCode(Vec<f32>),
+}
+
+impl Sensor {
+    fn new(renderer: &Renderer, index: usize) -> Self {
+        let noises: Vec<&dyn SensorNoise> = renderer.noises.iter().map(Acting::apply).collect();
+        let noise = (!noises.is_empty()).then(|| {
+            let by_code: Vec<f32> = (0..=255_u8)
+                .map(|g| {
+                    let variance: f64 = noises.iter().map(|n| n.variance(f64::from(g))).sum();
+                    variance.sqrt() as f32
+                })
+                .collect();
+            let spread = if by_code.iter().all(|s| *s == by_code[0]) {
+                NoiseSpread::Constant(by_code[0])
+            } else {
+                NoiseSpread::ByCode(by_code)
+            };
+            let mut random = ChaCha8Rng::seed_from_u64(renderer.scene.seed);
+            random.set_stream(index as u64);
+            (spread, random)
+        });
+        Self {
+            noise,
+            // Rows are of even length, so that each begins with a word of its own of the random stream.
+            bits: vec![0; 2 * renderer.scene.camera.width_px],
+            draws: vec![0.0; renderer.scene.camera.width_px],
+        }
+    }
+
+    /// The next row of the frame, from its light.
+    fn develop(&mut self, grey: &[f32], codes: &mut [u8]) {
+        let Some((spread, random)) = &mut self.noise else {
+            for (to, g) in codes.iter_mut().zip(grey) {
+                *to = code(*g);
+            }
+            return;
+        };
+        random.fill_bytes(&mut self.bits);
+        let normal = normal_table();
+        for (draw, pair) in self.draws.iter_mut().zip(self.bits.chunks_exact(2)) {
+            *draw = normal[usize::from(u16::from_le_bytes([pair[0], pair[1]]))];
+        }
+        match spread {
+            NoiseSpread::Constant(spread) => {
+                for ((to, g), draw) in codes.iter_mut().zip(grey).zip(&self.draws) {
+                    *to = code(g + *spread * draw);
+                }
+            }
+            NoiseSpread::ByCode(spread) => {
+                // A loop for each, so that what the machine can do for many pixels at once does not wait for the looking up.
+                for (to, g) in codes.iter_mut().zip(grey) {
+                    *to = code(*g);
+                }
+                for (draw, without) in self.draws.iter_mut().zip(&*codes) {
+                    *draw *= spread[usize::from(*without)];
+                }
+                for ((to, g), draw) in codes.iter_mut().zip(grey).zip(&self.draws) {
+                    *to = code(g + draw);
+                }
+            }
+        }
+    }
+}
+
+/// The code value of a grey: rounded half up, from 0 to 255.
+fn code(grey: f32) -> u8 {
+    // `(grey + 0.5) as u8` is the same and is done for one pixel at a time, this for as many as the machine can: a sum with 2²³ has
+    // the whole number nearest to its other part in its last bits.
+    const WHOLE: f32 = 8_388_608.0;
+    let raised = (grey + 0.5).clamp(0.0, 255.0);
+    let nearest = raised + WHOLE;
+    let is_above = nearest - WHOLE > raised;
+    (nearest.to_bits() - u32::from(is_above)) as u8
 }
 
 /// When a frame is exposed, and where its picture is meanwhile.
@@ -668,139 +780,6 @@ impl Exposure {
     /// When it is turned as a node has it, s.
     fn turned_s(&self, node_s: f64) -> f64 {
         if self.turns { node_s } else { self.time_s }
-    }
-}
-
-/// The pixels that an exposure changes, with a margin of cells around them that blur carries into them.
-struct ExposedRegion {
-    /// First and one past the last pixel written.
-    columns: Range<usize>,
-    rows: Range<usize>,
-    /// Pixels around them on each side, on the fine grid only.
-    margin: usize,
-}
-
-impl ExposedRegion {
-    /// What can change when the scene changes between `low` and `high`.
-    fn new(low: Vector2<f64>, high: Vector2<f64>, margin: f64, backdrop: &Backdrop) -> Option<Self> {
-        let clip = |from: f64, to: f64, size: usize| {
-            let from = (from - margin).floor().max(0.0);
-            let to = (to + margin).ceil().min(size as f64 - 1.0);
-            (from <= to).then_some(from as usize..to as usize + 1)
-        };
-        Some(Self {
-            columns: clip(low.x, high.x, backdrop.width)?,
-            rows: clip(low.y, high.y, backdrop.height)?,
-            margin: margin as usize,
-        })
-    }
-
-    /// The empty scene on the fine grid, by the points that a picture shifted by `shift_px` shows there.
-    fn patch(&self, backdrop: &Backdrop, cells: usize, shift_px: Vector2<f64>) -> FineGrid {
-        let side = 1.0 / cells as f64;
-        let corner = Vector2::new(self.columns.start as f64, self.rows.start as f64);
-        let first = corner - Vector2::repeat(self.margin as f64 + 0.5 - 0.5 * side) - shift_px;
-        // Beyond the picture its edge goes on.
-        let pixels = |range: &Range<usize>, size: usize| -> Vec<usize> {
-            let margin = self.margin;
-            let from_margin = range.start..range.end + 2 * margin;
-            from_margin
-                .map(|i| i.saturating_sub(margin).min(size - 1))
-                .collect()
-        };
-        let (columns, rows) = (
-            pixels(&self.columns, backdrop.width),
-            pixels(&self.rows, backdrop.height),
-        );
-        let mut grey = Vec::with_capacity(columns.len() * rows.len() * cells * cells);
-        for v in &rows {
-            let start = grey.len();
-            for u in &columns {
-                grey.extend(std::iter::repeat_n(backdrop.grey[v * backdrop.width + u], cells));
-            }
-            let row = start..grey.len();
-            for _ in 1..cells {
-                grey.extend_from_within(row.clone());
-            }
-        }
-        FineGrid {
-            first,
-            side,
-            columns: columns.len() * cells,
-            rows: rows.len() * cells,
-            grey,
-        }
-    }
-
-    /// Adds `change`, on the fine grid, to the pixels `grey`: first along rows, then along columns.
-    fn add(
-        &self,
-        change: &[f32],
-        patch_columns: usize,
-        weights: &CellWeights,
-        backdrop: &Backdrop,
-        grey: &mut [f32],
-    ) {
-        let cells = weights.cells;
-        let taps = weights.taps.len();
-        // The first cell that reaches the first pixel.
-        let offset = (self.margin - weights.reach) * cells;
-        let narrowed: Vec<f32> = change
-            .chunks_exact(patch_columns)
-            .flat_map(|row| {
-                (0..self.columns.len()).map(move |i| {
-                    let from = offset + i * cells;
-                    dot(&row[from..from + taps], &weights.taps)
-                })
-            })
-            .collect();
-        let width = self.columns.len();
-        for (j, v) in self.rows.clone().enumerate() {
-            for (i, u) in self.columns.clone().enumerate() {
-                let from = offset + j * cells;
-                let sum: f32 = weights
-                    .taps
-                    .iter()
-                    .zip(from..)
-                    .map(|(w, row)| w * narrowed[row * width + i])
-                    .sum();
-                grey[v * backdrop.width + u] += sum;
-            }
-        }
-    }
-}
-
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// How much of each cell's light a pixel gets, along one axis: box ∗ Gaussian at the cell's centre, times its side.
-struct CellWeights {
-    cells: usize,
-    /// Pixels on either side that matter.
-    reach: usize,
-    taps: Vec<f32>,
-}
-
-impl CellWeights {
-    fn new(cells: usize, blur_px: f64) -> Self {
-        let side = 1.0 / cells as f64;
-        let sigma = (blur_px * blur_px - side * side / 12.0).max(0.0).sqrt();
-        let reach = (BLUR_REACH * blur_px + 0.5).ceil() as usize;
-        let taps = (0..(2 * reach + 1) * cells)
-            .map(|k| {
-                let d = (k as f64 + 0.5) * side - reach as f64 - 0.5;
-                let weight = if sigma > 0.0 {
-                    gaussian_below((d + 0.5) / sigma) - gaussian_below((d - 0.5) / sigma)
-                } else if d.abs() < 0.5 {
-                    1.0
-                } else {
-                    0.0
-                };
-                (weight * side) as f32
-            })
-            .collect();
-        Self { cells, reach, taps }
     }
 }
 
@@ -832,3 +811,5 @@ fn normal_quantile(share: f64) -> f64 {
 mod accuracy;
 #[cfg(test)]
 mod marks_accuracy;
+#[cfg(test)]
+mod slow_reference;

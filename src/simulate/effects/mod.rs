@@ -304,6 +304,15 @@ pub trait Fixture: Send + Sync {
 pub trait Surface: Send + Sync {
     /// Grey where the outward normal is (right, up in the picture, towards the camera).
     fn grey(&self, normal: &Vector3<f64>) -> f64;
+
+    /// The same at places inside the ball's outline (right, down; the rim at 1), into `greys`. One call for many places, so
+    /// that a surface's formula is worked out for as many of them at once as the machine can.
+    fn greys_inside(&self, right: &[f64], down: &[f64], greys: &mut [f32]) {
+        for ((grey, x), y) in greys.iter_mut().zip(right).zip(down) {
+            let towards = (1.0 - (x * x + y * y).min(1.0)).sqrt();
+            *grey = self.grey(&Vector3::new(*x, -*y, towards)) as f32;
+        }
+    }
 }
 
 /// What is behind the ball.

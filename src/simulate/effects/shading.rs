@@ -12,8 +12,16 @@ pub(super) struct Shading;
 
 /// Towards the lamp: right, up, towards the camera.
 const LAMP: Vector3<f64> = Vector3::new(-0.46, 0.64, 0.615);
-/// Exponent of the highlight: a polished ball under a soft box.
-const GLOSS: i32 = 40;
+/// What the highlight's brightness goes with, of the cosine: its 40th power, a polished ball under a soft box.
+#[inline]
+fn gloss(cosine: f64) -> f64 {
+    // By squaring: `powi` calls a loop, which took a quarter of all rendering.
+    let squared = cosine * cosine;
+    let fourth = squared * squared;
+    let eighth = fourth * fourth;
+    let sixteenth = eighth * eighth;
+    eighth * (sixteenth * sixteenth)
+}
 
 impl Effect for Shading {
     fn name(&self) -> &'static str {
@@ -49,9 +57,10 @@ struct Lit {
 }
 
 impl Surface for Lit {
+    #[inline]
     fn grey(&self, normal: &Vector3<f64>) -> f64 {
         let away = 0.5 * (1.0 - normal.dot(&self.lamp));
-        let gloss = normal.dot(&self.halfway).max(0.0).powi(GLOSS);
+        let gloss = gloss(normal.dot(&self.halfway).max(0.0));
         self.ball_grey * (1.0 - self.shading * away) + self.highlight_grey * gloss
     }
 }

@@ -147,7 +147,7 @@ fn an_exposure_is_the_mean_over_its_time() {
             .collect();
         let found = light(&recording, index);
         let empty = renderer.backdrop.get().unwrap();
-        let mut mean = empty.grey.clone();
+        let mut mean = empty.clone();
         let fine = Exposure {
             nodes: fine,
             shift_px: Vector2::zeros(),
@@ -155,8 +155,10 @@ fn an_exposure_is_the_mean_over_its_time() {
             moves: true,
             turns: true,
         };
-        renderer.add_ball(recording.trajectory(), &fine, 0.7, empty, &mut mean);
-        let worst = largest_difference(&found, &mean);
+        for change in renderer.ball_light(recording.trajectory(), &fine, 0.7, empty) {
+            change.add_to(&mut mean);
+        }
+        let worst = largest_difference(&found, &mean.grey);
         assert!(worst < 0.1, "frame {index}: {worst}");
         assert_eq!(found.len(), backdrop);
     }

@@ -256,7 +256,7 @@ fn a_blur_by_rotation_is_the_mean_over_the_exposure() -> Result<(), SceneError> 
     let time_s = index as f64 / 240.0;
     let found = renderer.light(blurred.trajectory(), index);
     let empty = renderer.backdrop.get().unwrap();
-    let mut mean = empty.grey.clone();
+    let mut mean = empty.clone();
     let nodes = (0..300).map(|i| (time_s + 0.002 * ((f64::from(i) + 0.5) / 300.0 - 0.5), 1.0 / 300.0));
     let fine = Exposure {
         nodes: nodes.collect(),
@@ -265,7 +265,10 @@ fn a_blur_by_rotation_is_the_mean_over_the_exposure() -> Result<(), SceneError> 
         moves: true,
         turns: true,
     };
-    renderer.add_ball(blurred.trajectory(), &fine, 0.7, empty, &mut mean);
+    for change in renderer.ball_light(blurred.trajectory(), &fine, 0.7, empty) {
+        change.add_to(&mut mean);
+    }
+    let mean = mean.grey;
     let worst = found
         .iter()
         .zip(&mean)
