@@ -1,8 +1,9 @@
-//! Photographs for pages. OpenCV is here for its resizing and encoders only; its types do not leave this file.
+//! Photographs for pages. OpenCV is here for its resizing only; its types do not leave this file.
 
 use crate::frames::{Chroma, Luma};
-use opencv::core::{Mat, MatTraitConst as _, Size, Vector};
-use opencv::{imgcodecs, imgproc};
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use opencv::core::{Mat, MatTraitConst as _, MatTraitConstManual as _, Size};
+use opencv::imgproc;
 
 /// A picture as JPEG, made no wider than `max_width_px` and compressed harder until it is no larger than `max_bytes`; in `colour` by its chroma (full
 /// range) and the shares of red and blue in its luma, where it has one that can be told from grey.
@@ -31,17 +32,34 @@ pub(super) fn jpeg(
     compressed(&small, max_bytes)
 }
 
-/// `pixels` as JPEG, compressed harder until it is no larger than `max_bytes`.
+/// `pixels` (grey, or blue, green and red) as JPEG, compressed harder until it is no larger than `max_bytes`.
 pub(super) fn compressed(pixels: &Mat, max_bytes: usize) -> opencv::Result<Vec<u8>> {
-    let mut jpeg = Vector::<u8>::new();
+    let (kind, sides) = (pixels.channels(), [pixels.cols(), pixels.rows()]);
+    let kind = if kind == 1 {
+        ColorType::Luma
+    } else {
+        ColorType::Bgr
+    };
+    let too_large = |e: &dyn std::fmt::Display| opencv::Error::new(opencv::core::StsBadSize, e.to_string());
+    // JPEG counts its columns and rows in 16 bits.
+    let [width, height] = sides.map(u16::try_from);
+    let (width, height) = (
+        width.map_err(|e| too_large(&e))?,
+        height.map_err(|e| too_large(&e))?,
+    );
+    let data = pixels.data_bytes()?;
+    let mut jpeg = Vec::new();
     for quality in [90, 80, 65, 45, 25] {
-        let flags = Vector::from_slice(&[imgcodecs::IMWRITE_JPEG_QUALITY, quality]);
-        imgcodecs::imencode(".jpg", pixels, &mut jpeg, &flags)?;
+        jpeg.clear();
+        let mut encoder = Encoder::new(&mut jpeg, quality);
+        encoder.set_sampling_factor(SamplingFactor::F_2_2);
+        let encoded = encoder.encode(data, width, height, kind);
+        encoded.map_err(|e| too_large(&e))?;
         if jpeg.len() <= max_bytes {
             break;
         }
     }
-    Ok(jpeg.into())
+    Ok(jpeg)
 }
 
 /// The picture's pixels, three bytes each.

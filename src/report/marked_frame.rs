@@ -4,8 +4,8 @@
 
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
-use opencv::core::{Mat, MatTraitConst as _, Point, Scalar, Size, Vector};
-use opencv::{imgcodecs, imgproc};
+use opencv::core::{Mat, MatTraitConst as _, MatTraitConstManual as _, Point, Scalar, Size};
+use opencv::imgproc;
 
 /// Frames smaller than this are enlarged by a whole factor, px: marks need room.
 const LEAST_SIDE_PX: usize = 900;
@@ -95,9 +95,7 @@ pub fn marks_png(frame: &Luma, shapes: &[MarkShape]) -> opencv::Result<Vec<u8>> 
     for shape in shapes {
         canvas.draw(shape)?;
     }
-    let mut png = Vector::<u8>::new();
-    imgcodecs::imencode(".png", &canvas.picture, &mut png, &Vector::new())?;
-    Ok(png.into())
+    canvas.png()
 }
 
 struct Canvas {
@@ -109,6 +107,23 @@ struct Canvas {
 }
 
 impl Canvas {
+    /// The picture as PNG.
+    fn png(&self) -> opencv::Result<Vec<u8>> {
+        let mut pixels = Mat::default();
+        imgproc::cvt_color_def(&self.picture, &mut pixels, imgproc::COLOR_BGR2RGB)?;
+        let sides = [pixels.cols(), pixels.rows()].map(i32::unsigned_abs);
+        let data = pixels.data_bytes()?;
+        let mut png = Vec::new();
+        let mut encoder = png::Encoder::new(&mut png, sides[0], sides[1]);
+        encoder.set_color(png::ColorType::Rgb);
+        let written = encoder.write_header().and_then(|mut writer| {
+            writer.write_image_data(data)?;
+            writer.finish()
+        });
+        written.map_err(|e| opencv::Error::new(opencv::core::StsError, e.to_string()))?;
+        Ok(png)
+    }
+
     fn new(frame: &Luma) -> opencv::Result<Self> {
         let flat = Mat::from_slice(&frame.data)?;
         let grey = flat.reshape(1, i32::try_from(frame.height).unwrap_or(i32::MAX))?;
