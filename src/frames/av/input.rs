@@ -271,6 +271,10 @@ fn probed(url: &CStr) -> Result<(*const ffi::AVInputFormat, String), OpenFailure
         let score =
             ffi::av_probe_input_buffer2(io, &raw mut kind, c"".as_ptr(), ptr::null_mut(), 0, PROBE_BYTES);
         ffi::avio_closep(&raw mut io);
+        // Not knowing the content is an answer; having no memory to look at it, or not being able to read it, is none.
+        if score != ffi::AVERROR_INVALIDDATA {
+            check(score)?;
+        }
         let Some(kind) = kind.as_ref() else {
             return Err(OpenFailure::Unknown);
         };
