@@ -13,7 +13,7 @@
 use super::BatchRecording;
 use super::vetting::{DUPLICATE, LeftOut};
 use crate::calibration::Calibration;
-use crate::impact::Speed;
+use crate::impact::{Speed, Surface};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -137,7 +137,7 @@ impl BounceRows {
     #[must_use]
     pub fn of(result: &Value, source: &RowSource<'_>) -> Self {
         let inertia_factor = source.calibration.inertia_factor;
-        let bounces = |launch: &Value| launch["bounces"].as_array().map_or(0, Vec::len);
+        let bounces = |launch: &Value| on_floor(launch).count();
         let edited = result["edits"].is_object();
         let codes = warning_codes(result).join(" ");
         let of_launch = |all: usize, (n, launch): (usize, &Value)| -> Vec<Vec<String>> {
@@ -214,10 +214,16 @@ pub fn table<'a>(
         .map_err(|error| ::csv::Error::from(error.into_error()))
 }
 
-/// The bounces of a launch, each with the shared slope's part of the covariance of its velocities as often as there are
+/// The bounces of a launch on the floor: a series is of one pair of ball and floor.
+fn on_floor(launch: &Value) -> impl Iterator<Item = &Value> {
+    let all = launch["bounces"].as_array().into_iter().flatten();
+    all.filter(|bounce| bounce["surface"] != Surface::Ceiling.name())
+}
+
+/// The bounces of a launch on the floor, each with the shared slope's part of the covariance of its velocities as often as there are
 /// bounces that are `sharing` it.
 fn with_shared_slope(result: &Value, sharing: usize, inertia_factor: f64) -> Vec<Value> {
-    let mut bounces = result["bounces"].as_array().cloned().unwrap_or_default();
+    let mut bounces: Vec<Value> = on_floor(result).cloned().collect();
     let slope_std_deg = result
         .pointer("/floor/slope_deg/std_uncertainty")
         .and_then(Value::as_f64);

@@ -1,8 +1,8 @@
-//! The impacts on the floor, as bounces.
+//! The impacts on floors and ceilings, as bounces.
 
-use super::Bounce;
 use super::motion::MeasuredMotion;
 use super::top_view;
+use super::{Bounce, Surface};
 use crate::calibration::View;
 
 /// A restitution above 1 by this many standard uncertainties is no restitution.
@@ -17,18 +17,18 @@ fn gains(bounce: &Bounce) -> bool {
 }
 
 impl MeasuredMotion<'_> {
-    /// The floor impacts as bounces, in time order, with the index of the arc before each.
+    /// The impacts on floor or ceiling as bounces, in time order, with the index of the arc before each.
     #[must_use]
     pub fn bounces(&self) -> Vec<(usize, Bounce)> {
-        let floors: Vec<usize> = self.floors().collect();
+        let (before, surfaces): (Vec<usize>, Vec<Surface>) = self.surfaces().unzip();
         let mut bounces = Vec::new();
         let mut unbroken = true;
-        for (i, &k) in floors.iter().enumerate() {
+        for (i, (&k, &surface)) in before.iter().zip(&surfaces).enumerate() {
             // Spin is known along an unbroken row of bounces from the first.
             unbroken &= k == i;
-            let history = unbroken.then(|| &floors[..i]);
+            let history = unbroken.then(|| &before[..i]);
             let bounce = match self.calibration.view {
-                View::Side => self.side_bounce(k, history),
+                View::Side => self.side_bounce((k, surface), history),
                 View::Top if self.bend().is_some() => top_view::without_uncertainties(&self.top_bounce(k)),
                 View::Top => self.top_bounce(k),
             };
@@ -43,10 +43,10 @@ impl MeasuredMotion<'_> {
         bounces
     }
 
-    /// How many floor impacts are not among the [`bounces`](Self::bounces): the ball would have left faster than it came,
+    /// How many impacts on floor or ceiling are not among the [`bounces`](Self::bounces): the ball would have left faster than it came,
     /// so something else (a shadow, a hand) was followed on one side of them.
     #[must_use]
     pub fn impossible(&self, bounces: &[(usize, Bounce)]) -> usize {
-        self.floors().count() - bounces.len()
+        self.surfaces().count() - bounces.len()
     }
 }

@@ -2,7 +2,7 @@
 
 use super::inputs::InputValues;
 use super::motion::MeasuredMotion;
-use super::{Bounce, Distances, XSource, top_view};
+use super::{Bounce, Distances, Surface, XSource, top_view};
 use crate::calibration::View;
 use crate::quantity::Quantity;
 
@@ -23,7 +23,8 @@ impl MeasuredMotion<'_> {
     }
 
     fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
-        let Some(&(first, _)) = bounces.first() else {
+        let mut floors = bounces.iter().filter(|(_, b)| b.surface == Surface::Floor);
+        let Some(&(first, _)) = floors.next() else {
             return Distances::default();
         };
         // Where the ball touches, as the time is when it does.
@@ -31,12 +32,13 @@ impl MeasuredMotion<'_> {
         let x0_m = self.edge_distance(first, &place);
         let apart = |p: &InputValues<'_>| p.errors.place_right * self.scale(p);
         // Seen, when the very next impact is on the floor too.
-        let (x_m, x_source) = match bounces.get(1) {
+        let (x_m, x_source) = match floors.next() {
             Some(&(second, _)) if second == first + 1 => {
                 let seen = |p: &InputValues<'_>| place(p, second) - place(p, first) + apart(p);
                 (self.inputs.quantity(seen), XSource::Observed)
             }
-            _ if self.calibration.view == View::Top => {
+            // Nothing comes down through a ceiling.
+            _ if self.calibration.view == View::Top || self.surface(first + 1) == Some(Surface::Ceiling) => {
                 return Distances {
                     x0_m,
                     ..Distances::default()

@@ -14,8 +14,8 @@
 //! not asked. Touches whose places do not lie on one line (two floors, a step) tell no slope.
 
 use super::inputs::InputValues;
-use super::motion::{ImpactKind, MeasuredMotion};
-use super::{FloorSlope, FloorSource};
+use super::motion::MeasuredMotion;
+use super::{FloorSlope, FloorSource, Surface};
 use crate::calibration::View;
 use crate::flight::planar::Motion;
 
@@ -154,7 +154,10 @@ impl MeasuredMotion<'_> {
         if !self.steady {
             return None;
         }
-        let all = (0..self.arcs().saturating_sub(1)).take_while(|&k| self.kind(k) == Some(ImpactKind::Floor));
+        let in_a_row = (0..self.arcs().saturating_sub(1)).map_while(|k| Some((k, self.surface(k)?)));
+        let all = in_a_row
+            .filter(|(_, surface)| *surface == Surface::Floor)
+            .map(|(k, _)| k);
         let floors = crate::frames::evenly_of(all.collect::<Vec<_>>().into_iter(), MOST_TOUCHES);
         let heights = self
             .inputs

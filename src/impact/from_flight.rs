@@ -1,5 +1,6 @@
 //! From a flight and its calibration to the measured motion, with the covariance of everything that it depends on.
 
+use super::Surface;
 use super::bench_edge;
 use super::contact::half_contact_s;
 use super::error_budget::{SPHERE_LAW_STD, SQUARE_LAW_STD};
@@ -131,7 +132,10 @@ impl<'a> MeasuredMotion<'a> {
     #[must_use]
     pub fn floor_mismatch_m(&self) -> Option<f64> {
         let calibration = self.calibration;
-        let first = self.flight.impacts.iter().position(Option::is_some)?;
+        let impacts = 0..self.flight.impacts.len();
+        let mut below = impacts
+            .filter(|&k| self.flight.impacts[k].is_some() && self.surface(k) != Some(Surface::Ceiling));
+        let first = below.next()?;
         if !calibration.has_origin() || calibration.view == View::Top {
             return None;
         }

@@ -92,9 +92,41 @@ pub struct Correlation {
     pub value: f64,
 }
 
-/// An impact on the floor. What does not apply or could not be measured is `None`.
+/// What a ball bounces on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Surface {
+    /// Below it.
+    #[default]
+    Floor,
+    /// Above it, taken as parallel to the floor. All relations hold as on a floor that is seen upside down: the normal points down.
+    Ceiling,
+}
+
+impl Surface {
+    /// Its name in files and words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Floor => "floor",
+            Self::Ceiling => "ceiling",
+        }
+    }
+
+    /// +1 where its normal points up, −1 where it points down.
+    #[must_use]
+    pub const fn sign(self) -> f64 {
+        match self {
+            Self::Floor => 1.0,
+            Self::Ceiling => -1.0,
+        }
+    }
+}
+
+/// An impact on the floor, or on a ceiling. What does not apply or could not be measured is `None`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bounce {
+    /// What it is on.
+    pub surface: Surface,
     /// Time, s.
     pub time_s: Option<Quantity>,
     /// Place along the launch, m.
@@ -137,7 +169,7 @@ pub struct Bounce {
     pub impossible: Option<Impossible>,
 }
 
-/// Velocities of an impact in the floor's own axes: along its tangent, and along its normal (negative before).
+/// Velocities of an impact in the own axes of floor or ceiling: along its tangent, and along its normal (negative before).
 #[derive(Debug, Clone, PartialEq)]
 pub struct AlongFloor {
     /// Before: tangent, normal, m/s.

@@ -1,5 +1,6 @@
 //! The measured motion in metres, for any values of its inputs: places and velocities on the arcs, and where they meet.
 
+use super::Surface;
 use super::contact::SoftBall;
 use super::inputs::{InputValues, MotionInputs};
 use super::spin_candidates::SpinCandidates;
@@ -67,8 +68,8 @@ pub(super) struct SlopeSources {
 /// What kind of impact lies between two arcs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImpactKind {
-    /// On the floor: the ball came down and went up.
-    Floor,
+    /// On a floor (the ball came down and went up) or a ceiling (it came up and went down).
+    On(Surface),
     /// On something upright, or an edge.
     Wall,
 }
@@ -258,28 +259,36 @@ impl MeasuredMotion<'_> {
         }
     }
 
-    /// The arcs that end on the floor.
-    pub(super) fn floors(&self) -> impl Iterator<Item = usize> {
-        let gaps = 0..self.arcs().saturating_sub(1);
-        gaps.filter(|&k| self.kind(k) == Some(ImpactKind::Floor))
+    /// What the impact between arcs k and k + 1 is on; `None` where they do not meet, or on something upright.
+    pub(super) fn surface(&self, k: usize) -> Option<Surface> {
+        match self.kind(k)? {
+            ImpactKind::On(surface) => Some(surface),
+            ImpactKind::Wall => None,
+        }
     }
 
-    /// The kind of impact between arcs k and k + 1, `None` where they do not meet.
+    /// The arcs that end on a floor or a ceiling, with which it is.
+    pub(super) fn surfaces(&self) -> impl Iterator<Item = (usize, Surface)> {
+        let gaps = 0..self.arcs().saturating_sub(1);
+        gaps.filter_map(|k| Some((k, self.surface(k)?)))
+    }
+
+    /// The kind of impact between arcs k and k + 1, `None` where they do not meet, or are not there.
     #[must_use]
     pub fn kind(&self, k: usize) -> Option<ImpactKind> {
-        self.flight.impacts[k]?;
+        (*self.flight.impacts.get(k)?)?;
         if self.calibration.view == View::Top {
-            return Some(ImpactKind::Floor);
+            return Some(ImpactKind::On(Surface::Floor));
         }
         let (_, before, after) = self.impact(&self.inputs.best(), k);
         let (dx, dz) = (after.vr - before.vr, after.vh - before.vh);
-        // A floor pushes up; friction adds at most about its own size sideways.
-        let floor = before.vh < 0.0 && after.vh > -0.05 * before.vh.abs() && dz > 0.8 * dx.abs();
-        Some(if floor {
-            ImpactKind::Floor
-        } else {
-            ImpactKind::Wall
-        })
+        // A floor pushes up, a ceiling down; friction adds at most about its own size sideways.
+        let is_on = |surface: &Surface| {
+            let up = surface.sign();
+            up * before.vh < 0.0 && up * after.vh > -0.05 * before.vh.abs() && up * dz > 0.8 * dx.abs()
+        };
+        let surface = [Surface::Floor, Surface::Ceiling].into_iter().find(is_on);
+        Some(surface.map_or(ImpactKind::Wall, ImpactKind::On))
     }
 
     /// Fitted gravity, m/s²; `None` where it cannot be checked (top view, or a scale taken from it). What the air takes from the fall

@@ -10,7 +10,7 @@
 //! Assumed: no ball is outside of these ranges; a reason beside the rate says that they decided. A pair of rates that it allows may be the wrong one still where two are: then neither is chosen.
 
 use super::inputs::InputValues;
-use super::motion::{ImpactKind, MeasuredMotion};
+use super::motion::MeasuredMotion;
 use super::spin_candidates::{ChosenSpin, SpinCandidates};
 use crate::quantity::Quantity;
 
@@ -75,7 +75,7 @@ impl MeasuredMotion<'_> {
         if !is_open
             || before.possible().is_empty()
             || after.possible().is_empty()
-            || self.kind(k) != Some(ImpactKind::Floor)
+            || self.surface(k).is_none()
         {
             return;
         }

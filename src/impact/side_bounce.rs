@@ -1,11 +1,12 @@
-//! A bounce seen from the side: angles, restitution, friction, spin.
+//! A bounce on floor or ceiling, seen from the side: angles, restitution, friction, spin.
 
 use super::floor::turned;
 use super::inputs::InputValues;
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
 use super::relations::ImpactVelocities;
 use super::seen_spin::{SPIN_CHANGE_SIGMAS, SpinSource};
-use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, reading};
+use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, Surface, reading};
+use crate::flight::planar::Motion;
 use crate::numeric::propagation::OutputQuantities;
 
 use crate::rebound::Regime;
@@ -55,26 +56,31 @@ enum SideOutput {
 
 impl MeasuredMotion<'_> {
     /// The impact between arcs `k` and `k + 1`, for any inputs. `history` are the bounces through which the launch's spin came;
-    /// `along` and `pull` the signs of angles and friction.
+    /// `along` and `pull` the signs of angles and friction. What happens on a ceiling is told as on a floor, z and spin turned round.
     fn side_outputs(
         &self,
         p: &InputValues<'_>,
-        k: usize,
+        (k, surface): (usize, Surface),
         history: Option<&[usize]>,
         (along, pull): (f64, f64),
     ) -> Vec<f64> {
+        let up = surface.sign();
         let (t, a, b) = self.impact(p, k);
-        // Both arcs come to the floor earlier by as much as they are ahead.
-        let t = t - 2.0 * p.errors.ahead * self.scale(p) / (b.vh - a.vh);
+        // Both arcs come to the surface earlier by as much as they are ahead.
+        let t = t - 2.0 * p.errors.ahead * self.scale(p) / (up * (b.vh - a.vh));
         let slope = self.slope(p);
-        let (before, after) = (turned(&a, slope), turned(&b, slope));
-        let seen_in = self.seen_spin_m_s(k, p.errors.spin_in);
-        let seen_out = self.seen_spin_m_s(k + 1, p.errors.spin_out);
+        let upright = |m: &Motion| {
+            let m = turned(m, slope);
+            Motion { vh: up * m.vh, ..m }
+        };
+        let (before, after) = (upright(&a), upright(&b));
+        let seen_in = up * self.seen_spin_m_s(k, p.errors.spin_in);
+        let seen_out = up * self.seen_spin_m_s(k + 1, p.errors.spin_out);
         let velocities = ImpactVelocities {
             before_m_s: (before.vr, before.vh),
             after_m_s: (after.vr, after.vh),
             spin_in_m_s: match history {
-                Some(history) => self.spin_in(p, k, history),
+                Some(history) => up * self.spin_in(p, k, history),
                 None => seen_in,
             },
             measured_spin_out_m_s: if seen_in.is_finite() { seen_out } else { f64::NAN },
@@ -93,22 +99,22 @@ impl MeasuredMotion<'_> {
             velocities.tangential_ratio(),
             pull * velocities.friction(),
             velocities.tangential_restitution(),
-            velocities.spin_in_m_s,
-            velocities.spin_out_m_s(),
+            up * velocities.spin_in_m_s,
+            up * velocities.spin_out_m_s(),
             velocities.slip_in_m_s(),
             velocities.lost_m_s(),
             before.vr,
             before.vh,
             after.vr,
             after.vh,
-            seen_in,
-            seen_out,
+            up * seen_in,
+            up * seen_out,
             seen_out - seen_in,
             velocities.lost_m_s() / (seen_out - seen_in),
         ]
     }
 
-    pub(super) fn side_bounce(&self, k: usize, history: Option<&[usize]>) -> Bounce {
+    pub(super) fn side_bounce(&self, (k, surface): (usize, Surface), history: Option<&[usize]>) -> Bounce {
         let tangent = self.inputs.outputs(|p| {
             let (_, before, after) = self.impact(p, k);
             let slope = self.slope(p);
@@ -127,7 +133,7 @@ impl MeasuredMotion<'_> {
         };
         let out = self
             .inputs
-            .outputs(|p| self.side_outputs(p, k, history, (along, pull)));
+            .outputs(|p| self.side_outputs(p, (k, surface), history, (along, pull)));
         let quantity = |which: Out| out.quantity(which as usize);
         let stands_out = |which: Out, sigmas: f64| out.stands_out(which as usize, sigmas);
         let slips = out.value(Out::SpinIn as usize).is_finite() && stands_out(Out::SlipIn, SLIP_SIGMAS);
@@ -149,6 +155,7 @@ impl MeasuredMotion<'_> {
             angle_rad: quantity(angle),
         };
         Bounce {
+            surface,
             time_s: quantity(Out::Time),
             x_m: quantity(Out::Place),
             incident: velocity(Out::BeforeX, Out::BeforeZ, Out::IncidentAngle),

@@ -2,7 +2,7 @@
 
 use super::floor::turned;
 use super::inputs::InputValues;
-use super::motion::{ImpactKind, MeasuredMotion};
+use super::motion::MeasuredMotion;
 use super::spin_lift::SpinLift;
 use crate::calibration::View;
 use crate::flight::Flight;
@@ -19,8 +19,7 @@ impl MeasuredMotion<'_> {
         }
     }
 
-    /// Spin R ω on each arc, plane units/s, positive where it rolls along +r: the launch's, and what each bounce on the
-    /// floor made of it.
+    /// Spin R ω on each arc, plane units/s, positive where it rolls along +r: the launch's, and what each bounce made of it.
     fn spins(&self) -> Vec<Option<f64>> {
         if self.calibration.view == View::Top {
             return Vec::new();
@@ -35,7 +34,7 @@ impl MeasuredMotion<'_> {
         for k in 0..self.arcs().saturating_sub(1) {
             let gained = self.spin_gained(p, slope, k) / inertia * unit;
             spin = spin
-                .filter(|_| self.kind(k) == Some(ImpactKind::Floor))
+                .filter(|_| self.surface(k).is_some())
                 .map(|s| s + gained)
                 .filter(|s| s.is_finite());
             spin = seen(k + 1).or(spin);
@@ -76,9 +75,11 @@ impl MeasuredMotion<'_> {
         impacts.map(|&j| self.spin_gained(p, slope, j) / inertia).sum()
     }
 
-    /// k times what the impact between arcs k and k + 1 adds to R ω, m/s: what the ball loses along the floor.
+    /// k times what the impact between arcs k and k + 1 adds to R ω, m/s: what the ball loses along the floor, or gains along a ceiling, where
+    /// friction acts on its top.
     pub(super) fn spin_gained(&self, p: &InputValues<'_>, slope: f64, k: usize) -> f64 {
         let (_, before, after) = self.impact(p, k);
-        turned(&before, slope).vr - turned(&after, slope).vr
+        let up = (after.vh - before.vh).signum();
+        up * (turned(&before, slope).vr - turned(&after, slope).vr)
     }
 }

@@ -8,7 +8,7 @@ use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
 use super::track_plots::{self, Coordinate, Plot};
 use super::words::{self, NO_VALUE, WrittenQuantity};
 use crate::impact::compliant_reading::CompliantReading;
-use crate::impact::{Bounce, Readings, XSource};
+use crate::impact::{Bounce, Readings, Surface, XSource};
 use crate::pipeline::{CalibrationFacts, Measurement, Outcome, View, Warning};
 use crate::quantity::Quantity;
 use crate::rebound::Preferred;
@@ -463,8 +463,11 @@ fn bounce_section(measurement: &Measurement) -> Markup {
                         thead {
                             tr {
                                 th scope="row" colspan="3" { "bounce" }
-                                @for index in 0..chunk.len() {
-                                    th scope="col" colspan="2" { (block * BOUNCES_A_TABLE + index + 1) }
+                                @for (index, bounce) in chunk.iter().enumerate() {
+                                    th scope="col" colspan="2" {
+                                        (block * BOUNCES_A_TABLE + index + 1)
+                                        @if bounce.surface == Surface::Ceiling { " (ceiling)" }
+                                    }
                                 }
                             }
                         }

@@ -206,8 +206,8 @@ fn bounce_lines(text: &mut String, bounces: &[Bounce]) {
             .max(8);
         text.push('\n');
         let mut heading = String::new();
-        for index in 0..chunk.len() {
-            let name = format!("bounce {}", block * BOUNCES_A_ROW + index + 1);
+        for (index, bounce) in chunk.iter().enumerate() {
+            let name = words::bounce_name(block * BOUNCES_A_ROW + index + 1, bounce);
             let _ = write!(heading, "  {name:<width$}");
         }
         let _ = writeln!(text, "{:<LABEL$}{:<SYMBOL$}{}", "", "", heading.trim_end());

@@ -5,7 +5,7 @@ use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, Distances, FloorSlope, FloorSource,
-    Readings, Speed, XSource,
+    Readings, Speed, Surface, XSource,
 };
 use crate::pipeline::{
     ArcMotion, ArcSample, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, Strobe, StrobeBall,
@@ -186,6 +186,7 @@ fn bounces() -> Vec<Bounce> {
             let down = before.vz - G * (before.end_s - before.time_s);
             let sideways = |flight: &FreeFall| flight.vx - flight.spin;
             Bounce {
+                surface: Surface::Floor,
                 time_s: q(after.time_s, 0.000_04),
                 x_m: q(after.x_m, 0.000_31),
                 incident: CentreVelocity {

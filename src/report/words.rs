@@ -2,7 +2,7 @@
 
 use crate::impact::compliant_reading::{CompliantReading, FrictionSource};
 use crate::impact::seen_spin::SpinSource;
-use crate::impact::{BenchLaunch, FloorSource, XSource};
+use crate::impact::{BenchLaunch, Bounce, FloorSource, Surface, XSource};
 use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
 use crate::rebound::{Preferred, Regime};
@@ -180,6 +180,14 @@ pub(super) fn compliant(reading: &CompliantReading) -> String {
 /// A difference in standard uncertainties.
 pub(super) fn sigmas(sigmas: Option<f64>) -> String {
     sigmas.map_or_else(|| NO_VALUE.to_owned(), |sigmas| format!("{sigmas:+.1} σ"))
+}
+
+/// A bounce's number, counted from 1, with what it is on where that is not the floor.
+pub(super) fn bounce_name(number: usize, bounce: &Bounce) -> String {
+    match bounce.surface {
+        Surface::Floor => format!("bounce {number}"),
+        Surface::Ceiling => format!("bounce {number} (ceiling)"),
+    }
 }
 
 /// What the contact point did, in a word: where the slip is only slowed, it slid.

@@ -5,7 +5,7 @@
 #[path = "../noise/mod.rs"]
 mod noise;
 
-use noise::Noise;
+pub use noise::Noise;
 use track::calibration::{Calibration, Floor, MetresPerPixel, Scale};
 use track::flight::extra_variance::ExtraVariance;
 use track::flight::linking::{LinkedSpots, Spot};

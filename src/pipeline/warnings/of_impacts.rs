@@ -8,7 +8,7 @@ use crate::flight::shake::Shake;
 use crate::impact::contact::SoftBall;
 use crate::impact::error_budget::READ_STD_PX;
 use crate::impact::motion::MeasuredMotion;
-use crate::impact::{Bounce, Impossible};
+use crate::impact::{Bounce, Impossible, Surface};
 use crate::pipeline::camera::CalibratedCamera;
 use crate::pipeline::in_metres::Impacts;
 use crate::pipeline::measurement::Warning;
@@ -78,7 +78,7 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     if impacts.walls > 0 {
         out.push(warning!(
             "not_a_floor",
-            "{} impact(s) are not on a floor (the speed along x turned, not the speed up): they are not among the bounces.",
+            "{} impact(s) are on something upright (the speed along x turned, not the speed up): they are not among the bounces.",
             impacts.walls
         ));
     }
@@ -475,6 +475,7 @@ fn different_heights(j: &WarningContext<'_>) -> Option<Warning> {
         .impacts
         .bounces
         .iter()
+        .filter(|(_, b)| b.surface == Surface::Floor)
         .filter_map(|(k, b)| Some(j.motion.place_m(*k, b.time_s?.value).1))
         .collect();
     let (first, second) = (heights.first()?, heights.get(1)?);

@@ -277,6 +277,8 @@ pub struct BounceDocument {
     pub restitution: Option<Quantity>,
     /// Tangential velocity after over before.
     pub tangential_ratio: Option<Quantity>,
+    /// What it is on: `floor` or `ceiling`, along which and whose normal everything but the velocities is told.
+    pub surface: &'static str,
     /// What the contact point did: `sliding`, `nonsliding`, `grip` or `undetermined`.
     pub regime: &'static str,
     /// μ of a ball that slid.
@@ -587,6 +589,7 @@ fn bounce(bounce: &Bounce) -> BounceDocument {
         rebound: velocity(&bounce.rebound),
         restitution: quantity(bounce.restitution),
         tangential_ratio: quantity(bounce.tangential_ratio),
+        surface: bounce.surface.name(),
         regime: words::slip(bounce.slip),
         friction: quantity(bounce.friction),
         friction_at_least: quantity(bounce.friction_at_least),
