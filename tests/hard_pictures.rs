@@ -221,6 +221,28 @@ fn two_balls() {
 }
 
 #[test]
+fn two_balls_that_cross_are_each_their_own() {
+    let clip = Clip::of(&scene(755));
+    let truth = clip.truth.centres.clone();
+    let (first_u, last_u) = (truth[0].u_px, truth[truth.len() - 1].u_px);
+    for later in [6, 14, 22, 30] {
+        // The same flight once more, from right to left and some frames later.
+        let both = clip.clone().changed(|i, frame, _| {
+            if let Some(t) = i.checked_sub(later).map(|k| &truth[k]) {
+                paint_disc(frame, first_u + last_u - t.u_px, t.v_px, 8.0, 200.0);
+            }
+        });
+        let found = both.measured();
+        assert!(found.is_measured(), "{later}: {:?}", found.reason());
+        // Of either ball these are the same: nothing may be made of an arc of the one and an arc of the other.
+        for name in ["e 1", "incident angle 1", "rebound angle 1"] {
+            let q = found.number(name).unwrap();
+            assert!(q.pull().unwrap().abs() < HONEST_SIGMAS, "{later}: {name} {q:?}");
+        }
+    }
+}
+
+#[test]
 fn a_camera_that_drifts_or_shakes() {
     for texture_grey in [6, 20] {
         let clip = Clip::of(&with(scene(760), "look", json!({"texture_grey": texture_grey})));

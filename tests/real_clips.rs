@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{self, Coding, Timing, VideoOptions, VideoWriter};
+use track::impact::Surface;
 use track::pipeline::{Measurement, Outcome, PointUse, measure};
 use track::quantity::Quantity;
 
@@ -224,7 +225,113 @@ fn every_calibration_of_a_clip_can_be_read() {
         Calibration::read(&entry.unwrap().path()).unwrap();
         read += 1;
     }
-    assert_eq!(read, 7);
+    assert_eq!(read, 13);
+}
+
+/// Figures of the clips' README are this uncertain.
+const KNOWN_STD: f64 = 0.01;
+
+/// The first impacts have these restitutions, each to three standard uncertainties of both.
+fn begins_within_3_std(m: &Measurement, known: &[(f64, f64)]) {
+    assert_eq!(m.outcome, Outcome::Measured);
+    assert!(m.bounces.len() >= known.len(), "{}", summary(m));
+    for (bounce, (known, known_std)) in m.bounces.iter().zip(known) {
+        let e = bounce.restitution.unwrap();
+        let both = e.std_uncertainty.unwrap().hypot(*known_std);
+        assert!(
+            (e.value - known).abs() < 3.0 * both,
+            "{e:?}, not {known}: {}",
+            summary(m)
+        );
+    }
+}
+
+#[test]
+fn one_frame_in_six_that_is_missing_is_put_back() {
+    let Some(m) = measured("drop-tennis-one-frame-in-six-missing.mp4") else {
+        return;
+    };
+    warning(&m, "frames_skipped");
+    begins_within_3_std(&m, &[0.662, 0.667, 0.669].map(|e| (e, KNOWN_STD)));
+}
+
+#[test]
+fn a_camera_that_pans_with_the_ball_bends_no_restitution() {
+    let Some(m) = measured("oblique-handheld-pan.mp4") else {
+        return;
+    };
+    begins_within_3_std(&m, &[0.714, 0.744].map(|e| (e, KNOWN_STD)));
+}
+
+#[test]
+fn a_slanted_view_is_told_and_put_right() {
+    let Some(m) = measured("drop-tennis-tilted-scale.mp4") else {
+        return;
+    };
+    warning(&m, "scale_changes");
+    // The README has 0.651 by the times of the fall from rest and of the flight, and 0.623 by a path with one more number: what is known lies
+    // between. With one scale for the picture it is 0.602.
+    begins_within_3_std(&m, &[(0.637, 0.014)]);
+    assert!(m.bounces.len() >= 2, "{}", summary(&m));
+}
+
+#[test]
+fn of_several_balls_one_is_followed_and_no_bounce_joins_two() {
+    if let Some(m) = measured("several-balls-high.mp4") {
+        warning(&m, "several_things_fly");
+        let found = restitutions(&m);
+        // One ball on one floor: restitutions that are alike.
+        assert!(
+            found.len() >= 2 && found.iter().all(|e| (0.7..0.9).contains(e)),
+            "{}",
+            summary(&m)
+        );
+    }
+    if let Some(m) = measured("several-balls-chaos.mp4") {
+        if m.outcome == Outcome::Measured {
+            warning(&m, "several_things_fly");
+            assert!(
+                restitutions(&m).iter().all(|e| (0.7..0.92).contains(e)),
+                "{}",
+                summary(&m)
+            );
+        }
+    }
+}
+
+#[test]
+fn a_superball_between_two_plates_bounces_on_both_and_shows_its_spin() {
+    let Some(m) = measured("superball-marked-between-plates.mp4") else {
+        return;
+    };
+    // Floor, ceiling, floor at about frames 15, 34 and 56 of 30 a second.
+    let found: Vec<(Surface, f64)> = m
+        .bounces
+        .iter()
+        .map(|b| (b.surface, b.time_s.unwrap().value * 30.0))
+        .collect();
+    let known = [
+        (Surface::Floor, 15.0),
+        (Surface::Ceiling, 34.0),
+        (Surface::Floor, 56.0),
+    ];
+    assert_eq!(found.len(), known.len(), "{found:.1?}");
+    for (found, known) in found.iter().zip(known) {
+        assert!(
+            found.0 == known.0 && (found.1 - known.1).abs() < 1.5,
+            "{found:.1?}, not {known:?}"
+        );
+    }
+    // By eye the cross on the ball turns by 14 degrees a frame counter-clockwise between the ceiling and the second floor impact (frames 35 to 55), and
+    // by 19 degrees clockwise before (frames 18 to 33), where no rate is given: what is told must not be the other way round.
+    let spin = |arc: usize| m.arcs[arc].spin.as_ref();
+    let after = spin(2).and_then(|s| s.rate_rad_s).unwrap()[1];
+    let by_eye = -14.0_f64.to_radians() * 30.0;
+    assert!((after.value - by_eye).abs() < 0.5, "{after:?}");
+    if let Some(before) = spin(1).and_then(|s| s.rate_rad_s) {
+        let by_eye = 19.0_f64.to_radians() * 30.0;
+        assert!((before[1].value - by_eye).abs() < 0.7, "{before:?}");
+    }
 }
 
 /// The clip twice in one file, the second time so many seconds later, measured; `None` where the clip is not there.

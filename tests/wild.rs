@@ -48,6 +48,10 @@ const WILD_CAUSES: [&str; 2] = ["scale_changes", "rolling_shutter"];
 const MOST_REFUSED: f64 = 0.08;
 const MOST_SILENT: f64 = 0.01;
 
+/// A bounce found within this part of the shortest flight between bounces (where there is one, and up to so long) of a true one is that.
+const SAME_BOUNCE: f64 = 0.25;
+const LONG_FLIGHT_S: f64 = 0.5;
+
 /// The chance of a second thing.
 const SECOND: f64 = 0.35;
 
@@ -449,7 +453,10 @@ fn judged(m: &Measurement, truth: &Truth, interval_s: f64) -> Option<Made> {
         None => (&truth.bounces, truth.x0_m, truth.x_m),
     };
     let found_s = m.bounces.first()?.time_s?;
-    let near_s = 1.5 * interval_s + 5.0 * found_s.std_uncertainty.unwrap_or(0.0);
+    // Which bounce it is a clock that lost some frames before it tells as well: bounces are further apart. How far off the time is counts all the same.
+    let between = bounces.windows(2).map(|w| w[1].time_s - w[0].time_s);
+    let near_s = (1.5 * interval_s + 5.0 * found_s.std_uncertainty.unwrap_or(0.0))
+        .max(SAME_BOUNCE * between.fold(f64::INFINITY, f64::min).min(LONG_FLIGHT_S));
     let off_s = |b: &BounceTruth| (b.time_s - found_s.value).abs();
     let nearest = (0..bounces.len()).min_by(|&a, &b| off_s(&bounces[a]).total_cmp(&off_s(&bounces[b])));
     let seen = nearest.filter(|&k| off_s(&bounces[k]) < near_s);

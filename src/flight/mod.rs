@@ -25,6 +25,7 @@ mod arc_selection;
 pub mod bend;
 pub mod clock;
 pub mod continuation;
+pub mod crossing;
 pub mod distant_top_view;
 pub mod drag;
 pub mod dropped_frames;

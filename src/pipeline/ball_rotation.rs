@@ -143,7 +143,7 @@ impl FlightPictures<'_> {
     }
 
     /// Looks once more at the arcs that showed no rate, or made too few turns for their marks to be told from the light: in the light that all
-    /// arcs have in common.
+    /// arcs have in common, or else in a smooth one.
     fn settle_slow(
         &self,
         arcs: &[Vec<(BallCentre, f64)>],
@@ -173,7 +173,12 @@ impl FlightPictures<'_> {
                 light: Some(light),
                 ..*search
             });
-            let again = lit.and_then(|lit| self.rates(arc, &lit).ok());
+            let smooth = || {
+                let step = arc.len().div_ceil(SEARCH_FRAMES).max(1);
+                let sparse: Vec<(BallCentre, f64)> = arc.iter().step_by(step).copied().collect();
+                search.in_smooth_light(&self.views(&sparse)).ok()
+            };
+            let again = lit.and_then(|lit| self.rates(arc, &lit).ok()).or_else(smooth);
             let without = || match &found.rates {
                 Ok(_) => Err(NoRate::TooFewTurns),
                 Err(reason) => Err(*reason),

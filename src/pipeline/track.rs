@@ -4,8 +4,10 @@ use super::camera::CalibratedCamera;
 use super::clock::Clocked;
 use super::spots::{BallCentre, first_spots, with_id};
 use crate::calibration::Optics;
+use crate::flight::crossing::first_crossing;
+use crate::flight::flight_search::FlightSearch;
 use crate::flight::linking::{LinkedSpots, Spot};
-use crate::flight::{self, Flight, NoFlight, OtherFlight};
+use crate::flight::{self, Flight, NoFlight, OtherFlight, SpotUse};
 use crate::numeric::robust::median;
 
 /// A flight and the centres that it is made of.
@@ -53,6 +55,9 @@ pub fn tracked(
     let model = camera.motion_model(None, None);
     let chosen = centres.iter().find(|c| c.is_chosen).map(|c| c.id);
     let mut flight = flight::find_through(&linked, &*model, chosen)?;
+    if let Some((rest, alone)) = of_one_thing(&linked, &flight, &*model, chosen) {
+        (linked, flight) = (rest, alone);
+    }
     // Linked anew without it: a ball and its shadow beside it may be taken for each other from frame to frame.
     let mut others = flight::others(&without(&linked, &flight), &flight, &*model);
     // What was found may be the shadow of the ball, where no person says which it is.
@@ -79,6 +84,45 @@ pub fn tracked(
         optics,
         others,
     })
+}
+
+/// Crossings that are taken apart, at most.
+const MOST_CROSSINGS: usize = 3;
+
+/// Of a flight that goes from one thing over to another where they cross, the flight of the one that it has more points of, among what is left without the
+/// other; `None` where it crosses nothing.
+fn of_one_thing(
+    linked: &LinkedSpots,
+    flight: &Flight,
+    model: &dyn FlightSearch,
+    chosen: Option<usize>,
+) -> Option<(LinkedSpots, Flight)> {
+    let mut found: Option<(LinkedSpots, Flight)> = None;
+    // What goes on behind a crossing may have been taken away before.
+    let all = &linked.spots;
+    for _ in 0..MOST_CROSSINGS {
+        let (linked, flight) = found.as_ref().map_or((linked, flight), |(l, f)| (l, f));
+        let Some(k) = first_crossing(flight, all) else {
+            break;
+        };
+        let arc_of = |use_: SpotUse| match use_ {
+            SpotUse::Used(arc) => Some(arc),
+            _ => None,
+        };
+        let sides = flight
+            .points
+            .iter()
+            .filter_map(|p| Some((arc_of(p.use_)? <= k, p.spot.id)));
+        let (before, after): (Vec<_>, Vec<_>) = sides.partition(|(is_before, _)| *is_before);
+        let is_chosen = |side: &[(bool, usize)]| side.iter().any(|(_, id)| Some(*id) == chosen);
+        let keeps_after = is_chosen(&after) || (!is_chosen(&before) && after.len() > before.len());
+        let other = if keeps_after { before } else { after };
+        let is_left = |s: &&Spot| other.iter().all(|(_, id)| *id != s.id);
+        let rest = LinkedSpots::new(linked.spots.iter().filter(is_left).copied().collect());
+        let alone = flight::find_through(&rest, model, chosen).ok()?;
+        found = Some((rest, alone));
+    }
+    found
 }
 
 /// All that was seen but the thing that flies.

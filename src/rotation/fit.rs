@@ -16,7 +16,7 @@
 use super::cube_map::{CubeGrid, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
 use super::view::BallSamples;
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use rayon::prelude::*;
 
 /// Steps of the rate at most, and after how many the curvature is taken anew.
@@ -85,6 +85,8 @@ pub struct RotationFit {
     pub scatter: f64,
     /// Σ of squared residuals over their weights.
     pub sum_squares: f64,
+    /// The same as if each pixel had no part in the map that it is held against.
+    pub cross_validated: f64,
     /// Root mean square residual, logarithm of brightness.
     pub residual: f64,
 }
@@ -130,8 +132,8 @@ pub struct RoughFit {
     pub rate_rad_s: Vector3<f64>,
     /// The maps.
     pub maps: BallMaps,
-    /// Σ of squared residuals over their weights.
-    pub sum_squares: f64,
+    /// Σ of squared residuals over their weights, as if each pixel had no part in the map that it is held against.
+    pub cross_validated: f64,
 }
 
 /// What a fit needs beside the samples.
@@ -227,6 +229,59 @@ pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f64>, BallMaps) {
         take_map(samples, &mut residuals, &grids.lit, &mut maps.light, 0.0);
     }
     (residuals, maps)
+}
+
+/// Powers of the place in a smooth light.
+const SMOOTH: [(i32, i32); SMOOTH_TERMS] = [
+    (0, 0),
+    (1, 0),
+    (0, 1),
+    (2, 0),
+    (1, 1),
+    (0, 2),
+    (3, 0),
+    (2, 1),
+    (1, 2),
+    (0, 3),
+    (4, 0),
+    (3, 1),
+    (2, 2),
+    (1, 3),
+    (0, 4),
+];
+const SMOOTH_TERMS: usize = 15;
+
+/// The light alone, a polynomial of the fourth degree as a matt ball has it: what is sharper is left to the marks, however slowly they turn.
+#[must_use]
+pub fn smooth_light(samples: &BallSamples, grids: &FitGrids) -> BallMaps {
+    let mut maps = BallMaps::dark(samples, grids);
+    let terms = |[a, b]: [f64; 2]| {
+        SVector::<f64, SMOOTH_TERMS>::from_fn(|k, _| a.powi(SMOOTH[k].0) * b.powi(SMOOTH[k].1))
+    };
+    let mut matrix = 1e-9 * SMatrix::<f64, SMOOTH_TERMS, SMOOTH_TERMS>::identity();
+    for &place in &samples.places {
+        let x = terms(place);
+        matrix += x * x.transpose();
+    }
+    let Some(chol) = matrix.cholesky() else {
+        return maps;
+    };
+    let mut residuals = samples.values.clone();
+    for _ in 0..STILL_ROUNDS {
+        take_gains(samples, &mut residuals, &mut maps.gains);
+        let mut right = SVector::<f64, SMOOTH_TERMS>::zeros();
+        for (r, &place) in residuals.iter().zip(&samples.places) {
+            right += *r * terms(place);
+        }
+        let found = chol.solve(&right);
+        for (r, &place) in residuals.iter_mut().zip(&samples.places) {
+            *r -= found.dot(&terms(place));
+        }
+        for (k, light) in maps.light.iter_mut().enumerate() {
+            *light += found.dot(&terms(grids.disc.place(k)));
+        }
+    }
+    maps
 }
 
 /// Moves what the residuals have in common with a parabola in time into the frames' gains: light changes smoothly along a path. (A gain
@@ -578,12 +633,18 @@ pub fn rough(
     }
     RoughFit {
         rate_rad_s: rate,
+        cross_validated: found.cross_validated(samples),
         maps: found.maps,
-        sum_squares: found.sum_squares,
     }
 }
 
 impl MapsAtRate {
+    /// Σ of squares as if each pixel had no part in the map that it is held against (generalised cross-validation, Craven and Wahba 1979): a rate that
+    /// brings more of the ball into view has more of a map to suit the pixels, and must not win by that.
+    fn cross_validated(&self, samples: &BallSamples) -> f64 {
+        self.sum_squares / others_part(samples, &self.turned, &self.maps).powi(2)
+    }
+
     /// Curvature of half of χ² (times the variance) by the rate, the maps held.
     fn held_curvature(&self, samples: &BallSamples, rate: &Vector3<f64>) -> Matrix3<f64> {
         let held = self.equations.iter().zip(&samples.times_s);
@@ -595,6 +656,7 @@ impl MapsAtRate {
 
     /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.
     fn with_scatter(self, samples: &BallSamples, rate: Vector3<f64>, inverse: Matrix3<f64>) -> RotationFit {
+        let cross_validated = self.cross_validated(samples);
         let Self {
             turned,
             maps,
@@ -605,7 +667,7 @@ impl MapsAtRate {
         let frames = samples.frames();
         let variance = sum_squares / samples.values.len() as f64;
         // A frame has its part in the map that it is held against.
-        let own = 1.0 / (1.0 - own_part(samples, &turned, &maps)).max(0.3);
+        let own = 1.0 / others_part(samples, &turned, &maps);
         let mut off_rad = Vec::with_capacity(frames);
         let mut off_std_rad = Vec::with_capacity(frames);
         let mut whitened: Vec<Option<Vector3<f64>>> = Vec::with_capacity(frames);
@@ -639,13 +701,14 @@ impl MapsAtRate {
             off_rad,
             scatter,
             sum_squares,
+            cross_validated,
             residual: variance.sqrt(),
         }
     }
 }
 
-/// The part that a pixel itself has in the map's value there, on average.
-fn own_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 {
+/// The part that other pixels have in the map's value at a pixel, on average; never so little that nothing is left.
+fn others_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 {
     let mut sum = 0.0;
     for (c, w) in turned.corners.iter().zip(&samples.weights) {
         for &(k, part) in c {
@@ -653,7 +716,7 @@ fn own_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 
             sum += w * part * part / maps.seen[k as usize].max(1e-9);
         }
     }
-    sum / samples.values.len() as f64
+    (1.0 - sum / samples.values.len() as f64).max(0.3)
 }
 
 /// What a pixel shows that sees the ball in two directions: the logarithm of their mean brightness.

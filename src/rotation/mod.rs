@@ -42,6 +42,10 @@ const LEAST_MARKS: f64 = 1.5;
 /// Part of what a still picture leaves over, beside noise, that a rotation must explain. A codec's own noise, which nobody knows, is in that.
 const LEAST_EXPLAINED: f64 = 0.25;
 
+/// Marks that change a ball's brightness by this part of it, root mean square over its picture, are drawn: a codec's traces, which go along with the ball
+/// from frame to frame, are less.
+const DRAWN: f64 = 0.1;
+
 /// So many times what [`CONTROLS`] explain a rotation must explain: any map that turns takes up some noise.
 const LEAST_OVER_CONTROLS: f64 = 2.0;
 
@@ -70,6 +74,10 @@ const ONE_START_RAD: f64 = 0.05;
 
 /// Rates whose likelihoods are within this of the best are rivals (twice the logarithm).
 const RIVAL: f64 = 9.0;
+
+/// A rate that explains this part of what the best explains is a rival: what the best leaves over is not noise but what the model lacks (a codec,
+/// centres, light), and that may be as much in favour of the one as of the other.
+const RIVAL_EXPLAINED: f64 = 0.75;
 
 /// Part of Σ of squares by which the same maps differ that lie otherwise on their grids.
 const GRID_PART: f64 = 0.05;
@@ -147,7 +155,7 @@ impl RotationEvidence {
         if mean_square(squares) < LEAST_MARKS * LEAST_MARKS * noise {
             return Err(NoRate::Plain);
         }
-        if let Some(light) = search.light {
+        if let Some(light) = search.light.filter(|light| light.contrast() > 0.0) {
             let as_marked = mean_square(squares).sqrt() / light.contrast();
             if !(1.0 / AS_MARKED..AS_MARKED).contains(&as_marked) {
                 return Err(NoRate::Unexplained);
@@ -171,10 +179,19 @@ impl RotationEvidence {
         })
     }
 
-    /// Whether a rotation explains most of what else nothing does.
+    /// Whether what nothing explains is as strong as what is drawn on a ball.
+    fn is_drawn(&self) -> bool {
+        self.drifting - self.noise > DRAWN * DRAWN
+    }
+
+    /// The part that a rotation explains of what else nothing does.
+    fn explained_by(&self, fit: &RotationFit) -> f64 {
+        let left = fit.cross_validated / self.samples.values.len() as f64;
+        (self.drifting - left) / (self.drifting - self.noise)
+    }
+
     fn is_explained_by(&self, fit: &RotationFit) -> bool {
-        let left = fit.sum_squares / self.samples.values.len() as f64;
-        self.drifting - left > LEAST_EXPLAINED * (self.drifting - self.noise)
+        self.explained_by(fit) > LEAST_EXPLAINED
     }
 }
 
@@ -196,23 +213,23 @@ impl RotationSearch<'_> {
         let likely = candidates.iter().filter(|c| c.score > least.max(0.0));
         let rough = likely.map(|c| fit::rough(samples, &evidence.grids, &evidence.maps, c.rate_rad_s, lit));
         let mut rough: Vec<RoughFit> = rough.collect();
-        rough.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
-        let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.sum_squares);
+        rough.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
+        let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.cross_validated);
         let mut starts: Vec<Vector3<f64>> = Vec::new();
         for RoughFit {
             rate_rad_s,
-            sum_squares,
+            cross_validated,
             ..
         } in rough
         {
             let apart =
                 |other: &Vector3<f64>| (rate_rad_s - other).norm() * samples.longest_s() > ONE_START_RAD;
-            if sum_squares <= most && starts.iter().all(apart) {
+            if cross_validated <= most && starts.iter().all(apart) {
                 starts.push(rate_rad_s);
             }
         }
         let mut fits: Vec<RotationFit> = starts.into_iter().filter_map(fitted).collect();
-        fits.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
+        fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let other_way = fits
             .first()
             .and_then(|best| other_way(best.rate_rad_s, interval_s));
@@ -242,6 +259,38 @@ impl RotationSearch<'_> {
         let (samples, grids) = (&evidence.samples, &evidence.grids);
         let again = |f: &RotationFit| fit::fit(samples, grids, &f.maps, f.rate_rad_s, lit);
         self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)
+    }
+
+    /// The rates that views of one flight, no more than [`SEARCH_FRAMES`], show if the light on the ball is as smooth as on a matt one. They have to explain
+    /// what no light of any shape does that stays, or drifts; what such a light would make of a rate is in its uncertainty.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn in_smooth_light(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
+        let free = RotationEvidence::new(self, views)?;
+        if !free.is_drawn() {
+            return Err(NoRate::TooFewTurns);
+        }
+        let light = fit::smooth_light(&free.samples, &free.grids);
+        let lit = RotationSearch {
+            light: Some(&light),
+            ..*self
+        };
+        let spanning = |mut f: RotationFit| {
+            let freely = fit::fit(&free.samples, &free.grids, &free.maps, f.rate_rad_s, false)?;
+            let off = freely.rate_rad_s - f.rate_rad_s;
+            f.covariance += off * off.transpose();
+            Some(f)
+        };
+        let rivals = lit.rivals(views)?.into_iter();
+        let found: Vec<RotationFit> = rivals
+            .filter(|f| free.is_explained_by(f))
+            .filter_map(spanning)
+            .collect();
+        if found.is_empty() {
+            return Err(NoRate::TooFewTurns);
+        }
+        Ok(found)
     }
 
     /// The light that several flights of the ball have in common, from their views and the rates that each showed by itself: light and
@@ -293,13 +342,16 @@ impl RotationSearch<'_> {
         evidence: &RotationEvidence,
     ) -> Result<Vec<RotationFit>, NoRate> {
         fits.retain(|f| evidence.is_explained_by(f));
-        fits.sort_by(|a, b| a.sum_squares.total_cmp(&b.sum_squares));
+        fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         let unit = best.sum_squares / evidence.samples.values.len() as f64 * best.scatter.powi(2);
-        let most = (1.0 + GRID_PART) * best.sum_squares + RIVAL * unit;
+        let most = (1.0 + GRID_PART) * best.cross_validated + RIVAL * unit;
+        let likely = RIVAL_EXPLAINED * evidence.explained_by(best);
         let mut rivals: Vec<RotationFit> = Vec::new();
         for f in fits {
-            if f.sum_squares <= most && rivals.iter().all(|r| r.differs_from(&f)) {
+            if (f.cross_validated <= most || evidence.explained_by(&f) > likely)
+                && rivals.iter().all(|r| r.differs_from(&f))
+            {
                 rivals.push(self.with_axis_std(f, evidence));
             }
         }
