@@ -708,6 +708,16 @@ fn a_recording_that_crashes_or_hangs_costs_itself_and_is_tried_again() {
 }
 
 #[test]
+fn figures_of_the_series_are_files_where_they_are_asked_for() {
+    let (_dir, lab, out) = lab();
+    let told = batch(&[&lab], &out).arg("--formats=svg").assert().code(0);
+    told.stderr(contains("angles.svg"));
+    let figure = fs::read_to_string(out.join("angles.svg")).unwrap();
+    assert!(figure.contains("<svg") && figure.trim_end().ends_with("</svg>"));
+    assert!(out.join("fit.json").exists() && out.join("report.html").exists());
+}
+
+#[test]
 fn a_lack_of_memory_is_told_as_one() {
     let (_dir, lab, out) = lab();
     let assert = batch(&[&lab.join("a.mp4")], &out)

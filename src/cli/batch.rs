@@ -13,7 +13,9 @@ use crate::calibration::Calibration;
 use crate::detect::centre::Accuracy;
 use crate::edits::Edits;
 use crate::pipeline::{MeasureSettings, SpinSearch, measure_edited};
+use crate::rebound::fit::csv;
 use crate::report::escape::on_one_line;
+use crate::report::formats::series::{SeriesFormat, write_fit};
 use crate::report::formats::{batch_formats, write_recording};
 use crate::report::series_table;
 use clap::Args;
@@ -60,6 +62,9 @@ pub struct BatchArgs {
     /// Keep recordings in the fit whose fall contradicts g, or whose scale contradicts the ball's size.
     #[arg(long)]
     pub keep_refuted: bool,
+    /// Write these of the series, too: svg is each figure as a file. fit.json and report.html always are.
+    #[arg(long, value_name = "FORMATS", value_delimiter = ',', conflicts_with = "shard")]
+    pub formats: Vec<SeriesFormat>,
     /// Measure this part only, as 2/16 the second of 16; the parts run on any machines that share the folder. Then --merge.
     #[arg(long, value_name = "I/N", conflicts_with = "keep_refuted")]
     pub shard: Option<Shard>,
@@ -190,7 +195,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
         let named = !args.paths.is_empty() || args.manifest.is_some();
         let given = named.then(plan).transpose()?;
         let (plan, finished) = batch::merge::run(given.as_ref(), refuted, &args.out)?;
-        return report(&plan, &finished);
+        return report(&plan, &finished, args, refuted);
     }
     let plan = plan()?;
     let cores = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
@@ -215,7 +220,7 @@ pub fn run(args: &BatchArgs) -> anyhow::Result<Status> {
     let mut watcher = Watcher::new(plan.recordings.len());
     let finished = batch::run(&plan, &settings, &args.out, &mut |p| watcher.see(p))?;
     watcher.bar.finish_and_clear();
-    report(&plan, &finished)
+    report(&plan, &finished, args, refuted)
 }
 
 /// Measures a shard and says how its recordings ended.
@@ -237,13 +242,24 @@ fn run_shard(plan: &BatchPlan, shard: Shard, settings: &BatchSettings, out: &Pat
 }
 
 /// What there is to know of a series that was written.
-fn report(plan: &BatchPlan, finished: &BatchSummary) -> anyhow::Result<Status> {
+fn report(
+    plan: &BatchPlan,
+    finished: &BatchSummary,
+    args: &BatchArgs,
+    refuted: RefutedRecordings,
+) -> anyhow::Result<Status> {
     for note in &finished.notes {
         say(&on_one_line(&format!("warning: {}: {}", note.code, note.message)));
     }
     super::fit::warn(&finished.fit);
     for path in &finished.files {
         note(&format!("wrote {}", path.display()));
+    }
+    if finished.rows > 0 && args.formats.contains(&SeriesFormat::Svg) {
+        let series = csv::read_with(&args.out, refuted)?;
+        for path in write_fit(&series, &finished.fit, &args.out, &[SeriesFormat::Svg])? {
+            note(&format!("wrote {}", path.display()));
+        }
     }
     let mut text = summary(plan, &finished.outcomes, finished.now);
     if finished.rows > 0 {
