@@ -9,7 +9,7 @@ use flown::{Film, Measured, quantities, sound, truths};
 use nalgebra::Vector3;
 use track::flight::linking::Spot;
 use track::geometry::PixelPoint;
-use track::impact::{Bounce, Surface};
+use track::impact::{Bounce, BounceSurface};
 use track::quantity::Quantity;
 use track::rebound::{ModelName, Regime, RigidMotion, SOLID_SPHERE, THIN_SHELL, e_e, grip_slide, mu_e};
 
@@ -898,9 +898,9 @@ fn a_ball_between_two_plates_bounces_on_both() {
     );
     for (b, (falling, t, x, before, after)) in measured.bounces.iter().zip(truth) {
         let (surface, up) = if falling {
-            (Surface::Floor, 1.0)
+            (BounceSurface::Floor, 1.0)
         } else {
-            (Surface::Ceiling, -1.0)
+            (BounceSurface::Ceiling, -1.0)
         };
         assert_eq!(b.surface, surface);
         let (v, w) = (before.velocity_m_s, after.velocity_m_s);

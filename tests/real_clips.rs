@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::{self, Coding, Timing, VideoOptions, VideoWriter};
-use track::impact::Surface;
+use track::impact::BounceSurface;
 use track::pipeline::{Measurement, Outcome, PointUse, measure};
 use track::quantity::Quantity;
 
@@ -305,15 +305,15 @@ fn a_superball_between_two_plates_bounces_on_both_and_shows_its_spin() {
         return;
     };
     // Floor, ceiling, floor at about frames 15, 34 and 56 of 30 a second.
-    let found: Vec<(Surface, f64)> = m
+    let found: Vec<(BounceSurface, f64)> = m
         .bounces
         .iter()
         .map(|b| (b.surface, b.time_s.unwrap().value * 30.0))
         .collect();
     let known = [
-        (Surface::Floor, 15.0),
-        (Surface::Ceiling, 34.0),
-        (Surface::Floor, 56.0),
+        (BounceSurface::Floor, 15.0),
+        (BounceSurface::Ceiling, 34.0),
+        (BounceSurface::Floor, 56.0),
     ];
     assert_eq!(found.len(), known.len(), "{found:.1?}");
     for (found, known) in found.iter().zip(known) {

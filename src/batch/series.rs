@@ -13,7 +13,7 @@
 use super::BatchRecording;
 use super::vetting::{DUPLICATE, LeftOut};
 use crate::calibration::Calibration;
-use crate::impact::{Speed, Surface};
+use crate::impact::{BounceSurface, Speed};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -217,7 +217,7 @@ pub fn table<'a>(
 /// The bounces of a launch on the floor: a series is of one pair of ball and floor.
 fn on_floor(launch: &Value) -> impl Iterator<Item = &Value> {
     let all = launch["bounces"].as_array().into_iter().flatten();
-    all.filter(|bounce| bounce["surface"] != Surface::Ceiling.name())
+    all.filter(|bounce| bounce["surface"] != BounceSurface::Ceiling.name())
 }
 
 /// The bounces of a launch on the floor, each with the shared slope's part of the covariance of its velocities as often as there are

@@ -2,7 +2,7 @@
 
 use super::motion::MeasuredMotion;
 use super::top_view;
-use super::{Bounce, Surface};
+use super::{Bounce, BounceSurface};
 use crate::calibration::View;
 
 /// A restitution above 1 by this many standard uncertainties is no restitution.
@@ -20,7 +20,7 @@ impl MeasuredMotion<'_> {
     /// The impacts on floor or ceiling as bounces, in time order, with the index of the arc before each.
     #[must_use]
     pub fn bounces(&self) -> Vec<(usize, Bounce)> {
-        let (before, surfaces): (Vec<usize>, Vec<Surface>) = self.surfaces().unzip();
+        let (before, surfaces): (Vec<usize>, Vec<BounceSurface>) = self.surfaces().unzip();
         let mut bounces = Vec::new();
         let mut unbroken = true;
         for (i, (&k, &surface)) in before.iter().zip(&surfaces).enumerate() {

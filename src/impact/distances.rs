@@ -2,7 +2,7 @@
 
 use super::inputs::InputValues;
 use super::motion::MeasuredMotion;
-use super::{Bounce, Distances, Surface, XSource, top_view};
+use super::{Bounce, BounceSurface, Distances, XSource, top_view};
 use crate::calibration::View;
 use crate::quantity::Quantity;
 
@@ -23,7 +23,7 @@ impl MeasuredMotion<'_> {
     }
 
     fn distances_of(&self, bounces: &[(usize, Bounce)]) -> Distances {
-        let mut floors = bounces.iter().filter(|(_, b)| b.surface == Surface::Floor);
+        let mut floors = bounces.iter().filter(|(_, b)| b.surface == BounceSurface::Floor);
         let Some(&(first, _)) = floors.next() else {
             return Distances::default();
         };
@@ -38,7 +38,9 @@ impl MeasuredMotion<'_> {
                 (self.inputs.quantity(seen), XSource::Observed)
             }
             // Nothing comes down through a ceiling.
-            _ if self.calibration.view == View::Top || self.surface(first + 1) == Some(Surface::Ceiling) => {
+            _ if self.calibration.view == View::Top
+                || self.surface(first + 1) == Some(BounceSurface::Ceiling) =>
+            {
                 return Distances {
                     x0_m,
                     ..Distances::default()

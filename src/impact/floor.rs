@@ -15,7 +15,7 @@
 
 use super::inputs::InputValues;
 use super::motion::MeasuredMotion;
-use super::{FloorSlope, FloorSource, Surface};
+use super::{BounceSurface, FloorSlope, FloorSource};
 use crate::calibration::View;
 use crate::flight::planar::Motion;
 
@@ -156,7 +156,7 @@ impl MeasuredMotion<'_> {
         }
         let in_a_row = (0..self.arcs().saturating_sub(1)).map_while(|k| Some((k, self.surface(k)?)));
         let all = in_a_row
-            .filter(|(_, surface)| *surface == Surface::Floor)
+            .filter(|(_, surface)| *surface == BounceSurface::Floor)
             .map(|(k, _)| k);
         let floors = crate::frames::evenly_of(all.collect::<Vec<_>>().into_iter(), MOST_TOUCHES);
         let heights = self

@@ -1,6 +1,6 @@
 //! From a flight and its calibration to the measured motion, with the covariance of everything that it depends on.
 
-use super::Surface;
+use super::BounceSurface;
 use super::bench_edge;
 use super::contact::half_contact_s;
 use super::error_budget::{SPHERE_LAW_STD, SQUARE_LAW_STD};
@@ -134,7 +134,7 @@ impl<'a> MeasuredMotion<'a> {
         let calibration = self.calibration;
         let impacts = 0..self.flight.impacts.len();
         let mut below = impacts
-            .filter(|&k| self.flight.impacts[k].is_some() && self.surface(k) != Some(Surface::Ceiling));
+            .filter(|&k| self.flight.impacts[k].is_some() && self.surface(k) != Some(BounceSurface::Ceiling));
         let first = below.next()?;
         if !calibration.has_origin() || calibration.view == View::Top {
             return None;

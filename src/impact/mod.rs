@@ -94,7 +94,7 @@ pub struct Correlation {
 
 /// What a ball bounces on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Surface {
+pub enum BounceSurface {
     /// Below it.
     #[default]
     Floor,
@@ -102,7 +102,7 @@ pub enum Surface {
     Ceiling,
 }
 
-impl Surface {
+impl BounceSurface {
     /// Its name in files and words.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -126,7 +126,7 @@ impl Surface {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bounce {
     /// What it is on.
-    pub surface: Surface,
+    pub surface: BounceSurface,
     /// Time, s.
     pub time_s: Option<Quantity>,
     /// Place along the launch, m.

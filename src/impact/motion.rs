@@ -1,6 +1,6 @@
 //! The measured motion in metres, for any values of its inputs: places and velocities on the arcs, and where they meet.
 
-use super::Surface;
+use super::BounceSurface;
 use super::contact::SoftBall;
 use super::inputs::{InputValues, MotionInputs};
 use super::spin_candidates::SpinCandidates;
@@ -69,7 +69,7 @@ pub(super) struct SlopeSources {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImpactKind {
     /// On a floor (the ball came down and went up) or a ceiling (it came up and went down).
-    On(Surface),
+    On(BounceSurface),
     /// On something upright, or an edge.
     Wall,
 }
@@ -260,7 +260,7 @@ impl MeasuredMotion<'_> {
     }
 
     /// What the impact between arcs k and k + 1 is on; `None` where they do not meet, or on something upright.
-    pub(super) fn surface(&self, k: usize) -> Option<Surface> {
+    pub(super) fn surface(&self, k: usize) -> Option<BounceSurface> {
         match self.kind(k)? {
             ImpactKind::On(surface) => Some(surface),
             ImpactKind::Wall => None,
@@ -268,7 +268,7 @@ impl MeasuredMotion<'_> {
     }
 
     /// The arcs that end on a floor or a ceiling, with which it is.
-    pub(super) fn surfaces(&self) -> impl Iterator<Item = (usize, Surface)> {
+    pub(super) fn surfaces(&self) -> impl Iterator<Item = (usize, BounceSurface)> {
         let gaps = 0..self.arcs().saturating_sub(1);
         gaps.filter_map(|k| Some((k, self.surface(k)?)))
     }
@@ -278,16 +278,18 @@ impl MeasuredMotion<'_> {
     pub fn kind(&self, k: usize) -> Option<ImpactKind> {
         (*self.flight.impacts.get(k)?)?;
         if self.calibration.view == View::Top {
-            return Some(ImpactKind::On(Surface::Floor));
+            return Some(ImpactKind::On(BounceSurface::Floor));
         }
         let (_, before, after) = self.impact(&self.inputs.best(), k);
         let (dx, dz) = (after.vr - before.vr, after.vh - before.vh);
         // A floor pushes up, a ceiling down; friction adds at most about its own size sideways.
-        let is_on = |surface: &Surface| {
+        let is_on = |surface: &BounceSurface| {
             let up = surface.sign();
             up * before.vh < 0.0 && up * after.vh > -0.05 * before.vh.abs() && up * dz > 0.8 * dx.abs()
         };
-        let surface = [Surface::Floor, Surface::Ceiling].into_iter().find(is_on);
+        let surface = [BounceSurface::Floor, BounceSurface::Ceiling]
+            .into_iter()
+            .find(is_on);
         Some(surface.map_or(ImpactKind::Wall, ImpactKind::On))
     }
 

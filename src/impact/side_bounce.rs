@@ -5,7 +5,7 @@ use super::inputs::InputValues;
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion};
 use super::relations::ImpactVelocities;
 use super::seen_spin::{SPIN_CHANGE_SIGMAS, SpinSource};
-use super::{AlongFloor, Bounce, CentreVelocity, Correlation, Impossible, Speed, Surface, reading};
+use super::{AlongFloor, Bounce, BounceSurface, CentreVelocity, Correlation, Impossible, Speed, reading};
 use crate::flight::planar::Motion;
 use crate::numeric::propagation::OutputQuantities;
 
@@ -60,7 +60,7 @@ impl MeasuredMotion<'_> {
     fn side_outputs(
         &self,
         p: &InputValues<'_>,
-        (k, surface): (usize, Surface),
+        (k, surface): (usize, BounceSurface),
         history: Option<&[usize]>,
         (along, pull): (f64, f64),
     ) -> Vec<f64> {
@@ -114,7 +114,11 @@ impl MeasuredMotion<'_> {
         ]
     }
 
-    pub(super) fn side_bounce(&self, (k, surface): (usize, Surface), history: Option<&[usize]>) -> Bounce {
+    pub(super) fn side_bounce(
+        &self,
+        (k, surface): (usize, BounceSurface),
+        history: Option<&[usize]>,
+    ) -> Bounce {
         let tangent = self.inputs.outputs(|p| {
             let (_, before, after) = self.impact(p, k);
             let slope = self.slope(p);

@@ -19,7 +19,7 @@ use crate::impact::from_flight::ImagingErrors;
 use crate::impact::motion::{ImpactKind, MeasuredMotion};
 use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_lift::SpinLift;
-use crate::impact::{Bounce, Surface, reading};
+use crate::impact::{Bounce, BounceSurface, reading};
 use crate::quantity::Quantity;
 
 /// The impacts of `refined`, whose arcs show the `rotations`.
@@ -76,7 +76,7 @@ pub fn impacts(
     }
     let bounces = motion.bounces();
     let radius_m = scaled.radius_m();
-    let on_floor = bounces.iter().filter(|(_, b)| b.surface == Surface::Floor);
+    let on_floor = bounces.iter().filter(|(_, b)| b.surface == BounceSurface::Floor);
     let on_floor: Vec<Bounce> = on_floor.map(|(_, b)| b.clone()).collect();
     let walls = (0..flight.impacts.len()).filter(|&k| motion.kind(k) == Some(ImpactKind::Wall));
     let drag = Quantity::new(free.fit.drag(), free.fit.covariance[(DRAG, DRAG)].max(0.0).sqrt());

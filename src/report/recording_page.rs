@@ -8,7 +8,7 @@ use super::table::{BOUNCE_ROWS, BounceRow, format_quantity};
 use super::track_plots::{self, Coordinate, Plot};
 use super::words::{self, NO_VALUE, WrittenQuantity};
 use crate::impact::compliant_reading::CompliantReading;
-use crate::impact::{Bounce, Readings, Surface, XSource};
+use crate::impact::{Bounce, BounceSurface, Readings, XSource};
 use crate::pipeline::{CalibrationFacts, Measurement, Outcome, View, Warning};
 use crate::quantity::Quantity;
 use crate::rebound::Preferred;
@@ -466,7 +466,7 @@ fn bounce_section(measurement: &Measurement) -> Markup {
                                 @for (index, bounce) in chunk.iter().enumerate() {
                                     th scope="col" colspan="2" {
                                         (block * BOUNCES_A_TABLE + index + 1)
-                                        @if bounce.surface == Surface::Ceiling { " (ceiling)" }
+                                        @if bounce.surface == BounceSurface::Ceiling { " (ceiling)" }
                                     }
                                 }
                             }

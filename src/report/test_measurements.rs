@@ -4,8 +4,8 @@
 use crate::frames::Luma;
 use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{
-    AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, Distances, FloorSlope, FloorSource,
-    Readings, Speed, Surface, XSource,
+    AlongFloor, BenchLaunch, Bounce, BounceSurface, CentreVelocity, Correlation, Distances, FloorSlope,
+    FloorSource, Readings, Speed, XSource,
 };
 use crate::pipeline::{
     ArcMotion, ArcSample, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, Strobe, StrobeBall,
@@ -186,7 +186,7 @@ fn bounces() -> Vec<Bounce> {
             let down = before.vz - G * (before.end_s - before.time_s);
             let sideways = |flight: &FreeFall| flight.vx - flight.spin;
             Bounce {
-                surface: Surface::Floor,
+                surface: BounceSurface::Floor,
                 time_s: q(after.time_s, 0.000_04),
                 x_m: q(after.x_m, 0.000_31),
                 incident: CentreVelocity {

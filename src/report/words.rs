@@ -2,7 +2,7 @@
 
 use crate::impact::compliant_reading::{CompliantReading, FrictionSource};
 use crate::impact::seen_spin::SpinSource;
-use crate::impact::{BenchLaunch, Bounce, FloorSource, Surface, XSource};
+use crate::impact::{BenchLaunch, Bounce, BounceSurface, FloorSource, XSource};
 use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
 use crate::rebound::{Preferred, Regime};
@@ -185,8 +185,8 @@ pub(super) fn sigmas(sigmas: Option<f64>) -> String {
 /// A bounce's number, counted from 1, with what it is on where that is not the floor.
 pub(super) fn bounce_name(number: usize, bounce: &Bounce) -> String {
     match bounce.surface {
-        Surface::Floor => format!("bounce {number}"),
-        Surface::Ceiling => format!("bounce {number} (ceiling)"),
+        BounceSurface::Floor => format!("bounce {number}"),
+        BounceSurface::Ceiling => format!("bounce {number} (ceiling)"),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::flight::shake::Shake;
 use crate::impact::contact::SoftBall;
 use crate::impact::error_budget::READ_STD_PX;
 use crate::impact::motion::MeasuredMotion;
-use crate::impact::{Bounce, Impossible, Surface};
+use crate::impact::{Bounce, BounceSurface, Impossible};
 use crate::pipeline::camera::CalibratedCamera;
 use crate::pipeline::in_metres::Impacts;
 use crate::pipeline::measurement::Warning;
@@ -475,7 +475,7 @@ fn different_heights(j: &WarningContext<'_>) -> Option<Warning> {
         .impacts
         .bounces
         .iter()
-        .filter(|(_, b)| b.surface == Surface::Floor)
+        .filter(|(_, b)| b.surface == BounceSurface::Floor)
         .filter_map(|(k, b)| Some(j.motion.place_m(*k, b.time_s?.value).1))
         .collect();
     let (first, second) = (heights.first()?, heights.get(1)?);

@@ -769,6 +769,7 @@ mod tests {
                 "rebound",
                 "restitution",
                 "tangential_ratio",
+                "surface",
                 "regime",
                 "friction",
                 "friction_at_least",
