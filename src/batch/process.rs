@@ -88,8 +88,7 @@ impl RecordingProcess<'_> {
         Command::new(self.program)
             .args(self.arguments())
             .env("RAYON_NUM_THREADS", &threads)
-            // OpenCV waits for ever, busily, for a thread of its own that could not be started for want of memory.
-            .env("OPENCV_FOR_THREADS_NUM", "1")
+            .env("OPENCV_FOR_THREADS_NUM", &threads)
             // A trace of calls needs memory: where that was what ran out, std waits for its own lock for ever.
             .env("RUST_BACKTRACE", "0")
             .stdin(Stdio::from(self.lock))
