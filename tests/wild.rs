@@ -7,6 +7,7 @@
 //!
 //! * `TRACK_WILD_SEED=220017` makes only that one, and says all that is compared;
 //! * `TRACK_WILD_KIND=slant` makes only those that have it (the first so many of `TRACK_WILD`);
+//! * `TRACK_WILD_TABLE=file` writes every error over its standard uncertainty there, a row for each recording;
 //! * `TRACK_WILD_KEEP=folder` keeps scene, clip, calibration, truth of each there (with many recordings: large).
 //!
 //! A refusal is no lie, and a number that is far out under a warning that names its cause is none: both are counted apart. Warnings
@@ -51,6 +52,9 @@ const MOST_SILENT: f64 = 0.01;
 /// A bounce found within this part of the shortest flight between bounces (where there is one, and up to so long) of a true one is that.
 const SAME_BOUNCE: f64 = 0.25;
 const LONG_FLIGHT_S: f64 = 0.5;
+
+/// Standard uncertainties of an interval of 95 %.
+const WITHIN_95: f64 = 1.96;
 
 /// The chance of a second thing.
 const SECOND: f64 = 0.35;
@@ -530,6 +534,8 @@ struct Row {
     silent: usize,
     /// Far out, and no warning speaks of any of the wild things that the recording has.
     untold: usize,
+    /// Within their intervals of 95 %.
+    inside: usize,
 }
 
 /// The numbers of a recording that are far out, and whether a warning names a cause.
@@ -543,16 +549,44 @@ fn far_out(made: &Made) -> (Vec<String>, bool) {
     (off.collect(), made.tried.warnings.iter().any(said))
 }
 
+/// Every error over its standard uncertainty, as CSV.
+fn pulls_of(measured: &[(u64, Tried)]) -> String {
+    let names: Vec<&str> = QUANTITIES.iter().map(|(name, _)| *name).collect();
+    let mut csv = format!("seed,kinds,{},warnings\n", names.join(","));
+    for (seed, tried) in measured {
+        let kinds: Vec<&str> = wild(*seed).kinds.iter().map(|k| k.name()).collect();
+        let pulls = tried.errors.iter().map(|error| match error {
+            Some((error, std)) => format!("{:.3}", error / std),
+            None => String::new(),
+        });
+        let pulls: Vec<String> = pulls.collect();
+        csv += &format!(
+            "{seed},{},{},{}\n",
+            kinds.join(" "),
+            pulls.join(","),
+            tried.warnings.join(" ")
+        );
+    }
+    csv
+}
+
 fn print_kinds(rows: &BTreeMap<String, Row>) {
     println!(
-        "\n| kind | recordings | refused | first bounce where none was | numbers | beyond {FAR_OUT} std | of those silently \
+        "\n| kind | recordings | refused | first bounce where none was | numbers | in 95 % | beyond {FAR_OUT} std | of those silently \
          | of those not told what it has |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for (name, row) in rows {
         println!(
-            "| {name} | {} | {} | {} | {} | {} | {} | {} |",
-            row.recordings, row.refused, row.invented, row.numbers, row.far_out, row.silent, row.untold
+            "| {name} | {} | {} | {} | {} | {:.1} % | {} | {} | {} |",
+            row.recordings,
+            row.refused,
+            row.invented,
+            row.numbers,
+            100.0 * row.inside as f64 / row.numbers.max(1) as f64,
+            row.far_out,
+            row.silent,
+            row.untold
         );
     }
 }
@@ -654,9 +688,11 @@ fn no_number_is_wrong_in_silence() {
                 let told_by = |w: &&str| wild.kinds.iter().any(|k| k.told_by().contains(w));
                 let told = made.tried.warnings.iter().any(told_by);
                 let pulls = made.tried.errors.iter().flatten();
+                let inside = pulls.clone().filter(|(e, std)| e.abs() <= WITHIN_95 * std).count();
                 let largest = pulls.map(|(e, std)| (e / std).abs()).fold(0.0, f64::max);
                 count(&|row| {
                     row.numbers += numbers;
+                    row.inside += inside;
                     row.invented += usize::from(made.is_invented);
                     row.far_out += off.len();
                     row.silent += if said { 0 } else { off.len() };
@@ -682,6 +718,9 @@ fn no_number_is_wrong_in_silence() {
                 measured.push((seed, made.tried));
             }
         }
+    }
+    if let Some(path) = std::env::var_os("TRACK_WILD_TABLE") {
+        std::fs::write(path, pulls_of(&measured)).unwrap();
     }
     print_table("All", &measured);
     print_kinds(&rows);

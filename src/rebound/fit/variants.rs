@@ -44,6 +44,9 @@ const NO_SLIP: f64 = 0.001;
 /// Standard deviations by which e_x from 0 to 1 has to move the rebounds, all rows together, for slip to tell anything.
 const TELLING: f64 = 2.0;
 
+/// χ² of equations that are fulfilled: what a search leaves of them.
+const FULFILLED: f64 = 1e-6;
+
 /// A model in one variant at its best.
 #[derive(Debug, Clone)]
 pub(super) struct Solution {
@@ -507,10 +510,16 @@ fn minima(data: &GroupData, chosen: &[usize], variant: Variant, from: &[Theta]) 
     } else {
         FOLLOWED
     };
-    let mut found: Vec<Minimum> = starts::best(&task, starts, 1.0, followed)
-        .into_iter()
-        .filter_map(|start| task.search(start))
-        .collect();
+    // Fewer equations than parameters: a whole curve fulfils them, and one place on it says as much as any.
+    let equations: usize = chosen.iter().map(|&i| data.rows[i].equations()).sum();
+    let any_will_do = equations < variant.free.iter().filter(|free| **free).count();
+    let mut found = Vec::new();
+    for start in starts::best(&task, starts, 1.0, followed) {
+        match task.search(start) {
+            Some(minimum) if any_will_do && minimum.chi2 < FULFILLED => return vec![minimum],
+            minimum => found.extend(minimum),
+        }
+    }
     if bends && variant.free[MU] {
         // Searches that went for a friction without limit come to no end; that valley is gone through by itself.
         found.retain(|minimum| minimum.converged);
