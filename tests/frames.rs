@@ -911,6 +911,26 @@ fn a_survey_is_spread_over_the_whole_recording() {
 }
 
 #[test]
+fn a_survey_of_key_frames_has_each_of_them_once_where_frames_are_shown_later_than_decoded() {
+    let dir = tempdir().unwrap();
+    let coding = Coding::H264 {
+        crf: 10,
+        gop: 5,
+        b_frames: 2,
+    };
+    for name in ["a.mp4", "a.mkv"] {
+        let path = dir.path().join(name);
+        let mut writer = VideoWriter::create(&path, 64, 48, 30.0, coding).unwrap();
+        (0..25).for_each(|i| writer.write(&scene(64, 48, i)).unwrap());
+        writer.finish().unwrap();
+        // So many that each key frame is the nearest to one of the instants.
+        let numbers = numbers(&open_sparse(&path, 9).unwrap());
+        let all: Vec<usize> = (0..25).step_by(5).collect();
+        assert_eq!(numbers, all, "{name}");
+    }
+}
+
+#[test]
 fn recoding_keeps_every_frame_and_its_time_and_shows_the_drawing_upright() {
     let dir = tempdir().unwrap();
     let (input, output) = (dir.path().join("in.mp4"), dir.path().join("out.mp4"));

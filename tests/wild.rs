@@ -688,7 +688,10 @@ fn no_number_is_wrong_in_silence() {
                 let told_by = |w: &&str| wild.kinds.iter().any(|k| k.told_by().contains(w));
                 let told = made.tried.warnings.iter().any(told_by);
                 let pulls = made.tried.errors.iter().flatten();
-                let inside = pulls.clone().filter(|(e, std)| e.abs() <= WITHIN_95 * std).count();
+                let inside = pulls
+                    .clone()
+                    .filter(|(e, std)| e.abs() <= WITHIN_95 * std)
+                    .count();
                 let largest = pulls.map(|(e, std)| (e / std).abs()).fold(0.0, f64::max);
                 count(&|row| {
                     row.numbers += numbers;

@@ -15,6 +15,7 @@ use crate::frames::Luma;
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_median, median};
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// Side of the square blocks on which motion is first looked for, px, for a picture of this size.
 ///
@@ -29,7 +30,7 @@ pub fn block_side_px(width: usize, height: usize) -> usize {
 #[derive(Debug, Clone)]
 pub struct Background {
     /// Median of the survey, in the reference frame's picture.
-    pub luma: Luma,
+    pub luma: Arc<Luma>,
     /// The same to fractions of a grey level, row by row: where the camera is fixed, the mean of the frames in which nothing
     /// covers the pixel, since the median is biased towards the ball where that covers it often.
     pub scene_grey: Vec<f32>,
@@ -131,7 +132,7 @@ impl Background {
             // By a reference that has the noise of one frame a faint scene is not well aligned, and smeared; what follows it is sharper.
             registrar = scene(&mut registrations);
         }
-        let luma = registrar.reference().clone();
+        let luma = Arc::clone(registrar.reference());
         let shift_std_px = if fixed {
             0.0
         } else {

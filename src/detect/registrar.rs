@@ -19,6 +19,7 @@ use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
 use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector4};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A reference pixel with what is needed to compare it.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +50,7 @@ impl ReferencePixel {
 /// Compares frames with a reference picture.
 #[derive(Debug, Clone)]
 pub struct Registrar {
-    reference: Luma,
+    reference: Arc<Luma>,
     /// Frames are compared at one part in this many of their size: 1 where single pixels show the scene's gradients, more
     /// where only their means stand out from the noise.
     factor: usize,
@@ -179,14 +180,14 @@ impl Registrar {
             noise_grey,
             noise_part,
             least_gradient_grey,
-            reference: reference.clone(),
+            reference: Arc::new(reference.clone()),
             fixed: false,
         }
     }
 
     /// The reference picture.
     #[must_use]
-    pub fn reference(&self) -> &Luma {
+    pub fn reference(&self) -> &Arc<Luma> {
         &self.reference
     }
 

@@ -47,7 +47,7 @@ pub use folder::{is_picture, open_picture, pictures_in};
 pub use mixture::{ChromaGrid, ColourMix};
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
-pub use survey::{EvenSample, evenly_of, open_sparse, open_sparse_at_once, open_sparse_mixed};
+pub use survey::{EvenSample, evenly_of, held_together, open_sparse, open_sparse_at_once, open_sparse_mixed};
 pub use video::FrameSource;
 
 use folder::FolderReader;

@@ -9,7 +9,7 @@ use std::thread::{self, JoinHandle};
 
 /// Frames ahead take at most about this much memory, bytes. More brings nothing: the system has to clear each page first, and a
 /// survey beside it keeps all cores busy.
-const MEMORY: usize = 16 << 20;
+const MEMORY: usize = 15 << 20;
 
 /// More frames than this bring nothing: two cores are busy long before.
 const MOST: usize = 64;
@@ -104,9 +104,9 @@ impl Drop for ReadAhead {
     }
 }
 
-/// Frames to decode ahead for pictures of this size.
+/// Frames to decode ahead for pictures of this size: of the largest one, since with it each holds a picture of the decoder's.
 fn depth(width: usize, height: usize) -> usize {
-    (MEMORY / width.saturating_mul(height).max(1)).clamp(2, MOST)
+    (MEMORY / width.saturating_mul(height).max(1)).clamp(1, MOST)
 }
 
 fn run(
@@ -245,14 +245,15 @@ mod tests {
         let mut ahead = ReadAhead::start(source).unwrap();
         assert!(ahead.next_frame().unwrap().is_some());
         drop(ahead); // joins: a hang would show here
-        // One taken, 2 in the channel, one in the hand of the thread, one more slot freed by the one taken.
+        // One taken, up to 2 in the channel, one in the hand of the thread, one more slot freed by the one taken.
         assert!(asked.load(Ordering::SeqCst) <= 5);
     }
 
     #[test]
     fn the_depth_follows_from_memory() {
-        assert_eq!(depth(1920, 1080), 8);
-        assert_eq!(depth(16384, 16384), 2);
+        assert_eq!(depth(1920, 1080), 7);
+        assert_eq!(depth(3840, 2160), 1);
+        assert_eq!(depth(16384, 16384), 1);
         assert_eq!(depth(320, 240), 64);
         assert_eq!(depth(0, 0), 64);
     }

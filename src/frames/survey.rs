@@ -12,8 +12,22 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 
+/// What frames that are held together may take, bytes.
+const HELD_BYTES: usize = 118 << 20;
+
+/// So few are held whatever they take: fewer have no median that is free of what moves.
+const LEAST_HELD: usize = 6;
+
+/// How many frames of this size, with their chroma at half of the columns and rows, may be held together.
+#[must_use]
+pub fn held_together(width: usize, height: usize) -> usize {
+    let bytes = width.saturating_mul(height).max(1).saturating_mul(3) / 2;
+    (HELD_BYTES / bytes.max(1)).max(LEAST_HELD)
+}
+
 /// Up to `at_most` frames spread evenly over the recording, in order, by the quickest way: key frames alone where
-/// the file has enough of them, otherwise a pass over all frames. Never more than 2 `at_most` frames are held.
+/// the file has enough of them, otherwise a pass over all frames. Never more than 2 `at_most` frames are held, nor more than
+/// [`held_together`] has it, so that of large pictures there are fewer.
 ///
 /// Indices are only those of a full reading when every frame was decoded, and times are approximate.
 ///
@@ -32,33 +46,48 @@ pub fn open_sparse_mixed(
     at_most: usize,
     mix: Option<ColourMix>,
 ) -> Result<Vec<Frame>, FrameError> {
-    match at_once(path, at_most, mix)? {
+    match at_once(path, at_most, at_most.div_ceil(2), mix)? {
         Some(frames) => Ok(frames),
         None => all_frames(path, at_most, mix),
     }
 }
 
-/// The same where it takes no pass over all frames; `None` where it would.
+/// The same where it takes no pass over all frames; `None` where it would, as less than `at_least` key frames are spread over the recording.
 ///
 /// # Errors
 /// As for [`open_sparse`].
-pub fn open_sparse_at_once(path: &Path, at_most: usize) -> Result<Option<Vec<Frame>>, FrameError> {
-    at_once(path, at_most, None)
+pub fn open_sparse_at_once(
+    path: &Path,
+    at_most: usize,
+    at_least: usize,
+) -> Result<Option<Vec<Frame>>, FrameError> {
+    at_once(path, at_most, at_least, None)
 }
 
-fn at_once(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Option<Vec<Frame>>, FrameError> {
+fn at_once(
+    path: &Path,
+    at_most: usize,
+    at_least: usize,
+    mix: Option<ColourMix>,
+) -> Result<Option<Vec<Frame>>, FrameError> {
     if at_most == 0 {
         return Ok(Some(Vec::new()));
     }
     if path.is_dir() {
         let listing = ImageList::of(path)?;
+        let first = listing.frame(0, mix)?;
+        let at_most = at_most.min(held_together(first.luma.width, first.luma.height) - 1);
         let chosen = evenly(listing.len(), at_most).into_iter();
-        return chosen
-            .map(|i| listing.frame(i, mix))
-            .collect::<Result<_, _>>()
-            .map(Some);
+        let frame = |i: usize| {
+            if i == 0 {
+                Ok(first.clone())
+            } else {
+                listing.frame(i, mix)
+            }
+        };
+        return chosen.map(frame).collect::<Result<_, _>>().map(Some);
     }
-    key_frames(path, at_most, mix)
+    key_frames(path, at_most, at_least, mix)
 }
 
 /// `at_most` of the numbers below `count`, evenly spread, first and last included where there are two.
@@ -81,8 +110,13 @@ pub fn evenly_of<T>(all: impl ExactSizeIterator<Item = T>, at_most: usize) -> Ve
         .collect()
 }
 
-/// Key frames alone, when the index shows at least half of the wanted number, evenly spread in time.
-fn key_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Option<Vec<Frame>>, FrameError> {
+/// Key frames alone, when the index shows `at_least` so many that are evenly spread in time (or half as many as may be held).
+fn key_frames(
+    path: &Path,
+    at_most: usize,
+    at_least: usize,
+    mix: Option<ColourMix>,
+) -> Result<Option<Vec<Frame>>, FrameError> {
     let (mut input, _) = open_input(path)?;
     let facts = input.facts();
     // Other containers have an index only of what was read so far: it would show nothing but the beginning.
@@ -91,6 +125,9 @@ fn key_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Opt
     let tick_s = facts.time_base.positive().unwrap_or(1.0);
     #[allow(clippy::cast_possible_truncation, reason = "saturates")]
     let by_header = facts.duration_s.map_or(0, |s| (s / tick_s) as i64);
+    let side = |px: i64| usize::try_from(px).unwrap_or(0);
+    let at_most = at_most.min(held_together(side(facts.width), side(facts.height)) - 1);
+    let at_least = at_least.min(at_most.div_ceil(2));
     // Matroska reads its index when it is first asked to seek.
     if !(whole_index || matroska && input.seek(0).is_ok()) {
         return Ok(None);
@@ -102,7 +139,7 @@ fn key_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Opt
         .collect();
     let last = input.index().map(|e| e.stamp).max().unwrap_or(0).max(by_header);
     let chosen = spread_in_time(&stamps, last, at_most);
-    if chosen.len() < at_most.div_ceil(2) {
+    if chosen.len() < at_least {
         return Ok(None);
     }
     // Key frames stand alone, but a decoder takes them one after the other: one for each core.
@@ -118,9 +155,11 @@ fn key_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Opt
         .flatten()
         .next()
         .map(|(stamp, pixels)| (*stamp, size(pixels)));
-    let frames: Vec<Frame> = parts
+    let mut all: Vec<(i64, ColouredPlane)> = parts.into_iter().flatten().collect();
+    // An index that tells stamps wrongly leads to one key frame twice.
+    all.dedup_by_key(|(stamp, _)| *stamp);
+    let frames: Vec<Frame> = all
         .into_iter()
-        .flatten()
         .filter(|(_, pixels)| first.is_some_and(|(_, s)| s == size(pixels)))
         .enumerate()
         .map(|(index, (stamp, pixels))| Frame {
@@ -132,7 +171,7 @@ fn key_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Opt
             colour: pixels.colour,
         })
         .collect();
-    Ok((frames.len() >= at_most.div_ceil(2)).then_some(frames))
+    Ok((frames.len() >= at_least).then_some(frames))
 }
 
 /// The key frames with these stamps, of one size; a damaged one is one frame less, nothing worse.
@@ -148,7 +187,7 @@ fn these_key_frames(
         if collector.stream.key_frame(stamp)
             && let Some(pixels) = collector.pixels()?
         {
-            found.push((stamp, pixels));
+            found.push((collector.stream.picture.stamp().unwrap_or(stamp), pixels));
         }
     }
     Ok(found)
@@ -181,9 +220,16 @@ fn spread_in_time(stamps: &[i64], last: i64, at_most: usize) -> Vec<i64> {
 fn all_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Vec<Frame>, FrameError> {
     let (input, _) = open_input(path)?;
     let mut collector = PlaneCollector::open(path, input, WantedPictures::Referenced, mix)?;
-    let mut kept = EvenSample::new(at_most);
+    let mut kept: Option<EvenSample> = None;
     let mut index = 0;
     while collector.stream.next() {
+        let kept = match &mut kept {
+            Some(kept) => kept,
+            None => {
+                let size = checked_size(path, &collector.stream.picture)?;
+                kept.insert(EvenSample::for_pictures(at_most, size))
+            }
+        };
         if kept.wants_next() {
             let time_s = collector
                 .stream
@@ -205,7 +251,7 @@ fn all_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Vec
     if index == 0 {
         return Err(no_frames(path, &collector.stream));
     }
-    Ok(kept.into_frames())
+    Ok(kept.map_or_else(Vec::new, EvenSample::into_frames))
 }
 
 /// Decodes pictures to upright planes with their colours, all of one size.
@@ -270,10 +316,11 @@ impl<'a> PlaneCollector<'a> {
 }
 
 /// Keeps frames evenly spread over a stream of unknown length: every `stride`-th, where the stride doubles whenever
-/// twice the wanted number is reached.
+/// so many are kept as there is room for.
 #[derive(Debug)]
 pub struct EvenSample<T = Frame> {
     at_most: usize,
+    room: usize,
     stride: usize,
     offered: usize,
     /// With their number among those offered.
@@ -284,8 +331,21 @@ impl<T> EvenSample<T> {
     /// For `at_most` frames in the end, and less than twice as many meanwhile.
     #[must_use]
     pub fn new(at_most: usize) -> Self {
+        Self::within(at_most, 2 * at_most)
+    }
+
+    /// For `at_most` pictures of this width and height in the end, and no more meanwhile than may be held together.
+    #[must_use]
+    pub fn for_pictures(at_most: usize, (width, height): (usize, usize)) -> Self {
+        Self::within(at_most, held_together(width, height).min(2 * at_most))
+    }
+
+    /// For `at_most` frames in the end, and less than `room` meanwhile: where that is less than twice as many, so may be the end's,
+    /// down to half of it.
+    fn within(at_most: usize, room: usize) -> Self {
         Self {
             at_most,
+            room: room.max(2),
             stride: 1,
             offered: 0,
             kept: Vec::new(),
@@ -301,7 +361,7 @@ impl<T> EvenSample<T> {
     /// Adds the frame that was wanted.
     pub fn add(&mut self, frame: T) {
         self.kept.push((self.offered.saturating_sub(1), frame));
-        if self.kept.len() >= 2 * self.at_most {
+        if self.kept.len() >= self.room {
             self.stride *= 2;
             let stride = self.stride;
             self.kept.retain(|(number, _)| number.is_multiple_of(stride));
@@ -361,6 +421,20 @@ mod tests {
             if let (Some(low), Some(high)) = (steps.iter().min(), steps.iter().max()) {
                 assert!(high <= &(2 * low), "{total} {at_most} {steps:?}");
             }
+        }
+    }
+
+    #[test]
+    fn little_room_holds_few_frames() {
+        for total in [1, 9, 10, 100, 1003] {
+            let mut kept = EvenSample::within(15, 10);
+            for index in 0..total {
+                if kept.wants_next() {
+                    kept.add(index);
+                }
+                assert!(kept.kept.len() < 10);
+            }
+            assert!(kept.frames().len() >= total.min(5), "{total}");
         }
     }
 

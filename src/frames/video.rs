@@ -407,13 +407,24 @@ impl PictureStream {
     /// Decodes the key frame at or before `stamp` alone; `false` when nothing comes of it.
     pub(super) fn key_frame(&mut self, stamp: i64) -> bool {
         self.decoder.flush();
+        let mut found = self.key_packet(stamp);
+        if found && !self.packet.is_at(stamp) {
+            // An index is by decoding time; MP4 is searched by presentation time, which is later by the stream's delay.
+            let delay = self.packet.delay().unwrap_or(0);
+            found = self.key_packet(stamp.saturating_add(delay));
+        }
+        found
+            && self.decoder.send(&self.packet).is_ok()
+            && self.decoder.send_end().is_ok()
+            && self.decoder.receive(&mut self.picture).is_ok()
+    }
+
+    /// Reads the key frame's packet at or before `stamp`.
+    fn key_packet(&mut self, stamp: i64) -> bool {
         self.input.seek(stamp).is_ok()
             && (0..MAX_PACKETS_TO_KEY)
                 .any(|_| self.input.read(&mut self.packet).is_err() || self.packet.is_key())
             && self.packet.is_key()
-            && self.decoder.send(&self.packet).is_ok()
-            && self.decoder.send_end().is_ok()
-            && self.decoder.receive(&mut self.picture).is_ok()
     }
 
     /// Packets or frames that were damaged, each counted once: a corrupt packet ends in an error, or in a damaged

@@ -1,7 +1,7 @@
 //! One pass over the recording: every frame looked at once, what moves kept within a budget of memory.
 //!
 //! The empty scene comes from key frames where the file has enough of them. Elsewhere it comes from the frames that
-//! the pass begins with, and the pass keeps frames spread over the recording as it goes. Their scene takes the place of the
+//! the pass begins with (of large pictures, where memory has no room for enough of these, from few key frames, or from a pass of its own), and the pass keeps frames spread over the recording as it goes. Their scene takes the place of the
 //! opening's where both show the same; where they do not (a ball that lay there at first, a light or a camera that
 //! moved), the pass is given up and begun anew with the scene of frames from all over the recording.
 
@@ -16,7 +16,9 @@ use crate::detect::colour::{self, ColourChoice};
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
 use crate::frames::even_clock::{self, EvenClock};
-use crate::frames::{self, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth};
+use crate::frames::{
+    self, ChromaGrid, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth,
+};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -92,6 +94,13 @@ const LEAST_COLOUR_CHANGE: f64 = 0.1;
 /// Frames held at the opening, bytes, where there are no key frames to take the scene from.
 const OPENING_BYTES: usize = 64 << 20;
 
+/// Where fewer fit into that, the ball is in one place in most of them, and the scene takes a pass of its own.
+const LEAST_OPENING: usize = 2 * SURVEY_FRAMES;
+
+/// So many key frames spread over a recording of large pictures are scene enough to begin with: a ball is in one place in most of them only where
+/// it lies, and the scene of the whole tells that.
+const LEAST_KEY_FRAMES: usize = 3;
+
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
 
@@ -124,15 +133,31 @@ fn decode_all(
     // It decodes its first frames while the survey does its own.
     let mut source = frames::ReadAhead::start(source)?;
     let grid = source.info().chroma_grid;
-    if let Some(survey) = frames::open_sparse_at_once(video, SURVEY_FRAMES)? {
-        let survey: Vec<&Frame> = survey.iter().collect();
-        if let Some(choice) = colour::choose(&survey, grid) {
+    let size_px = (source.info().width_px, source.info().height_px);
+    let is_large = opening_frames(size_px) < LEAST_OPENING;
+    let enough = SURVEY_FRAMES
+        .min(frames::held_together(size_px.0, size_px.1) - 1)
+        .div_ceil(2);
+    let least = if is_large { LEAST_KEY_FRAMES } else { enough };
+    if let Some(survey) = frames::open_sparse_at_once(video, SURVEY_FRAMES, least)? {
+        let refs: Vec<&Frame> = survey.iter().collect();
+        if let Some(choice) = colour::choose(&refs, grid) {
             drop(source);
-            return decode_mixed(video, choice, &survey, progress);
+            return decode_mixed(video, choice, &refs, progress);
         }
-        let mut pass = DecodingPass::new(background_of(video, &survey)?);
-        pass.scene_colours = SceneColours::of(&survey, &pass.detector.background);
-        return pass.whole(source, progress);
+        let mut pass = DecodingPass::new(background_of(video, &refs)?);
+        if survey.len() >= enough {
+            pass.scene_colours = SceneColours::of(&refs, &pass.detector.background);
+            return pass.whole(source, progress);
+        }
+        drop(survey);
+        // The pass's first frames lie closer together than these key frames, so that only its end tells better.
+        pass.provisional = Some(ProvisionalBackground::new(size_px, usize::MAX));
+        return pass.to_the_end(video, Vec::new(), source, progress);
+    }
+    if is_large {
+        drop(source);
+        return decode_surveyed(video, grid, progress);
     }
     let (opening, is_all) = opening(&mut source)?;
     let survey = spread_over(&opening);
@@ -144,19 +169,17 @@ fn decode_all(
     if is_all {
         pass.scene_colours = SceneColours::of(&survey, &pass.detector.background);
     } else {
-        pass.provisional = Some(ProvisionalBackground {
-            spread: EvenSample::new(SURVEY_FRAMES),
-            next_check: 2 * opening.len(),
-        });
+        pass.provisional = Some(ProvisionalBackground::new(size_px, 2 * opening.len()));
     }
-    match pass.over(opening, source, progress)? {
-        PassEnd::Seen(seen) => return Ok(*seen),
-        PassEnd::NeedsColour(choice, spread) => {
-            let spread: Vec<&Frame> = spread.iter().collect();
-            return decode_mixed(video, choice, &spread, progress);
-        }
-        PassEnd::OtherScene => {}
-    }
+    pass.to_the_end(video, opening, source, progress)
+}
+
+/// The same after a pass for the scene alone, over all frames that others refer to.
+fn decode_surveyed(
+    video: &Path,
+    grid: Option<ChromaGrid>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Decoded, MeasureError> {
     progress(Progress::Survey);
     let survey = frames::open_sparse(video, SURVEY_FRAMES)?;
     let survey: Vec<&Frame> = survey.iter().collect();
@@ -197,11 +220,14 @@ fn background_of(
     })
 }
 
+/// How many frames of this size an opening may hold.
+fn opening_frames((width_px, height_px): (usize, usize)) -> usize {
+    OPENING_BYTES / width_px.saturating_mul(height_px).max(1)
+}
+
 /// The first frames, as many as the survey needs and memory has room for; whether they are all there are.
 fn opening(source: &mut frames::ReadAhead) -> Result<(Vec<Frame>, bool), MeasureError> {
-    let info = source.info();
-    let bytes = info.width_px.saturating_mul(info.height_px).max(1);
-    let most = (OPENING_BYTES / bytes).max(SURVEY_FRAMES);
+    let most = opening_frames((source.info().width_px, source.info().height_px));
     let mut opening = Vec::new();
     while opening.len() < most {
         match source.next_frame()? {
@@ -257,6 +283,15 @@ struct ProvisionalBackground {
     next_check: usize,
 }
 
+impl ProvisionalBackground {
+    fn new(size_px: (usize, usize), next_check: usize) -> Self {
+        Self {
+            spread: EvenSample::for_pictures(SURVEY_FRAMES, size_px),
+            next_check,
+        }
+    }
+}
+
 impl DecodingPass {
     fn new(background: Background) -> Self {
         Self {
@@ -280,6 +315,25 @@ impl DecodingPass {
         match self.over(Vec::new(), source, progress)? {
             PassEnd::Seen(seen) => Ok(*seen),
             _ => unreachable!("only a provisional scene is given up"),
+        }
+    }
+
+    /// Over the frames of the `opening` and the rest of `source`, and once more where the scene or the plane turns out to be another.
+    fn to_the_end(
+        self,
+        video: &Path,
+        opening: Vec<Frame>,
+        source: frames::ReadAhead,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Decoded, MeasureError> {
+        let grid = source.info().chroma_grid;
+        match self.over(opening, source, progress)? {
+            PassEnd::Seen(seen) => Ok(*seen),
+            PassEnd::NeedsColour(choice, spread) => {
+                let spread: Vec<&Frame> = spread.iter().collect();
+                decode_mixed(video, choice, &spread, progress)
+            }
+            PassEnd::OtherScene => decode_surveyed(video, grid, progress),
         }
     }
 
@@ -429,18 +483,21 @@ mod tests {
     const SIZE: (usize, usize) = (1280, 720);
     const FRAMES: usize = 130;
 
-    /// A wall in noise, with a ball where `place` says for each frame, and but two key frames.
-    fn written(path: &Path, place: impl Fn(usize) -> [f64; 2]) {
+    /// Of which memory has no room for an opening.
+    const LARGE_PX: (usize, usize) = (2560, 1440);
+
+    /// A wall in noise, with a ball where `place` says for each frame, and a key frame every `gop`.
+    fn written(path: &Path, size_px: (usize, usize), gop: usize, place: impl Fn(usize) -> [f64; 2]) {
         let coding = Coding::H264 {
             crf: 14,
-            gop: 100,
+            gop: gop.try_into().unwrap(),
             b_frames: 2,
         };
-        let mut writer = VideoWriter::create(path, SIZE.0, SIZE.1, 240.0, coding).unwrap();
+        let mut writer = VideoWriter::create(path, size_px.0, size_px.1, 240.0, coding).unwrap();
         let mut random = TestNoise(1);
         for frame in 0..FRAMES {
             let [u, v] = place(frame);
-            let luma = Luma::from_fn(SIZE.0, SIZE.1, |x, y| {
+            let luma = Luma::from_fn(size_px.0, size_px.1, |x, y| {
                 let away = (x as f64 - u).hypot(y as f64 - v);
                 let grey = if away < 16.0 { 200 } else { 60 };
                 grey + random.below(4)
@@ -450,11 +507,19 @@ mod tests {
         writer.finish().unwrap();
     }
 
-    /// What was seen, and how often a frame was looked at.
+    /// What was seen with but two key frames, and how often a frame was looked at.
     fn observed(place: impl Fn(usize) -> [f64; 2]) -> (Decoded, usize) {
+        observed_in(SIZE, 100, place)
+    }
+
+    fn observed_in(
+        size_px: (usize, usize),
+        gop: usize,
+        place: impl Fn(usize) -> [f64; 2],
+    ) -> (Decoded, usize) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("ball.mp4");
-        written(&path, place);
+        written(&path, size_px, gop, place);
         let mut looks = 0;
         let mut count = |p: Progress| looks += usize::from(matches!(p, Progress::Frame { .. }));
         let seen = decode(&path, frames::open(&path).unwrap(), &mut count).unwrap();
@@ -488,5 +553,15 @@ mod tests {
         // The codec leaves a trace of the ball for some frames.
         let hole = |s: &Sighting| s.frame > 90 && s.blob.centroid.u_px < 100.0;
         assert!(!seen.sightings.iter().any(hole));
+    }
+
+    #[test]
+    fn few_key_frames_are_scene_enough_for_large_pictures_and_none_take_a_pass_of_their_own() {
+        let place = |frame: usize| [60.0 + 8.0 * frame as f64, 300.0];
+        for gop in [40, 200] {
+            let (seen, looks) = observed_in(LARGE_PX, gop, place);
+            assert_eq!(looks, FRAMES);
+            assert!(follows(&seen, place));
+        }
     }
 }

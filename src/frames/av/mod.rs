@@ -213,6 +213,20 @@ impl Packet {
         unsafe { (*self.0).flags & ffi::AV_PKT_FLAG_KEY != 0 }
     }
 
+    /// Whether it is decoded or shown at this stamp.
+    pub(super) fn is_at(&self, stamp: i64) -> bool {
+        // SAFETY: owned and not null.
+        unsafe { (*self.0).dts == stamp || (*self.0).pts == stamp }
+    }
+
+    /// By how much it is shown later than decoded; `None` where it does not say.
+    pub(super) fn delay(&self) -> Option<i64> {
+        // SAFETY: owned and not null.
+        let (shown, decoded) = unsafe { ((*self.0).pts, (*self.0).dts) };
+        let known = shown != ffi::AV_NOPTS_VALUE && decoded != ffi::AV_NOPTS_VALUE;
+        known.then(|| shown.saturating_sub(decoded))
+    }
+
     /// Whether the demuxer says that it is damaged (a packet cut short, a lost transport packet).
     pub(super) fn is_corrupt(&self) -> bool {
         // SAFETY: owned and not null.
