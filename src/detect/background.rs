@@ -8,6 +8,7 @@
 //! shift of the camera and the light. Where a thing stays longer, it is background, and what it covered shows as a change.
 
 use super::camera_swing::SceneEdges;
+use super::faint_scene::{CorrelatedShifts, FaintScene};
 use super::noise::{ROUNDING_STD_GREY, frame_noise_grey, interpolated_median, spatial_noise_grey};
 use super::registrar::Registrar;
 use super::registration::Registration;
@@ -89,27 +90,7 @@ impl Background {
             noise_grey = noise_grey.min(spatial_noise_grey(reference));
             first = Registrar::new(reference, noise_grey);
         }
-        let mut registrations: Vec<Registration> = first.locate(survey);
-        let drift = drift_px(&registrations);
-        let shift_std_px = if drift < FIXED_CAMERA_PX {
-            0.0
-        } else {
-            let by_halves = first.shift_std_px(survey, &registrations);
-            by_halves.min(CLEAR_OF_SCATTER * scatter_px(&registrations))
-        };
-        let still_px = FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px);
-        let mut fixed = drift < still_px;
-        if !fixed {
-            // A soft shadow or a lamp may pass for a shift; it moves no edges.
-            let by_edges = first.by_edges(survey, &registrations);
-            fixed = drift_px(&by_edges) < still_px;
-            for (r, edges) in registrations.iter_mut().zip(by_edges) {
-                let (du, dv) = (edges.shift_u_px - r.shift_u_px, edges.shift_v_px - r.shift_v_px);
-                if fixed || du.hypot(dv) > REFUTED_PX {
-                    *r = edges;
-                }
-            }
-        }
+        let (mut registrations, fixed) = camera_shifts(&first, survey);
         let scene = |followed: &mut [Registration]| {
             let registrar = if fixed {
                 Registrar::of_fixed(&median_of(survey), noise_grey)
@@ -259,6 +240,43 @@ impl BlockChanges<'_> {
     fn of(&self, now: u16, scene: u16) -> f32 {
         (f32::from(now) - self.gain * f32::from(scene)) * self.a_pixel - self.offset_grey
     }
+}
+
+/// Where the frames of a survey look, and whether the camera stands still.
+fn camera_shifts(first: &Registrar, survey: &[&Luma]) -> (Vec<Registration>, bool) {
+    let mut found = first.locate(survey);
+    let drift = drift_px(&found);
+    if first.sees_shift() && drift >= FIXED_CAMERA_PX {
+        let by_halves = first.shift_std_px(survey, &found);
+        let still_px = still_px(by_halves.min(CLEAR_OF_SCATTER * scatter_px(&found)));
+        if drift >= still_px {
+            // A soft shadow or a lamp may pass for a shift; it moves no edges.
+            let by_edges = first.by_edges(survey, &found);
+            let fixed = drift_px(&by_edges) < still_px;
+            for (r, edges) in found.iter_mut().zip(by_edges) {
+                let (du, dv) = (edges.shift_u_px - r.shift_u_px, edges.shift_v_px - r.shift_v_px);
+                if fixed || du.hypot(dv) > REFUTED_PX {
+                    *r = edges;
+                }
+            }
+            return (found, fixed);
+        }
+    }
+    // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
+    let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
+    let seen = FaintScene::new(survey).and_then(|scene| {
+        let whole = scene.shifts().filter(moves)?;
+        Some(scene.by_quarters(whole)).filter(moves)
+    });
+    match seen {
+        Some(shifts) => (shifts.registrations, false),
+        None => (found, true),
+    }
+}
+
+/// A drift below this is none, px, where shifts have this standard uncertainty.
+fn still_px(shift_std_px: f64) -> f64 {
+    FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px)
 }
 
 /// How far the camera drifts, px: the largest distance of a shift from the median one, swings left out, after which the camera

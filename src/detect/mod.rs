@@ -13,6 +13,7 @@ pub mod camera_swing;
 pub mod centre;
 pub mod colour;
 pub mod crop;
+mod faint_scene;
 mod local_light;
 mod noise;
 mod registrar;
