@@ -264,7 +264,7 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma]) -> (Vec<Registration>, boo
     }
     // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
-    let seen = FaintScene::new(survey).and_then(|scene| {
+    let seen = FaintScene::new(survey, &median_of(survey)).and_then(|scene| {
         let whole = scene.shifts().filter(moves)?;
         Some(scene.by_quarters(whole)).filter(moves)
     });

@@ -13,7 +13,6 @@
 //! Assumed: the picture shifts as a whole, by less than a quarter of its sides. Where nothing stands out of the correlation's noise the camera's
 //! motion cannot be seen, and is not told.
 
-use super::background::median_of;
 use super::registration::Registration;
 use super::resample::reduced;
 use crate::frames::Luma;
@@ -85,8 +84,8 @@ pub struct FaintScene {
 }
 
 impl FaintScene {
-    /// Of these frames; `None` where they cannot be compared.
-    pub fn new(survey: &[&Luma]) -> Option<Self> {
+    /// Of these frames, of which `scene` is the median; `None` where they cannot be compared.
+    pub fn new(survey: &[&Luma], scene: &Luma) -> Option<Self> {
         let factor = survey
             .first()
             .map_or(1, |f| f.width.max(f.height).div_ceil(LONGEST_PX));
@@ -96,9 +95,9 @@ impl FaintScene {
                 .par_iter()
                 .map(|f| reduced(f, factor))
                 .collect::<Option<_>>()?;
-            cleaned(&small.iter().collect::<Vec<_>>())
+            cleaned(&small.iter().collect::<Vec<_>>(), &reduced(scene, factor)?)
         } else {
-            cleaned(survey)
+            cleaned(survey, scene)
         };
         let with_spectrum = |picture: Mat| Ok((spectrum(&picture)?, picture));
         let spectra: opencv::Result<Vec<(Mat, Mat)>> =
@@ -200,8 +199,8 @@ fn part_of(picture: &Mat, part: Part) -> opencv::Result<Mat> {
 }
 
 /// The frames without their light and without what moves.
-fn cleaned(survey: &[&Luma]) -> opencv::Result<Vec<Mat>> {
-    let scene = as_mat(&median_of(survey))?;
+fn cleaned(survey: &[&Luma], scene: &Luma) -> opencv::Result<Vec<Mat>> {
+    let scene = as_mat(scene)?;
     let light = blurred(&scene, LIGHT_PX)?;
     survey
         .par_iter()
@@ -334,6 +333,7 @@ fn peak(surface: &[f32], (columns, rows): (usize, usize)) -> Option<([f64; 2], f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detect::background::median_of;
     use crate::test_noise::TestNoise;
 
     const SIZE: usize = 160;
@@ -384,7 +384,8 @@ mod tests {
         let frames: Vec<Luma> = (0..9)
             .map(|i| frame(&texture, &mut random, truth(i), 20.0 + 14.0 * i as f64))
             .collect();
-        let scene = FaintScene::new(&frames.iter().collect::<Vec<_>>()).unwrap();
+        let frames: Vec<&Luma> = frames.iter().collect();
+        let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
         let found = scene.by_quarters(scene.shifts().unwrap());
         assert!(found.std_px < 0.2, "{}", found.std_px);
         for (i, r) in found.registrations.iter().enumerate() {
@@ -405,7 +406,8 @@ mod tests {
         let frames: Vec<Luma> = (0..9)
             .map(|i| plain(20.0 + 14.0 * f64::from(i), &mut random))
             .collect();
-        let scene = FaintScene::new(&frames.iter().collect::<Vec<_>>()).unwrap();
+        let frames: Vec<&Luma> = frames.iter().collect();
+        let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
         assert!(scene.shifts().is_none_or(|s| scene.by_quarters(s).std_px > 1.0));
     }
 }

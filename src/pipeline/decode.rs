@@ -153,7 +153,7 @@ fn decode_all(
         drop(survey);
         // The pass's first frames lie closer together than these key frames, so that only its end tells better.
         pass.provisional = Some(ProvisionalBackground::new(size_px, usize::MAX));
-        return pass.to_the_end(video, Vec::new(), source, progress);
+        return pass.through(video, Vec::new(), source, progress);
     }
     if is_large {
         drop(source);
@@ -171,7 +171,7 @@ fn decode_all(
     } else {
         pass.provisional = Some(ProvisionalBackground::new(size_px, 2 * opening.len()));
     }
-    pass.to_the_end(video, opening, source, progress)
+    pass.through(video, opening, source, progress)
 }
 
 /// The same after a pass for the scene alone, over all frames that others refer to.
@@ -319,7 +319,7 @@ impl DecodingPass {
     }
 
     /// Over the frames of the `opening` and the rest of `source`, and once more where the scene or the plane turns out to be another.
-    fn to_the_end(
+    fn through(
         self,
         video: &Path,
         opening: Vec<Frame>,
