@@ -244,23 +244,12 @@ impl BlockChanges<'_> {
 
 /// Where the frames of a survey look, and whether the camera stands still.
 fn camera_shifts(first: &Registrar, survey: &[&Luma]) -> (Vec<Registration>, bool) {
-    let mut found = first.locate(survey);
-    let drift = drift_px(&found);
-    if first.sees_shift() && drift >= FIXED_CAMERA_PX {
-        let by_halves = first.shift_std_px(survey, &found);
-        let still_px = still_px(by_halves.min(CLEAR_OF_SCATTER * scatter_px(&found)));
-        if drift >= still_px {
-            // A soft shadow or a lamp may pass for a shift; it moves no edges.
-            let by_edges = first.by_edges(survey, &found);
-            let fixed = drift_px(&by_edges) < still_px;
-            for (r, edges) in found.iter_mut().zip(by_edges) {
-                let (du, dv) = (edges.shift_u_px - r.shift_u_px, edges.shift_v_px - r.shift_v_px);
-                if fixed || du.hypot(dv) > REFUTED_PX {
-                    *r = edges;
-                }
-            }
-            return (found, fixed);
-        }
+    let found = first.locate(survey);
+    let by_gradients = first.sees_shift().then(|| by_gradients(first, survey, &found));
+    // A floor's edge, say, shows nothing along it.
+    let in_all_directions = first.expected_std_px().is_finite();
+    if let Some(moved) = by_gradients.iter().flatten().next().filter(|_| in_all_directions) {
+        return (moved.clone(), false);
     }
     // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
@@ -268,10 +257,35 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma]) -> (Vec<Registration>, boo
         let whole = scene.shifts().filter(moves)?;
         Some(scene.by_quarters(whole)).filter(moves)
     });
-    match seen {
-        Some(shifts) => (shifts.registrations, false),
-        None => (found, true),
+    match (seen, by_gradients.flatten()) {
+        (Some(shifts), _) => (shifts.registrations, false),
+        (None, Some(moved)) => (moved, false),
+        (None, None) => (found, true),
     }
+}
+
+/// Where the frames look, by what `first` found of them; `None` where the camera stands still.
+fn by_gradients(first: &Registrar, survey: &[&Luma], found: &[Registration]) -> Option<Vec<Registration>> {
+    let drift = drift_px(found);
+    if drift < FIXED_CAMERA_PX {
+        return None;
+    }
+    let by_halves = first.shift_std_px(survey, found);
+    let still_px = still_px(by_halves.min(CLEAR_OF_SCATTER * scatter_px(found)));
+    if drift < still_px {
+        return None;
+    }
+    // A soft shadow or a lamp may pass for a shift; it moves no edges.
+    let by_edges = first.by_edges(survey, found);
+    if drift_px(&by_edges) < still_px {
+        return None;
+    }
+    let each = found.iter().zip(by_edges);
+    let choose = |(r, edges): (&Registration, Registration)| {
+        let (du, dv) = (edges.shift_u_px - r.shift_u_px, edges.shift_v_px - r.shift_v_px);
+        if du.hypot(dv) > REFUTED_PX { edges } else { *r }
+    };
+    Some(each.map(choose).collect())
 }
 
 /// A drift below this is none, px, where shifts have this standard uncertainty.

@@ -148,7 +148,8 @@ impl Registrar {
             .map(|s| s.gradient * s.gradient.transpose())
             .sum();
         let least = information.symmetric_eigenvalues().min();
-        if self.sees_shift && least > 0.0 {
+        // With less a direction is held.
+        if self.sees_shift && least >= LEAST_INFORMATION {
             self.factor as f64 * self.noise_at_grey(self.factor) / least.sqrt()
         } else {
             f64::INFINITY
