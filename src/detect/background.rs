@@ -90,10 +90,11 @@ impl Background {
             noise_grey = noise_grey.min(spatial_noise_grey(reference));
             first = Registrar::new(reference, noise_grey);
         }
-        let (mut registrations, fixed) = camera_shifts(&first, survey);
+        let median = median_of(survey);
+        let (mut registrations, fixed) = camera_shifts(&first, survey, &median);
         let scene = |followed: &mut [Registration]| {
             let registrar = if fixed {
-                Registrar::of_fixed(&median_of(survey), noise_grey)
+                Registrar::of_fixed(&median, noise_grey)
             } else {
                 let aligned = survey.par_iter().zip(&*followed).map(|(f, r)| r.aligned(f));
                 let aligned: Vec<Luma> = aligned.collect();
@@ -242,8 +243,8 @@ impl BlockChanges<'_> {
     }
 }
 
-/// Where the frames of a survey look, and whether the camera stands still.
-fn camera_shifts(first: &Registrar, survey: &[&Luma]) -> (Vec<Registration>, bool) {
+/// Where the frames of a survey with this median look, and whether the camera stands still.
+fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Registration>, bool) {
     let found = first.locate(survey);
     let by_gradients = first.sees_shift().then(|| by_gradients(first, survey, &found));
     // A floor's edge, say, shows nothing along it.
@@ -253,7 +254,7 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma]) -> (Vec<Registration>, boo
     }
     // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
-    let seen = FaintScene::new(survey, &median_of(survey)).and_then(|scene| {
+    let seen = FaintScene::new(survey, median).and_then(|scene| {
         let whole = scene.shifts().filter(moves)?;
         Some(scene.by_quarters(whole)).filter(moves)
     });

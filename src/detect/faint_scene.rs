@@ -44,11 +44,11 @@ const CLIPPED_SIGMAS: f32 = 4.0;
 /// A correlation stands out where its peak is so many standard deviations of the surface: noise has 5 in a picture of a million pixels.
 const STANDS_OUT: f64 = 6.0;
 
-/// Root mean square of a distance in two directions over its median, for normal errors.
-const DISTANCE_STD_OF_MEDIAN: f64 = 1.2011;
-
 /// Part of the frames in which it has to.
 const MOST_FRAMES: f64 = 0.75;
+
+/// Root mean square of a distance in two directions over its median, for normal errors.
+const DISTANCE_STD_OF_MEDIAN: f64 = 1.2011;
 
 /// Where the frames of a survey look, as their whole pictures say.
 #[derive(Debug, Clone)]
@@ -59,38 +59,27 @@ pub struct CorrelatedShifts {
     pub std_px: f64,
 }
 
-/// Which parts of a picture are compared.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Part {
-    Whole,
-    /// The left or right half, the upper or lower one.
-    Quarter(bool, bool),
-}
-
-const QUARTERS: [Part; 4] = [
-    Part::Quarter(false, false),
-    Part::Quarter(false, true),
-    Part::Quarter(true, false),
-    Part::Quarter(true, true),
-];
-
 /// A survey whose pictures are compared as wholes.
 #[derive(Debug)]
 pub struct FaintScene {
-    /// The frames without their light and without what moves, and their spectra.
-    pictures: Vec<(Mat, Mat)>,
+    /// The middle frame without its light and without what moves.
+    middle: Mat,
+    /// The spectra of all frames, cleaned like that.
+    spectra: Vec<Mat>,
     /// A pixel of them, px.
     factor: usize,
 }
 
+/// A shift, px, and its standard uncertainty, px; `None` where the pictures do not tell.
+type FoundShift = Option<([f64; 2], f64)>;
+
 impl FaintScene {
     /// Of these frames, of which `scene` is the median; `None` where they cannot be compared.
     pub fn new(survey: &[&Luma], scene: &Luma) -> Option<Self> {
-        let factor = survey
-            .first()
-            .map_or(1, |f| f.width.max(f.height).div_ceil(LONGEST_PX));
+        let first = survey.first()?;
+        let factor = first.width.max(first.height).div_ceil(LONGEST_PX);
         let small: Vec<Luma>;
-        let pictures = if factor > 1 {
+        let mut pictures = if factor > 1 {
             small = survey
                 .par_iter()
                 .map(|f| reduced(f, factor))
@@ -98,40 +87,35 @@ impl FaintScene {
             cleaned(&small.iter().collect::<Vec<_>>(), &reduced(scene, factor)?)
         } else {
             cleaned(survey, scene)
-        };
-        let with_spectrum = |picture: Mat| Ok((spectrum(&picture)?, picture));
-        let spectra: opencv::Result<Vec<(Mat, Mat)>> =
-            pictures.ok()?.into_iter().map(with_spectrum).collect();
-        let pictures = spectra
-            .ok()?
-            .into_iter()
-            .map(|(spectrum, picture)| (picture, spectrum));
+        }
+        .ok()?;
+        let spectra = pictures.par_iter().map(spectrum).collect::<opencv::Result<_>>();
         Some(Self {
-            pictures: pictures.collect(),
+            spectra: spectra.ok()?,
+            middle: pictures.swap_remove(survey.len() / 2),
             factor,
         })
     }
 
-    /// The shift of each frame against the middle one, and its standard uncertainty, px, by a part of that; `None` of a frame where it does not tell.
-    fn by_part(&self, part: Part) -> Vec<Option<([f64; 2], f64)>> {
-        let reference = self.pictures.get(self.pictures.len() / 2);
-        let reference = reference.and_then(|(picture, _)| spectrum(&part_of(picture, part).ok()?).ok());
-        let Some(reference) = reference else {
-            return vec![None; self.pictures.len()];
-        };
-        let pictures = self.pictures.par_iter();
-        let in_px = |([u, v], std): ([f64; 2], f64)| {
-            let px = self.factor as f64;
-            ([px * u, px * v], px * std)
-        };
-        pictures
-            .map(|(_, of_frame)| shift(of_frame, &reference).ok().flatten().map(in_px))
+    /// The shift of each frame against the picture with the spectrum `reference`.
+    fn against(&self, reference: &Mat) -> Vec<FoundShift> {
+        let px = self.factor as f64;
+        let in_px = |([u, v], std): ([f64; 2], f64)| ([px * u, px * v], px * std);
+        self.spectra
+            .par_iter()
+            .map(|of_frame| shift(of_frame, reference).ok().flatten().map(in_px))
             .collect()
+    }
+
+    /// The same against a quarter of the middle frame: of its left or right half and its upper or lower one.
+    fn against_quarter(&self, right: bool, lower: bool) -> Vec<FoundShift> {
+        let quarter = quarter(&self.middle, right, lower).and_then(|q| spectrum(&q));
+        quarter.map_or_else(|_| vec![None; self.spectra.len()], |q| self.against(&q))
     }
 
     /// The shifts of the frames against the middle one; `None` where the pictures do not tell.
     pub fn shifts(&self) -> Option<CorrelatedShifts> {
-        let found = self.by_part(Part::Whole);
+        let found = self.against(self.spectra.get(self.spectra.len() / 2)?);
         let seen = found.iter().flatten().count();
         if (seen as f64) < MOST_FRAMES * found.len() as f64 {
             return None;
@@ -159,7 +143,8 @@ impl FaintScene {
     /// The same with the standard uncertainty by what the quarters of the picture say by themselves: a camera's motion is the same in all, a
     /// thing's is not. Infinite where fewer than three of them tell.
     pub fn by_quarters(&self, shifts: CorrelatedShifts) -> CorrelatedShifts {
-        let quarters = QUARTERS.map(|part| self.by_part(part));
+        let quarters = [(false, false), (false, true), (true, false), (true, true)]
+            .map(|(right, lower)| self.against_quarter(right, lower));
         let mut stds_px: Vec<f64> = shifts
             .registrations
             .iter()
@@ -182,11 +167,8 @@ impl FaintScene {
     }
 }
 
-/// A picture in which only a part is not 0.
-fn part_of(picture: &Mat, part: Part) -> opencv::Result<Mat> {
-    let Part::Quarter(right, lower) = part else {
-        return picture.try_clone();
-    };
+/// A picture in which only a quarter is not 0.
+fn quarter(picture: &Mat, right: bool, lower: bool) -> opencv::Result<Mat> {
     let (columns, rows) = (picture.cols() as usize, picture.rows() as usize);
     let inside = |i: usize| ((i % columns) * 2 >= columns) == right && ((i / columns) * 2 >= rows) == lower;
     let kept: Vec<f32> = picture
@@ -202,13 +184,16 @@ fn part_of(picture: &Mat, part: Part) -> opencv::Result<Mat> {
 fn cleaned(survey: &[&Luma], scene: &Luma) -> opencv::Result<Vec<Mat>> {
     let scene = as_mat(scene)?;
     let light = blurred(&scene, LIGHT_PX)?;
+    // The picture's rim, where others come in, counts little.
+    let mut window = Mat::default();
+    imgproc::create_hanning_window(&mut window, scene.size()?, core::CV_32F)?;
     survey
         .par_iter()
-        .map(|frame| clean(frame, &scene, &light))
+        .map(|frame| clean(frame, &scene, &light, &window))
         .collect()
 }
 
-fn clean(frame: &Luma, scene: &Mat, light: &Mat) -> opencv::Result<Mat> {
+fn clean(frame: &Luma, scene: &Mat, light: &Mat, window: &Mat) -> opencv::Result<Mat> {
     let frame = as_mat(frame)?;
     let mut change = Mat::default();
     core::subtract_def(&frame, scene, &mut change)?;
@@ -234,11 +219,8 @@ fn clean(frame: &Luma, scene: &Mat, light: &Mat) -> opencv::Result<Mat> {
         })
         .collect();
     let left = Mat::from_slice(&left)?.reshape(1, frame.rows())?.try_clone()?;
-    // The picture's rim, where others come in, counts little.
-    let mut window = Mat::default();
-    imgproc::create_hanning_window(&mut window, left.size()?, core::CV_32F)?;
     let mut windowed = Mat::default();
-    core::multiply_def(&left, &window, &mut windowed)?;
+    core::multiply_def(&left, window, &mut windowed)?;
     Ok(windowed)
 }
 

@@ -1,7 +1,8 @@
 //! One pass over the recording: every frame looked at once, what moves kept within a budget of memory.
 //!
 //! The empty scene comes from key frames where the file has enough of them. Elsewhere it comes from the frames that
-//! the pass begins with (of large pictures, where memory has no room for enough of these, from few key frames, or from a pass of its own), and the pass keeps frames spread over the recording as it goes. Their scene takes the place of the
+//! the pass begins with (of large pictures, where memory has no room for enough of these, from few key frames, or from a
+//! pass of its own), and the pass keeps frames spread over the recording as it goes. Their scene takes the place of the
 //! opening's where both show the same; where they do not (a ball that lay there at first, a light or a camera that
 //! moved), the pass is given up and begun anew with the scene of frames from all over the recording.
 
