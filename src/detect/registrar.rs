@@ -13,7 +13,7 @@
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
-use super::resample::{bilinear, reduced};
+use super::resample::{SubpixelShift, reduced};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
@@ -328,9 +328,9 @@ impl Registrar {
             (row.min(CELLS - 1)) * CELLS + column.min(CELLS - 1)
         };
         let step = |now: &Registration| {
+            let shift = SubpixelShift::new(now.shift_u_px, now.shift_v_px);
             let lit = self.samples.iter().filter_map(|s| {
-                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
-                let grey = bilinear(&frame.data, (frame.width, frame.height), u, v)?;
+                let grey = shift.value(frame, s.u as usize, s.v as usize)?;
                 Some(LitPixel {
                     field: field_of(s),
                     residual: grey - now.gain * s.value,
@@ -455,9 +455,10 @@ impl Registrar {
         let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
         let step = |now: &Registration| {
             residuals.clear();
+            let shift = SubpixelShift::new(now.shift_u_px, now.shift_v_px);
             residuals.extend(self.samples.iter().map(|s| {
-                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
-                bilinear(&frame.data, (frame.width, frame.height), u, v)
+                shift
+                    .value(frame, s.u as usize, s.v as usize)
                     .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
             }));
             magnitudes.clear();

@@ -165,11 +165,17 @@ impl Scaled<'_> {
         let units_per_px = self.camera.units_per_px();
         let displaced_px = flight.displaced_std() / units_per_px;
         let by_chroma_px = self.camera.chroma_share * displaced_px;
+        // The calibration's pixels are those of the first frame: where a moving camera looked then is known no better than where it looks in any other.
+        let first_frame_px = if self.camera.stands_still {
+            0.0
+        } else {
+            self.camera.shift_std_px.max(displaced_px)
+        };
         let errors = ImagingErrors {
             units_per_px,
             common_std_px: ball_model::common_std_px(self.ball, displaced_px)
                 .hypot(self.misfit_of_size_px())
-                .hypot(self.camera.shift_std_px)
+                .hypot(first_frame_px)
                 .hypot(self.camera.chroma_std_px)
                 .hypot(CHROMA_COMMON_PART * by_chroma_px),
             places_std_px: PLACES_STD_PX
