@@ -552,7 +552,7 @@ fn far_out(made: &Made) -> (Vec<String>, bool) {
 /// Every error over its standard uncertainty, as CSV.
 fn pulls_of(measured: &[(u64, Tried)]) -> String {
     let names: Vec<&str> = QUANTITIES.iter().map(|(name, _)| *name).collect();
-    let mut csv = format!("seed,kinds,{},warnings\n", names.join(","));
+    let mut csv = format!("seed,kinds,{},warnings,what\n", names.join(","));
     for (seed, tried) in measured {
         let kinds: Vec<&str> = wild(*seed).kinds.iter().map(|k| k.name()).collect();
         let pulls = tried.errors.iter().map(|error| match error {
@@ -561,10 +561,11 @@ fn pulls_of(measured: &[(u64, Tried)]) -> String {
         });
         let pulls: Vec<String> = pulls.collect();
         csv += &format!(
-            "{seed},{},{},{}\n",
+            "{seed},{},{},{},\"{}\"\n",
             kinds.join(" "),
             pulls.join(","),
-            tried.warnings.join(" ")
+            tried.warnings.join(" "),
+            wild(*seed).described()
         );
     }
     csv

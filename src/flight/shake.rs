@@ -1,15 +1,18 @@
 //! What the arcs themselves show of a table that is bumped by the impact: right after it, and for some hundredths of a second,
 //! the ball seems to leave its arc, along both axes as the picture swings.
 //!
-//! The end of each arc, long after its impact, says where its beginning should be. Points near the impact that are off that by
-//! far more than the others scatter, while the end of an arc, said by its beginning, is not, are of a swing (a path that is no
-//! parabola is off at both ends). Then points after every impact are as unsure as the swing is large and young: they stay in
-//! the fit with what they are worth, and a last arc that is hardly longer than the swing has the uncertainty that it deserves.
+//! Two hypotheses compete for the points behind each impact: a smooth path, or that with a swing exp(−t/τ) (a sin ωt + b cos ωt) along both axes, t being
+//! the time since the impact, ω and τ the same after all. The path is a cubic in time, so that neither drag nor a scale that changes is taken for a swing. The
+//! likelihood tells, with the centres' scatter found anew for each and a price for every number. Then points after every impact are as unsure as the
+//! swing is large and young: they stay in the fit with what they are worth, and a last arc that is hardly longer than the swing has the uncertainty
+//! that it deserves.
+//!
+//! Assumed: a swing begins with an impact and has one frequency and one decay. One that has more is found by the strongest, and is as unsure as that.
 //!
 //! This is for what no edge of the scene shows ([`crate::detect::camera_swing`]).
 
 use super::free_flight::{Flight, FlightPoint, SpotUse};
-use crate::numeric::robust::std_from_magnitudes;
+use nalgebra::{DMatrix, DVector};
 
 /// The swing after impacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,26 +21,33 @@ pub struct Shake {
     pub size: f64,
     /// After which impact it was seen, s.
     pub impact_s: f64,
+    /// It dies away by a factor e in so long, s.
+    pub decay_s: f64,
+    /// Swings a second.
+    pub frequency_hz: f64,
 }
 
-/// A swing is over after this, s.
-const LASTS_S: f64 = 0.06;
+/// Frequencies that are tried, Hz: those of tables and tripods.
+const FREQUENCIES_HZ: [f64; 9] = [6.0, 8.0, 11.0, 15.0, 20.0, 27.0, 36.0, 48.0, 64.0];
 
-/// It dies away by a factor e in so long, s: slower than most, so that its rest is not taken for the ball.
-const DECAY_S: f64 = 0.03;
+/// The same for the time in which it dies away by a factor e, s.
+const DECAYS_S: [f64; 6] = [0.008, 0.012, 0.018, 0.027, 0.04, 0.06];
 
-/// Points and time that the rest of an arc needs, to say where its beginning should be.
-const LEAST_POINTS: usize = 8;
-const LEAST_REST_S: f64 = 0.05;
+/// A camera that takes fewer frames than this a swing, or a decay, does not show it.
+const LEAST_FRAMES: f64 = 2.5;
 
-/// Points in the swing.
-const LEAST_EARLY: usize = 3;
+/// An arc shows a swing against what it is afterwards, and lasts so many times the decay at least, with so many points.
+const LEAST_DECAYS: f64 = 3.0;
+const LEAST_POINTS: usize = 12;
 
-/// A swing makes points scatter so many times more than the rest does, and more than they do at the other end of their arc, ...
-const TIMES: f64 = 4.0;
+/// Points that were left out for being off their arc may be those of a swing for so many decays.
+const LEFT_OUT_DECAYS: f64 = 3.0;
 
-/// ... and by this part of the ball's radius.
-const LEAST_PART: f64 = 0.007;
+/// By how much a swing must be likelier than none, in −2 ln L beside the price of its numbers: odds of a hundred and fifty to one.
+const LEAST_GAIN: f64 = 10.0;
+
+/// Powers of time in a smooth path.
+const PATH: usize = 4;
 
 /// The swing that the arcs of `flight` show after their impacts; `None` where they show none.
 #[must_use]
@@ -45,106 +55,131 @@ pub fn find(flight: &Flight) -> Option<Shake> {
     if !flight.fit.falls_in_plane() {
         return None;
     }
-    let least = LEAST_PART * flight.radius();
-    let of_arc = |k: usize| -> Option<Shake> {
-        let impact_s = (*flight.impacts.get(k.checked_sub(1)?)?)?;
-        let mut after = offsets(flight, k, |t| t - impact_s);
-        after.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let begins = beginning(&after)?;
-        // The same from the other end, where there is no impact to swing after.
-        let (_, end_s) = flight.spans[k];
-        let mut before = offsets(flight, k, |t| end_s - t);
-        before.retain(|p| end_s - p.0 > impact_s + LASTS_S);
-        before.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let ends = beginning(&before).map_or(begins.noise, |b| b.rms.max(b.noise));
-        let shows = begins.rms > TIMES * begins.noise && begins.rms > TIMES * ends && begins.rms > least;
-        shows.then_some(Shake {
-            size: begins.most,
-            impact_s,
-        })
-    };
-    (1..flight.fit.arcs())
-        .filter_map(of_arc)
-        .max_by(|a, b| a.size.total_cmp(&b.size))
+    let frames = |period_s: f64| period_s / flight.interval_s;
+    let frequencies = FREQUENCIES_HZ.iter().filter(|&&f| frames(1.0 / f) > LEAST_FRAMES);
+    let tried = frequencies.flat_map(|&f| DECAYS_S.map(|decay_s| (f, decay_s)));
+    let tried = tried.filter(|(_, decay_s)| frames(*decay_s) > LEAST_FRAMES);
+    let seen = tried.filter_map(|(f, decay_s)| swing(flight, f, decay_s));
+    let (gain, shake) = seen.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let price = LEAST_GAIN + 2.0 * ((FREQUENCIES_HZ.len() * DECAYS_S.len()) as f64).ln();
+    (gain > price).then_some(shake)
 }
 
-/// The points of an arc with their distance in time by `since`, and how far they are off the fitted arc (along r, h).
-fn offsets(flight: &Flight, k: usize, since: impl Fn(f64) -> f64) -> Vec<(f64, [f64; 2])> {
-    let (from, to) = flight.spans[k];
-    let impact = k.checked_sub(1).and_then(|i| flight.impacts[i]);
-    // Frames of the contact itself are on no arc.
-    let start = impact.map_or(from, |t| t + 0.5 * flight.interval_s);
-    let of_arc = |p: &&FlightPoint| match p.use_ {
-        SpotUse::Used(arc) => arc == k,
-        SpotUse::Outlier(_) | SpotUse::Contact => p.spot.time_s > start && p.spot.time_s <= to,
-        SpotUse::NotFree => false,
-    };
-    let off = |p: &FlightPoint| {
-        let m = flight.fit.motion(k, p.spot.time_s);
-        (
-            since(p.spot.time_s),
-            [p.spot.place.right - m.r, p.spot.place.up - m.h],
-        )
-    };
-    let points = flight.points.iter().filter(of_arc).map(off);
-    points.filter(|p| p.0 >= 0.0).collect()
-}
-
-/// How far the first points are off what the rest says.
-struct StartOffsets {
-    rms: f64,
-    most: f64,
-    noise: f64,
-}
-
-/// Of points in order of time from an end; `None` where the rest is too short to say.
-fn beginning(points: &[(f64, [f64; 2])]) -> Option<StartOffsets> {
-    let split = points.partition_point(|p| p.0 < LASTS_S);
-    let (early, late) = points.split_at(split);
-    let long = late.last()?.0 - late.first()?.0 > LEAST_REST_S;
-    if early.len() < LEAST_EARLY || late.len() < LEAST_POINTS || !long {
-        return None;
-    }
-    let n = late.len() as f64;
-    let mean_t = late.iter().map(|p| p.0).sum::<f64>() / n;
-    let spread = late.iter().map(|p| (p.0 - mean_t).powi(2)).sum::<f64>();
-    let mut residuals = Vec::new();
-    let mut off: Vec<[f64; 2]> = vec![[0.0; 2]; early.len()];
-    for axis in 0..2 {
-        let mean = late.iter().map(|p| p.1[axis]).sum::<f64>() / n;
-        let slope = late
-            .iter()
-            .map(|p| (p.0 - mean_t) * (p.1[axis] - mean))
-            .sum::<f64>()
-            / spread;
-        let line = |t: f64| mean + slope * (t - mean_t);
-        residuals.extend(late.iter().map(|p| (p.1[axis] - line(p.0)).abs()));
-        for (o, p) in off.iter_mut().zip(early) {
-            // What the line itself does not know of that place counts for less.
-            let unsure = (1.0 + 1.0 / n + (p.0 - mean_t).powi(2) / spread).sqrt();
-            o[axis] = (p.1[axis] - line(p.0)) / unsure;
+/// The likeliest swing of this frequency and decay, and by how much it is likelier than none, in −2 ln L less the price of its numbers.
+fn swing(flight: &Flight, frequency_hz: f64, decay_s: f64) -> Option<(f64, Shake)> {
+    let (mut coordinates, mut numbers, mut plain, mut swinging) = (0, 0, 0.0, 0.0);
+    let mut largest: Option<(f64, f64)> = None;
+    let mut lasting = Lasting::default();
+    for (k, impact) in flight.impacts.iter().enumerate() {
+        let Some(impact_s) = *impact else { continue };
+        let points = points_after(flight, k + 1, impact_s, LEFT_OUT_DECAYS * decay_s);
+        let Some(last) = points.last() else { continue };
+        let lasts_s = last.spot.time_s - impact_s;
+        if points.len() < LEAST_POINTS || lasts_s < LEAST_DECAYS * decay_s {
+            continue;
+        }
+        let since = |i: usize| points[i].spot.time_s - impact_s;
+        let weight = |i: usize| 1.0 / flight.extra.variance_of(&points[i].spot).sqrt();
+        let path = DMatrix::from_fn(points.len(), PATH, |i, power| {
+            weight(i) * (since(i) / lasts_s).powi(power as i32)
+        });
+        let turn = |i: usize| std::f64::consts::TAU * frequency_hz * since(i);
+        let dies = |i: usize| (-since(i) / decay_s).exp();
+        let swings = DMatrix::from_fn(points.len(), 2, |i, which| {
+            weight(i) * dies(i) * if which == 0 { turn(i).sin() } else { turn(i).cos() }
+        });
+        let along = path.qr().q();
+        let beside = |m: DMatrix<f64>| &m - &along * (along.transpose() * &m);
+        let places = DMatrix::from_fn(points.len(), 2, |i, axis| {
+            let place = points[i].spot.place;
+            weight(i) * if axis == 0 { place.right } else { place.up }
+        });
+        let (places, basis) = (beside(places), beside(swings));
+        let amplitudes = (basis.transpose() * &basis).try_inverse()? * basis.transpose() * &places;
+        let left = &places - &basis * &amplitudes;
+        plain += places.norm_squared();
+        swinging += left.norm_squared();
+        coordinates += 2 * points.len();
+        numbers += 4;
+        lasting.take(&left);
+        let off = |i: usize| {
+            let wave = DVector::from_vec(vec![turn(i).sin(), turn(i).cos()]);
+            dies(i) * (amplitudes.transpose() * wave).norm()
+        };
+        let most = (0..points.len()).map(off).fold(0.0, f64::max);
+        if largest.is_none_or(|(size, _)| most > size) {
+            largest = Some((most, impact_s));
         }
     }
-    let noise = std_from_magnitudes(&mut residuals).unwrap_or(0.0);
-    let sizes: Vec<f64> = off.iter().map(|o| o[0].hypot(o[1])).collect();
-    let square = sizes.iter().map(|s| s * s).sum::<f64>() / sizes.len() as f64;
-    Some(StartOffsets {
-        rms: (0.5 * square).sqrt(),
-        most: sizes.iter().copied().fold(0.0, f64::max),
-        noise,
-    })
+    let (size, impact_s) = largest?;
+    let count = coordinates as f64;
+    let gain = count * (plain / swinging).ln() / lasting.inflation() - f64::from(numbers) * count.ln();
+    gain.is_finite().then_some((
+        gain,
+        Shake {
+            size,
+            impact_s,
+            decay_s,
+            frequency_hz,
+        },
+    ))
 }
+
+/// The points of arc `k` behind its impact, and those that were left out for no longer than `left_out_s`; frames of the contact itself are on no arc.
+fn points_after(flight: &Flight, k: usize, impact_s: f64, left_out_s: f64) -> Vec<&FlightPoint> {
+    let (_, to) = flight.spans[k];
+    let is_behind = |p: &&FlightPoint| {
+        let since = p.spot.time_s - impact_s;
+        match p.use_ {
+            SpotUse::Used(arc) => arc == k,
+            SpotUse::Outlier(_) | SpotUse::NotFree => {
+                since > 0.5 * flight.interval_s && since < left_out_s && p.spot.time_s <= to
+            }
+            SpotUse::Contact => false,
+        }
+    };
+    flight.points.iter().filter(is_behind).collect()
+}
+
+/// What lasts of residuals from point to point.
+#[derive(Default)]
+struct Lasting {
+    product: f64,
+    square: f64,
+}
+
+impl Lasting {
+    fn take(&mut self, residuals: &DMatrix<f64>) {
+        for column in residuals.column_iter() {
+            self.square += column.norm_squared();
+            let pairs = column.iter().zip(column.iter().skip(1));
+            self.product += pairs.map(|(a, b)| a * b).sum::<f64>();
+        }
+    }
+
+    /// So many points count for one.
+    fn inflation(&self) -> f64 {
+        let rho = (self.product / self.square).clamp(0.0, MOST_CORRELATED);
+        (1.0 + rho) / (1.0 - rho)
+    }
+}
+
+/// At this correlation ten points count for one.
+const MOST_CORRELATED: f64 = 0.8;
 
 impl Flight {
     /// The flight with its points after impacts as unsure as `shake` makes them.
+    ///
+    /// What is off in one direction for a quarter of a swing counts as much as so many frames that are each off by themselves.
     #[must_use]
     pub fn shaken_by(&self, shake: &Shake) -> Option<Self> {
+        let together = (0.25 / (shake.frequency_hz * self.interval_s)).max(1.0).sqrt();
         let mut points = self.points.clone();
         for p in &mut points {
             let since = |t: &f64| p.spot.time_s - t;
             let young = self.impacts.iter().flatten().map(since).filter(|s| *s >= 0.0);
             if let Some(since) = young.min_by(f64::total_cmp) {
-                let more = shake.size * (-since / DECAY_S).exp();
+                let more = together * shake.size * (-since / shake.decay_s).exp();
                 p.spot.std = p.spot.std.hypot(more);
             }
         }

@@ -11,10 +11,8 @@ use super::refine::Refined;
 use super::rolling_shutter;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::{Calibration, CalibrationError};
-use crate::flight::Flight;
-use crate::flight::bend::Departure;
 use crate::flight::planar::DRAG;
-use crate::flight::shake::{self, Shake};
+use crate::flight::{Flight, shake};
 use crate::impact::compliant_reading::KnownContact;
 use crate::impact::error_budget::{CHROMA_COMMON_PART, CHROMA_PLACES_PART, LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
@@ -44,12 +42,11 @@ pub fn impacts(
         .tracked
         .flight
         .with_all_unknowns(calibration.upright_std_rad());
-    let released = |shake: Option<&Shake>| {
-        let shaken = shake.and_then(|shake| flight.shaken_by(shake));
-        let flight = shaken.unwrap_or_else(|| flight.clone());
-        let flight = flight.without_touching_points().unwrap_or(flight);
-        flight.without_held_points().unwrap_or(flight)
-    };
+    let shake = shake::find(&flight);
+    let shaken = shake.as_ref().and_then(|shake| flight.shaken_by(shake));
+    let flight = shaken.unwrap_or(flight);
+    let flight = flight.without_touching_points().unwrap_or(flight);
+    let flight = flight.without_held_points().unwrap_or(flight);
     let scaled = |flight: &Flight| -> Result<Scaled<'_>, CalibrationError> {
         Ok(Scaled {
             camera,
@@ -61,27 +58,11 @@ pub fn impacts(
     };
 
     // The bounces tell the spins, these the lift, which bends the arcs, too; those without it are the ones that bounce.
-    let first_look = &refined.tracked.first_look;
-    let departed = |flight: Flight| -> Result<(Departure, Flight), CalibrationError> {
-        let plain = scaled(&flight)?.with_spins(refined, rotations);
-        let (free, _) = plain.motion(&flight, SpinLift::default()).without_lift();
-        let facts = camera.facts(plain.metres_per_unit);
-        let departure = free.likeliest_departure(first_look, &facts);
-        let departing = flight.departing(departure, first_look, &facts);
-        Ok((departure, departing.unwrap_or(flight)))
-    };
-    let mut shake = shake::find(&flight);
-    let (mut departure, mut departing) = departed(released(shake.as_ref()))?;
-    if departure.is_likely() {
-        // Arcs that bend hide a swing while they are taken for parabolas.
-        let bent = flight.under(&*departing.fit.model);
-        let seen = bent.as_ref().and_then(shake::find);
-        if seen.is_some() {
-            shake = seen;
-            (departure, departing) = departed(released(shake.as_ref()))?;
-        }
-    }
-    let mut flight = departing;
+    let plain = scaled(&flight)?.with_spins(refined, rotations);
+    let (free, _) = plain.motion(&flight, SpinLift::default()).without_lift();
+    let (first_look, facts) = (&refined.tracked.first_look, camera.facts(plain.metres_per_unit));
+    let departure = free.likeliest_departure(first_look, &facts);
+    let mut flight = flight.departing(departure, first_look, &facts).unwrap_or(flight);
     let scaled = scaled(&flight)?.with_spins(refined, rotations);
     let metres_per_unit = scaled.metres_per_unit;
     let (free, lift) = scaled.motion(&flight, SpinLift::default()).without_lift();
