@@ -3,7 +3,7 @@
 //! A camera held by hand drifts by pixels and a lamp flickers by percents. Both are read off a few thousand pixels of the
 //! scene that carry gradient: the frame is modelled as `frame(p + s) = gain · reference(p) + offset`, and the shift s, the
 //! gain and the offset are found by robust Gauss-Newton (Lucas and Kanade 1981, with Tukey weights so that whatever moves
-//! does not count). Large first shifts are found on reduced pictures.
+//! does not count). Both are smoothed by a Gaussian of a pixel ([`SmoothShift`]). Large first shifts are found on reduced pictures.
 //!
 //! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
 //!
@@ -13,7 +13,7 @@
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
-use super::resample::{SubpixelShift, reduced};
+use super::resample::{SMOOTH_NOISE_PART, SmoothShift, reduced};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
@@ -27,6 +27,8 @@ struct ReferencePixel {
     u: f64,
     v: f64,
     value: f64,
+    /// What frames that are shifted are compared with.
+    smooth: f64,
     gradient: Vector2<f64>,
 }
 
@@ -39,6 +41,9 @@ impl ReferencePixel {
             u: u as f64,
             v: v as f64,
             value: f64::from(row[u]),
+            smooth: SmoothShift::new(0.0, 0.0)
+                .value(reference, u, v)
+                .unwrap_or(f64::from(row[u])),
             gradient: Vector2::new(
                 half(row[u + 1], row[u - 1]),
                 half(reference.row(v + 1)[u], reference.row(v - 1)[u]),
@@ -328,12 +333,12 @@ impl Registrar {
             (row.min(CELLS - 1)) * CELLS + column.min(CELLS - 1)
         };
         let step = |now: &Registration| {
-            let shift = SubpixelShift::new(now.shift_u_px, now.shift_v_px);
+            let shift = SmoothShift::new(now.shift_u_px, now.shift_v_px);
             let lit = self.samples.iter().filter_map(|s| {
                 let grey = shift.value(frame, s.u as usize, s.v as usize)?;
                 Some(LitPixel {
                     field: field_of(s),
-                    residual: grey - now.gain * s.value,
+                    residual: grey - now.gain * s.smooth,
                     gradient: now.gain * s.gradient,
                 })
             });
@@ -386,7 +391,8 @@ impl Registrar {
 
     /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
     fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
-        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_at_grey(self.factor);
+        let noise_grey = SMOOTH_NOISE_PART * self.noise_at_grey(self.factor);
+        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * noise_grey.max(ROUNDING_STD_GREY);
         *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
     }
 
@@ -455,11 +461,11 @@ impl Registrar {
         let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
         let step = |now: &Registration| {
             residuals.clear();
-            let shift = SubpixelShift::new(now.shift_u_px, now.shift_v_px);
+            let shift = SmoothShift::new(now.shift_u_px, now.shift_v_px);
             residuals.extend(self.samples.iter().map(|s| {
                 shift
                     .value(frame, s.u as usize, s.v as usize)
-                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
+                    .map_or(f32::NAN, |i| (i - now.gain * s.smooth - now.offset_grey) as f32)
             }));
             magnitudes.clear();
             magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
@@ -474,7 +480,7 @@ impl Registrar {
                 let weight = tukey_weight(f64::from(r), cut);
                 if weight > 0.0 {
                     let g = -now.gain * s.gradient;
-                    equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
+                    equations.push(&Vector4::new(g.x, g.y, s.smooth, 1.0), f64::from(r), weight);
                 }
             }
             self.restrain_offset(3, &mut equations);
