@@ -3,7 +3,7 @@
 //! A camera held by hand drifts by pixels and a lamp flickers by percents. Both are read off a few thousand pixels of the
 //! scene that carry gradient: the frame is modelled as `frame(p + s) = gain · reference(p) + offset`, and the shift s, the
 //! gain and the offset are found by robust Gauss-Newton (Lucas and Kanade 1981, with Tukey weights so that whatever moves
-//! does not count). Both are smoothed by a Gaussian of a pixel ([`SmoothShift`]). Large first shifts are found on reduced pictures.
+//! does not count). Large first shifts are found on reduced pictures.
 //!
 //! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
 //!
@@ -13,7 +13,7 @@
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
-use super::resample::{SMOOTH_NOISE_PART, SmoothShift, reduced};
+use super::resample::{bilinear, reduced};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
@@ -27,8 +27,6 @@ struct ReferencePixel {
     u: f64,
     v: f64,
     value: f64,
-    /// What frames that are shifted are compared with.
-    smooth: f64,
     gradient: Vector2<f64>,
 }
 
@@ -41,9 +39,6 @@ impl ReferencePixel {
             u: u as f64,
             v: v as f64,
             value: f64::from(row[u]),
-            smooth: SmoothShift::new(0.0, 0.0)
-                .value(reference, u, v)
-                .unwrap_or(f64::from(row[u])),
             gradient: Vector2::new(
                 half(row[u + 1], row[u - 1]),
                 half(reference.row(v + 1)[u], reference.row(v - 1)[u]),
@@ -333,12 +328,12 @@ impl Registrar {
             (row.min(CELLS - 1)) * CELLS + column.min(CELLS - 1)
         };
         let step = |now: &Registration| {
-            let shift = SmoothShift::new(now.shift_u_px, now.shift_v_px);
             let lit = self.samples.iter().filter_map(|s| {
-                let grey = shift.value(frame, s.u as usize, s.v as usize)?;
+                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
+                let grey = bilinear(&frame.data, (frame.width, frame.height), u, v)?;
                 Some(LitPixel {
                     field: field_of(s),
-                    residual: grey - now.gain * s.smooth,
+                    residual: grey - now.gain * s.value,
                     gradient: now.gain * s.gradient,
                 })
             });
@@ -391,8 +386,7 @@ impl Registrar {
 
     /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
     fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
-        let noise_grey = SMOOTH_NOISE_PART * self.noise_at_grey(self.factor);
-        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * noise_grey.max(ROUNDING_STD_GREY);
+        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_at_grey(self.factor);
         *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
     }
 
@@ -461,11 +455,10 @@ impl Registrar {
         let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
         let step = |now: &Registration| {
             residuals.clear();
-            let shift = SmoothShift::new(now.shift_u_px, now.shift_v_px);
             residuals.extend(self.samples.iter().map(|s| {
-                shift
-                    .value(frame, s.u as usize, s.v as usize)
-                    .map_or(f32::NAN, |i| (i - now.gain * s.smooth - now.offset_grey) as f32)
+                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
+                bilinear(&frame.data, (frame.width, frame.height), u, v)
+                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
             }));
             magnitudes.clear();
             magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
@@ -480,7 +473,7 @@ impl Registrar {
                 let weight = tukey_weight(f64::from(r), cut);
                 if weight > 0.0 {
                     let g = -now.gain * s.gradient;
-                    equations.push(&Vector4::new(g.x, g.y, s.smooth, 1.0), f64::from(r), weight);
+                    equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
                 }
             }
             self.restrain_offset(3, &mut equations);
@@ -504,7 +497,7 @@ impl Registrar {
         sane(found, spread, frame).unwrap_or((start, f64::INFINITY))
     }
 
-    /// The light alone, of a frame that is not shifted: what [`refine_at_size`](Self::refine_at_size) finds then (but for its smoothing), for a
+    /// The light alone, of a frame that is not shifted: what [`refine_at_size`](Self::refine_at_size) finds then, for a
     /// tenth of its time, since every pixel is where the reference has it.
     fn refine_light(&self, frame: &Luma, start: Registration) -> (Registration, f64) {
         let seen: Vec<(f64, f64)> = self
@@ -747,10 +740,9 @@ mod tests {
             ..Registration::IDENTITY
         };
         let by_all = registrar.refine(&frame, start, false).0;
-        // It compares smoothed pictures, in which the edge of what moves is wider.
-        assert!((r.gain - by_all.gain).abs() < 2e-3, "{r:?} {by_all:?}");
+        assert!((r.gain - by_all.gain).abs() < 1e-6, "{r:?} {by_all:?}");
         assert!(
-            (r.offset_grey - by_all.offset_grey).abs() < 0.2,
+            (r.offset_grey - by_all.offset_grey).abs() < 1e-4,
             "{r:?} {by_all:?}"
         );
     }

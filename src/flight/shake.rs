@@ -247,6 +247,25 @@ mod tests {
         }
     }
 
+    /// The same seen with a scale that grows by 3 % as the ball goes to the right.
+    fn slanted(size: f64, seed: u64) -> Flight {
+        let mut spots = spots(size, seed);
+        for s in &mut spots {
+            let scale = 1.0 + 0.03 * s.place.right / 450.0;
+            s.place = PlanePoint::new(s.place.right * scale, s.place.up * scale);
+        }
+        let side = SideView::new(VerticalPrior::LEVEL_CAMERA);
+        crate::flight::find(&LinkedSpots::new(spots), &side).unwrap()
+    }
+
+    #[test]
+    fn a_scale_that_changes_is_no_swing_and_hides_none() {
+        for seed in 0..20 {
+            assert_eq!(find(&slanted(0.0, 70 + seed)), None);
+            assert!(find(&slanted(1.5, 70 + seed)).is_some());
+        }
+    }
+
     #[test]
     fn with_its_shaken_points_less_sure_the_restitution_is_right() {
         for seed in 0..20 {
