@@ -246,42 +246,23 @@ impl BlockChanges<'_> {
 /// Where the frames of a survey with this median look, and whether the camera stands still.
 fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Registration>, bool) {
     let found = first.locate(survey);
-    let by_gradients = first
-        .sees_shift()
-        .then(|| by_gradients(first, survey, &found))
-        .flatten();
+    let by_gradients = first.sees_shift().then(|| by_gradients(first, survey, &found));
+    // A floor's edge, say, shows nothing along it.
+    let in_all_directions = first.expected_std_px().is_finite();
+    if let Some(moved) = by_gradients.iter().flatten().next().filter(|_| in_all_directions) {
+        return (moved.clone(), false);
+    }
     // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
-    let by_whole = FaintScene::new(survey, median).and_then(|scene| {
+    let seen = FaintScene::new(survey, median).and_then(|scene| {
         let whole = scene.shifts().filter(moves)?;
         Some(scene.by_quarters(whole)).filter(moves)
     });
-    let readings = [by_gradients, by_whole.map(|shifts| shifts.registrations)];
-    let agree = |moved: &Vec<Registration>| scatter_grey(survey, moved);
-    let best = readings
-        .into_iter()
-        .flatten()
-        .min_by(|a, b| agree(a).total_cmp(&agree(b)));
-    match best {
-        Some(moved) => (moved, false),
-        None => (found, true),
+    match (seen, by_gradients.flatten()) {
+        (Some(shifts), _) => (shifts.registrations, false),
+        (None, Some(moved)) => (moved, false),
+        (None, None) => (found, true),
     }
-}
-
-/// What the frames' pixels scatter by where each frame looks as `found` says, grey levels: the less, the likelier that is. To whole pixels, since between
-/// them noise is averaged.
-fn scatter_grey(survey: &[&Luma], found: &[Registration]) -> f64 {
-    let whole: Vec<Registration> = found
-        .iter()
-        .map(|r| Registration {
-            shift_u_px: r.shift_u_px.round(),
-            shift_v_px: r.shift_v_px.round(),
-            ..*r
-        })
-        .collect();
-    let aligned: Vec<Luma> = survey.par_iter().zip(&whole).map(|(f, r)| r.aligned(f)).collect();
-    let scene = median_of(&aligned.iter().collect::<Vec<_>>());
-    pixel_noise_grey(&scene, survey, &whole)
 }
 
 /// Where the frames look, by what `first` found of them; `None` where the camera stands still.
