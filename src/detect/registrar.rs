@@ -3,7 +3,8 @@
 //! A camera held by hand drifts by pixels and a lamp flickers by percents. Both are read off a few thousand pixels of the
 //! scene that carry gradient: the frame is modelled as `frame(p + s) = gain · reference(p) + offset`, and the shift s, the
 //! gain and the offset are found by robust Gauss-Newton (Lucas and Kanade 1981, with Tukey weights so that whatever moves
-//! does not count). Large first shifts are found on reduced pictures.
+//! does not count). Large first shifts are found on reduced pictures. Where the camera is known to move, frame and reference are
+//! smoothed by a Gaussian of a pixel ([`SmoothShift`]), since bilinear weights follow a drifting scene in steps.
 //!
 //! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
 //!
@@ -13,7 +14,7 @@
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
-use super::resample::{bilinear, reduced};
+use super::resample::{SMOOTH_NOISE_PART, SmoothShift, bilinear, reduced};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
@@ -64,6 +65,8 @@ pub struct Registrar {
     noise_part: f64,
     /// Least gradient of its samples at full size, grey levels a pixel.
     least_gradient_grey: f64,
+    /// Frames are smoothed before they are compared, and the values of the samples are.
+    smooths: bool,
     /// The camera does not move: only brightness is followed.
     pub fixed: bool,
 }
@@ -123,9 +126,14 @@ impl Registrar {
         reduced.find(|r| r.sees_shift).unwrap_or(full)
     }
 
-    /// A registrar for a `reference` that is a mean of aligned frames with noise of `noise_grey`, and has itself `noise_part` of that.
+    /// A registrar for a `reference` that is a mean of the aligned frames of a camera that moves, with noise of `noise_grey`, and has itself `noise_part`
+    /// of that. What it compares is smoothed.
     #[must_use]
     pub fn of_mean(reference: &Luma, noise_grey: f64, noise_part: f64) -> Self {
+        Self::of_mean_as_it_is(reference, noise_grey, noise_part).smoothing()
+    }
+
+    fn of_mean_as_it_is(reference: &Luma, noise_grey: f64, noise_part: f64) -> Self {
         let full_size = |least_grey| Self::at_full_size_of(reference, noise_grey, noise_part, least_grey);
         let full = full_size(LEAST_GRADIENT_GREY);
         if full.sees_shift_well() {
@@ -137,6 +145,37 @@ impl Registrar {
             .chain(reduced)
             .min_by(|a, b| a.expected_std_px().total_cmp(&b.expected_std_px()))
             .expect("there is the one of full size")
+    }
+
+    /// The same that smooths what it compares. Its samples keep the gradients of the scene as it is: they only say in which direction a difference is
+    /// to be made up for.
+    fn smoothing(mut self) -> Self {
+        let small = (self.factor > 1)
+            .then(|| reduced(&self.reference, self.factor))
+            .flatten();
+        let compared = small.as_ref().unwrap_or(&self.reference);
+        let here = SmoothShift::new(0.0, 0.0);
+        for s in &mut self.samples {
+            s.value = here
+                .value(compared, s.u as usize, s.v as usize)
+                .unwrap_or(s.value);
+        }
+        self.smooths = true;
+        self
+    }
+
+    /// The frame's value where a sample is seen, with the scene shifted as `now` says; `None` outside.
+    fn value_in<'a>(
+        &self,
+        frame: &'a Luma,
+        now: &Registration,
+    ) -> impl Fn(&ReferencePixel) -> Option<f64> + 'a {
+        let (du, dv) = (now.shift_u_px, now.shift_v_px);
+        let smooth = self.smooths.then(|| SmoothShift::new(du, dv));
+        move |s| match &smooth {
+            Some(shift) => shift.value(frame, s.u as usize, s.v as usize),
+            None => bilinear(&frame.data, (frame.width, frame.height), s.u + du, s.v + dv),
+        }
     }
 
     /// Standard uncertainty of a shift along the direction that the scene tells least of, px; infinite where it does not tell shifts.
@@ -182,6 +221,7 @@ impl Registrar {
             noise_part,
             least_gradient_grey,
             reference: Arc::new(reference.clone()),
+            smooths: false,
             fixed: false,
         }
     }
@@ -224,12 +264,17 @@ impl Registrar {
             self.least_gradient_grey,
             factor,
         );
-        Some(Self {
+        let reduced = Self {
             fits_offset: determines_offset(&samples, noise_grey),
             samples,
             factor,
             sees_shift: cells >= LEAST_CELLS,
             ..self.clone()
+        };
+        Some(if self.smooths {
+            reduced.smoothing()
+        } else {
+            reduced
         })
     }
 
@@ -328,9 +373,9 @@ impl Registrar {
             (row.min(CELLS - 1)) * CELLS + column.min(CELLS - 1)
         };
         let step = |now: &Registration| {
+            let value = self.value_in(frame, now);
             let lit = self.samples.iter().filter_map(|s| {
-                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
-                let grey = bilinear(&frame.data, (frame.width, frame.height), u, v)?;
+                let grey = value(s)?;
                 Some(LitPixel {
                     field: field_of(s),
                     residual: grey - now.gain * s.value,
@@ -386,7 +431,9 @@ impl Registrar {
 
     /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
     fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
-        let noise_grey = NORMAL_MEDIAN * std::f64::consts::SQRT_2 * self.noise_at_grey(self.factor);
+        let of_two = NORMAL_MEDIAN * std::f64::consts::SQRT_2;
+        let smoothed = if self.smooths { SMOOTH_NOISE_PART } else { 1.0 };
+        let noise_grey = of_two * (smoothed * self.noise_at_grey(self.factor)).max(ROUNDING_STD_GREY);
         *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
     }
 
@@ -453,38 +500,38 @@ impl Registrar {
         let mut spread = f64::INFINITY;
         let mut residuals = Vec::with_capacity(self.samples.len());
         let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
-        let step = |now: &Registration| {
-            residuals.clear();
-            residuals.extend(self.samples.iter().map(|s| {
-                let (u, v) = (s.u + now.shift_u_px, s.v + now.shift_v_px);
-                bilinear(&frame.data, (frame.width, frame.height), u, v)
-                    .map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
-            }));
-            magnitudes.clear();
-            magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
-            if magnitudes.len() < LEAST_SAMPLES {
-                spread = f64::INFINITY;
-                return None;
-            }
-            spread = f64::from(lower_median(&mut magnitudes));
-            let mut equations = NormalEquations::default();
-            let cut = tukey_cut(spread);
-            for (s, &r) in self.samples.iter().zip(&residuals) {
-                let weight = tukey_weight(f64::from(r), cut);
-                if weight > 0.0 {
-                    let g = -now.gain * s.gradient;
-                    equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
+        let step =
+            |now: &Registration| {
+                residuals.clear();
+                let value = self.value_in(frame, now);
+                residuals.extend(self.samples.iter().map(|s| {
+                    value(s).map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
+                }));
+                magnitudes.clear();
+                magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
+                if magnitudes.len() < LEAST_SAMPLES {
+                    spread = f64::INFINITY;
+                    return None;
                 }
-            }
-            self.restrain_offset(3, &mut equations);
-            if moving {
-                hold_unseen(&mut equations);
-            } else {
-                equations.hold(0);
-                equations.hold(1);
-            }
-            equations.step(0.0, 0.0)
-        };
+                spread = f64::from(lower_median(&mut magnitudes));
+                let mut equations = NormalEquations::default();
+                let cut = tukey_cut(spread);
+                for (s, &r) in self.samples.iter().zip(&residuals) {
+                    let weight = tukey_weight(f64::from(r), cut);
+                    if weight > 0.0 {
+                        let g = -now.gain * s.gradient;
+                        equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
+                    }
+                }
+                self.restrain_offset(3, &mut equations);
+                if moving {
+                    hold_unseen(&mut equations);
+                } else {
+                    equations.hold(0);
+                    equations.hold(1);
+                }
+                equations.step(0.0, 0.0)
+            };
         let moved = |now: &Registration, step: &Vector4<f64>| Registration {
             shift_u_px: now.shift_u_px + step[0],
             shift_v_px: now.shift_v_px + step[1],

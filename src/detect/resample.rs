@@ -79,6 +79,77 @@ pub fn cubic(luma: &Luma, u: f64, v: f64) -> f64 {
         .sum()
 }
 
+/// Pixels along each side that tell a smooth value between them.
+const SMOOTH_PIXELS: usize = 8;
+
+/// Standard deviation of the smoothing, px.
+const SMOOTH_PX: f64 = 1.0;
+
+/// What smoothing leaves of the noise of single pixels: 1/(2 √π σ) for both axes together.
+pub const SMOOTH_NOISE_PART: f64 = 0.282 / SMOOTH_PX;
+
+/// A picture shifted by parts of a pixel and smoothed by a Gaussian.
+///
+/// Bilinear weights see waves of four pixels up to 0.05 px beside their place, and as much in every place of a scene: a camera that drifts would seem
+/// to go in steps. A Gaussian of a pixel sees all waves where they are, and little of the shortest ones, which are a codec's more than the scene's.
+#[derive(Debug, Clone, Copy)]
+pub struct SmoothShift {
+    /// From a pixel to the first of those that tell its value.
+    first: (i64, i64),
+    columns: [f32; SMOOTH_PIXELS],
+    rows: [f32; SMOOTH_PIXELS],
+    /// In whole and parts of pixels.
+    shift: (f64, f64),
+}
+
+impl SmoothShift {
+    /// By (du, dv).
+    #[must_use]
+    pub fn new(du: f64, dv: f64) -> Self {
+        let before = SMOOTH_PIXELS as i64 / 2 - 1;
+        let weights = |part: f64| {
+            let at = |i: usize| ((i as i64 - before) as f64 - part) / SMOOTH_PX;
+            let of = |i: usize| (-0.5 * at(i) * at(i)).exp();
+            let sum: f64 = (0..SMOOTH_PIXELS).map(of).sum();
+            std::array::from_fn(|i| (of(i) / sum) as f32)
+        };
+        Self {
+            first: (du.floor() as i64 - before, dv.floor() as i64 - before),
+            columns: weights(du - du.floor()),
+            rows: weights(dv - dv.floor()),
+            shift: (du, dv),
+        }
+    }
+
+    /// The value of `luma` beside its pixel (u, v); `None` where that is outside. Beyond the rim its pixels are repeated.
+    #[must_use]
+    pub fn value(&self, luma: &Luma, u: usize, v: usize) -> Option<f64> {
+        let (w, h) = (luma.width, luma.height);
+        let is_inside = |at: f64, n: usize| at >= 0.0 && at <= (n - 1) as f64;
+        if !is_inside(u as f64 + self.shift.0, w) || !is_inside(v as f64 + self.shift.1, h) {
+            return None;
+        }
+        let clamp = |x: i64, n: usize| x.clamp(0, n as i64 - 1) as usize;
+        let (u, v) = (u as i64 + self.first.0, v as i64 + self.first.1);
+        let is_whole = u >= 0 && u + SMOOTH_PIXELS as i64 <= w as i64;
+        let sums = self.rows.iter().enumerate().map(|(j, weight)| {
+            let row = luma.row(clamp(v + j as i64, h));
+            let sum: f32 = if is_whole {
+                let part = &row[u as usize..u as usize + SMOOTH_PIXELS];
+                part.iter()
+                    .zip(&self.columns)
+                    .map(|(&p, w)| f32::from(p) * w)
+                    .sum()
+            } else {
+                let column = |i: usize| f32::from(row[clamp(u + i as i64, w)]);
+                self.columns.iter().enumerate().map(|(i, w)| column(i) * w).sum()
+            };
+            weight * sum
+        });
+        Some(f64::from(sums.sum::<f32>()))
+    }
+}
+
 /// `luma` at 1/`factor` of its size, each pixel the mean of those it replaces; `None` where OpenCV refuses.
 #[must_use]
 pub fn reduced(luma: &Luma, factor: usize) -> Option<Luma> {
@@ -103,4 +174,43 @@ pub fn reduced(luma: &Luma, factor: usize) -> Option<Luma> {
         })
     };
     reduce().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waves_are_seen_where_they_are() {
+        let (width, height) = (64, 48);
+        for (length_px, most_px) in [(3.0, 0.01), (4.0, 0.006), (8.0, 0.006)] {
+            let wave = |u: f64| (std::f64::consts::TAU * u / length_px).sin();
+            let luma = Luma::from_fn(width, height, |u, _| {
+                (127.5 + 120.0 * wave(u as f64)).round() as u8
+            });
+            for part in [0.0, 0.25, 0.4, 0.7] {
+                let shift = SmoothShift::new(2.0 + part, -1.3);
+                // The phase of what is seen, from a sum over whole waves.
+                let (mut sine, mut cosine) = (0.0, 0.0);
+                for u in 8..56 {
+                    let seen = shift.value(&luma, u, 20).unwrap() - 127.5;
+                    let phase = std::f64::consts::TAU * u as f64 / length_px;
+                    sine += seen * phase.sin();
+                    cosine += seen * phase.cos();
+                }
+                let found = cosine.atan2(sine) * length_px / std::f64::consts::TAU;
+                let off = (found - (2.0 + part) + 0.5 * length_px).rem_euclid(length_px) - 0.5 * length_px;
+                assert!(off.abs() < most_px, "{length_px} px, {part}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_plain_picture_stays_what_it_is_and_outside_is_none() {
+        let luma = Luma::from_fn(20, 10, |_, _| 77);
+        let shift = SmoothShift::new(-2.0, 1.0);
+        assert!((shift.value(&luma, 2, 8).unwrap() - 77.0).abs() < 1e-4);
+        assert_eq!(shift.value(&luma, 1, 8), None);
+        assert_eq!(shift.value(&luma, 2, 9), None);
+    }
 }
