@@ -43,4 +43,13 @@ impl Quantity {
             std_uncertainty: self.std_uncertainty.map(|s| s * factor.abs()),
         }
     }
+
+    /// The same with one more error, of this standard uncertainty, independent of what it has.
+    #[must_use]
+    pub fn with_more_std(self, std: f64) -> Self {
+        Self {
+            std_uncertainty: self.std_uncertainty.map(|s| s.hypot(std)),
+            ..self
+        }
+    }
 }

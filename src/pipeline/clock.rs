@@ -435,6 +435,28 @@ impl Clocked {
         }
     }
 
+    /// Standard uncertainty of the time since the first frame at `until_s`, s, by frames that are missing where nothing shows it.
+    ///
+    /// A recording that lost k frames out of the n of its arcs, which lie in these `spans_s`, lost others among the m frames before `until_s` that are in none:
+    /// a ball that is held, rolls or turns at a floor. By Poisson's statistics with a rate that is known from the k alone their number has the mean
+    /// μ = m k/n and the variance μ (1 + m/n). The time is not moved by μ, so that μ² is part of its variance. Steps between two times
+    /// within arcs are as sure as they were.
+    pub fn unseen_gaps_std_s(&self, spans_s: &[(f64, f64)], until_s: f64) -> f64 {
+        let (Some(interval_s), false) = (self.base.interval_s, self.base.evened) else {
+            return 0.0;
+        };
+        let shows = |t: &&f64| spans_s.iter().any(|(from, to)| (*from..=*to).contains(*t));
+        let times = || self.base.times_s.iter();
+        let shown = times().filter(shows).count();
+        let unseen = times().filter(|t| **t < until_s && !shows(t)).count();
+        if self.base.skipped == 0 || shown == 0 {
+            return 0.0;
+        }
+        let part = unseen as f64 / shown as f64;
+        let mean = part * self.base.skipped as f64;
+        interval_s * (mean * mean + mean * (1.0 + part)).sqrt()
+    }
+
     /// The clock with the time of the frames that are missing at the impacts of `flight`; `None` where none are.
     pub fn with_frames_missing_at_impacts(
         &self,
@@ -456,6 +478,27 @@ fn pairs(skips: &[DroppedFrames]) -> Vec<(usize, isize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn gaps_that_nothing_shows_widen_times_since_the_first_frame() {
+        // 60 frames, the last 40 of them of arcs in which two are missing.
+        let stamps_s: Vec<f64> = (0..60).map(|i| 0.01 * f64::from(i)).collect();
+        let clocked = |skips: &[(usize, isize)]| Clocked {
+            base: TimeBase::new(&stamps_s, &[], None).with_skips(skips),
+            duplicates: vec![false; 60],
+            warnings: Vec::new(),
+        };
+        let arcs_s = [(0.195, 0.395), (0.405, 0.8)];
+        assert_eq!(clocked(&[]).unseen_gaps_std_s(&arcs_s, 0.4), 0.0);
+        let lost = clocked(&[(30, 1), (50, 1)]);
+        // One more is expected among the first 20, give or take 1.22.
+        let std_s = lost.unseen_gaps_std_s(&arcs_s, 0.4);
+        assert!(
+            (std_s - 0.01 * 1.0_f64.hypot(1.5_f64.sqrt())).abs() < 4e-4,
+            "{std_s}"
+        );
+        assert_eq!(lost.unseen_gaps_std_s(&[(-0.1, 0.8)], 0.4), 0.0);
+    }
 
     /// 240 Hz stored at 274 Hz looks over a short while as every eighth frame twice; a frame before the flight may look otherwise.
     #[test]

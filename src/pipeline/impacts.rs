@@ -19,7 +19,7 @@ use crate::impact::from_flight::ImagingErrors;
 use crate::impact::motion::{ImpactKind, MeasuredMotion};
 use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_lift::SpinLift;
-use crate::impact::{Bounce, BounceSurface, reading};
+use crate::impact::{BenchLaunch, Bounce, BounceSurface, reading};
 use crate::quantity::Quantity;
 
 /// The impacts of `refined`, whose arcs show the `rotations`.
@@ -74,7 +74,14 @@ pub fn impacts(
     if let Some(part) = gravity_m_s2.and_then(|g| calibration.gravity_mismatch(g)) {
         motion = motion.with_doubted_scale(part);
     }
-    let bounces = motion.bounces();
+    let since_first_frame = |time: Option<Quantity>| {
+        let unseen_s = |t: &Quantity| clocked.unseen_gaps_std_s(&flight.spans, t.value);
+        time.map(|t| t.with_more_std(unseen_s(&t)))
+    };
+    let mut bounces = motion.bounces();
+    for (_, bounce) in &mut bounces {
+        bounce.time_s = since_first_frame(bounce.time_s);
+    }
     let radius_m = scaled.radius_m();
     let on_floor = bounces.iter().filter(|(_, b)| b.surface == BounceSurface::Floor);
     let on_floor: Vec<Bounce> = on_floor.map(|(_, b)| b.clone()).collect();
@@ -98,7 +105,10 @@ pub fn impacts(
         gravity_m_s2,
         up: up(&motion, calibration.upright_std_rad()),
         floor: motion.floor(),
-        launch: motion.bench_launch(),
+        launch: motion.bench_launch().map(|launch| BenchLaunch {
+            time_s: since_first_frame(launch.time_s),
+            ..launch
+        }),
         readings: camera
             .falls()
             .then(|| reading::read(&on_floor, known_contact(calibration)))

@@ -36,6 +36,7 @@ use super::mu_e;
 use super::parameter::{E, KAPPA, MU, PARAMETERS, Parameter, Theta};
 use crate::config::NumberRange;
 use nalgebra::Vector2;
+use rayon::prelude::*;
 use table::{Interpolated, Marks};
 
 /// λ beyond which a contact counts as rigid sideways: what is left of its swing moves v_x by 1e-5 of the speed (`a_stiff_contact_is_mu_e`).
@@ -230,6 +231,41 @@ impl ReboundModel for CompliantModel {
         Some(theta[MU] * sliding / theta[KAPPA])
     }
 
+    fn table_errors(&self, at: &[Incidence], theta: &Theta) -> Option<Vec<f64>> {
+        // ψ₁ and λ of those that neither slide throughout nor are as good as rigid.
+        let mut read: Vec<(usize, f64, f64)> = at
+            .iter()
+            .enumerate()
+            .filter_map(|(i, at)| {
+                let lambda = stiffness_ratio(at, theta) / at.slip_share;
+                let psi = below_sliding(at, theta)?;
+                table::STIFFNESS.contains(&lambda).then_some((i, psi, lambda))
+            })
+            .collect();
+        read.sort_by(|a, b| a.2.total_cmp(&b.2).then(a.1.total_cmp(&b.1)));
+        let e = theta[E];
+        let of_some = |some: &[(usize, f64, f64)]| -> Vec<(usize, f64)> {
+            let psi: Vec<f64> = some.iter().map(|row| row.1).collect();
+            // The table has no e beyond 1 either.
+            let exact = springs::tangential_restitutions(&psi, some[0].2, e.min(1.0));
+            let each = some.iter().zip(exact);
+            each.filter_map(|(&(i, psi, lambda), exact)| {
+                Some((i, table::interpolated(psi, lambda, e)?.e_x - exact))
+            })
+            .collect()
+        };
+        let alike: Vec<&[(usize, f64, f64)]> = read
+            .chunk_by(|a, b| a.2 == b.2)
+            .flat_map(|same| same.chunks(AT_ONCE))
+            .collect();
+        let mut errors = vec![0.0; at.len()];
+        let found: Vec<Vec<(usize, f64)>> = alike.into_par_iter().map(of_some).collect();
+        for (i, error) in found.into_iter().flatten() {
+            errors[i] = error;
+        }
+        Some(errors)
+    }
+
     fn grip(&self, at: &Incidence, theta: &Theta) -> TangentialImpulse {
         let (e, mu, kappa) = (theta[E], theta[MU], stiffness_ratio(at, theta));
         let (b, s) = (at.normal_m_s, at.slip_share);
@@ -267,6 +303,7 @@ impl ReboundModel for CompliantModel {
         else {
             return NO_SUCH_CONTACT;
         };
+        let e_x = e_x - at.table_error;
         by_parameter[E] = grip * by_restitution;
         by_parameter[MU] = -grip * by_log_psi / mu;
         if at.stiffness_ratio.is_none() {
@@ -280,6 +317,9 @@ impl ReboundModel for CompliantModel {
         }
     }
 }
+
+/// Rows whose springs are worked out by one processor at once.
+const AT_ONCE: usize = 256;
 
 /// What a search comes to that leaves the range of κ and e: no χ².
 const NO_SUCH_CONTACT: TangentialImpulse = TangentialImpulse {

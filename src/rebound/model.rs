@@ -138,6 +138,8 @@ pub struct Incidence {
     pub slip_share: f64,
     /// κ, where it is given and not fitted.
     pub stiffness_ratio: Option<f64>,
+    /// What a model that reads e_x from a table has it too large by here, where that is known ([`ReboundModel::table_errors`]).
+    pub table_error: f64,
 }
 
 /// A tangential impulse per mass against the slip, m/s, with its derivatives.
@@ -240,6 +242,11 @@ pub trait ReboundModel: Sync {
     /// For a model without a limit of friction that lets a ball slide all the same: tan θ |1 − R ω_oy/u_o| beyond which it
     /// does; k comes as s.
     fn sliding_tangent(&self, _theta: &Theta, _slip_share: f64) -> Option<f64> {
+        None
+    }
+
+    /// What [`Self::grip`] has e_x too large by at each of these motions; `None` of a model that reads it from no table.
+    fn table_errors(&self, _at: &[Incidence], _theta: &Theta) -> Option<Vec<f64>> {
         None
     }
 

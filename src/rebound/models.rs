@@ -231,6 +231,7 @@ mod tests {
                         normal_m_s,
                         slip_share,
                         stiffness_ratio: None,
+                        table_error: 0.0,
                     },
                     theta,
                 )

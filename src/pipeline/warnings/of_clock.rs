@@ -27,7 +27,7 @@ pub fn of_clock(
     if base.skipped > 0 {
         out.push(warning!(
             "frames_skipped",
-            "{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball hardly moves, or at an impact, more may be missing unseen, and times and restitution then be wrong: record again, or copy the camera's own file without an editor.",
+            "{} frame(s) are missing without a trace in the time stamps: there things move a whole number of times as far as from frame to frame before and after. Later times were moved by as many frame intervals. Where the ball is held or hardly moves more may be missing unseen, which the uncertainty of times since the first frame allows for; at an impact restitution would be wrong, too: record again, or copy the camera's own file without an editor.",
             base.skipped
         ));
     }

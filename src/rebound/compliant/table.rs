@@ -7,7 +7,8 @@
 //! are brought together once, for all rows that share it.
 //!
 //! At places at random (λ 2.3 to 4, e 0.6 to 1) e_x comes out within 1.5e-5 of the springs' in half of them, 2e-4 in nine of ten, 1.2e-3
-//! in 99 of 100: the error sits beside bends that e < 1 adds and that move with e. `interpolated_e_x_is_that_of_the_springs` holds that.
+//! in 99 of 100: the error sits beside bends that e < 1 adds and that move with e. `interpolated_e_x_is_that_of_the_springs` holds that. A fit
+//! ends on the springs themselves: [`ReboundModel::table_errors`](crate::rebound::model::ReboundModel::table_errors).
 
 use super::springs;
 use rayon::prelude::*;

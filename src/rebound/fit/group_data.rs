@@ -128,7 +128,7 @@ fn weighable(row: &Observation) -> Result<(), String> {
         regimes: Regimes::Grip,
         free: [true; PARAMETERS],
     };
-    match nearest(row, &rolls, &theta) {
+    match nearest(row, &rolls, &theta, 0.0) {
         Some(_) => Ok(()),
         None => Err("its standard deviations are 0, so it cannot be weighed against the others".to_owned()),
     }

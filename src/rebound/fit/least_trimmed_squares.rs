@@ -100,6 +100,7 @@ impl RobustFit {
             rows: &data.rows,
             chosen,
             variant: self.variant,
+            table_errors: None,
         }
     }
 }

@@ -50,6 +50,7 @@ mod outlier_runs;
 mod outliers;
 mod row_law;
 mod search;
+mod springs_of_rows;
 mod starts;
 mod stuck_contact;
 mod transition;

@@ -111,6 +111,8 @@ pub(super) struct NearestMotion {
     pub margin: f64,
     /// Whether friction is at its limit throughout.
     pub slides: bool,
+    /// The motion before the impact at ẑ.
+    pub incidence: Incidence,
 }
 
 /// μ (1 + e), or what it is pinned to, with its derivatives.
@@ -151,9 +153,16 @@ impl Regimes {
     }
 }
 
-/// The nearest motion to a row under a model; `None` where there is no such thing (numbers that overflow).
-pub(super) fn nearest(row: &Observation, variant: &Variant, theta: &Theta) -> Option<NearestMotion> {
-    let (law, here) = RowLaw::new(row, variant, theta);
+/// The nearest motion to a row under a model; `None` where there is no such thing (numbers that overflow). `table_error` is that of
+/// [`Incidence`].
+pub(super) fn nearest(
+    row: &Observation,
+    variant: &Variant,
+    theta: &Theta,
+    table_error: f64,
+) -> Option<NearestMotion> {
+    let (mut law, here) = RowLaw::new(row, variant, theta);
+    law.table_error = table_error;
     let regimes = variant.regimes;
     match regimes {
         Regimes::Grip => return law.solve(RowState::Grip),
@@ -216,6 +225,7 @@ pub(super) fn incidence(row: &Observation, k: &Kinematics) -> Incidence {
         normal_m_s: k.b,
         slip_share: row.slip_share,
         stiffness_ratio: row.stiffness_ratio,
+        table_error: 0.0,
     }
 }
 
@@ -247,6 +257,8 @@ struct RowLaw<'a> {
     limit: FrictionShare,
     /// Direction of the slip.
     sign: f64,
+    /// That of [`Incidence`].
+    table_error: f64,
 }
 
 /// The nearest point, with what was worked out on the way.
@@ -285,6 +297,7 @@ impl<'a> RowLaw<'a> {
             friction,
             limit,
             sign,
+            table_error: 0.0,
         };
         (law, here)
     }
@@ -391,6 +404,7 @@ impl<'a> RowLaw<'a> {
             jacobian,
             margin,
             slides: state.slides() || self.slides_within_grip(at.kinematics),
+            incidence: self.incidence(at.kinematics),
         })
     }
 
@@ -409,7 +423,10 @@ impl<'a> RowLaw<'a> {
     }
 
     fn incidence(&self, k: &Kinematics) -> Incidence {
-        incidence(self.row, k)
+        Incidence {
+            table_error: self.table_error,
+            ..incidence(self.row, k)
+        }
     }
 
     /// Grip knows no direction, so its need is that of |a − w|.

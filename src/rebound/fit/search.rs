@@ -46,6 +46,8 @@ pub(super) struct Task<'a> {
     /// Which of them count; `None` for all.
     pub chosen: Option<&'a [usize]>,
     pub variant: Variant,
+    /// [`Incidence::table_error`](crate::rebound::model::Incidence) by the rows' index in the series, where they are known.
+    pub table_errors: Option<&'a [f64]>,
 }
 
 /// χ² and its R factor at some parameters.
@@ -123,6 +125,7 @@ impl<'a> Task<'a> {
             rows: &data.rows,
             chosen,
             variant,
+            table_errors: None,
         }
     }
 
@@ -138,7 +141,10 @@ impl<'a> Task<'a> {
 
     /// The nearest motion to a row.
     pub fn nearest(&self, row: &Observation, theta: &Theta) -> Option<NearestMotion> {
-        row_law::nearest(row, &self.variant, theta)
+        // (Rows that were set aside have none that is known.)
+        let known = self.table_errors.and_then(|errors| errors.get(row.row));
+        let table_error = known.copied().unwrap_or(0.0);
+        row_law::nearest(row, &self.variant, theta, table_error)
     }
 
     /// χ² and its derivatives; `None` where χ² is not finite.

@@ -68,6 +68,7 @@ impl SingleSearch {
                 regimes: Regimes::Continuous,
                 free: self.data.searched(self.model),
             },
+            table_errors: None,
         }
     }
 

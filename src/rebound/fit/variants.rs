@@ -19,12 +19,14 @@ use super::row_law::{
 };
 use super::search::{Minimum, Task, distinct};
 use super::series::{ColumnSet, Weights};
+use super::springs_of_rows;
 use super::starts::{self, FOLLOWED};
 use super::stuck_contact;
 use super::transition::Profile;
 use crate::numeric::robust::median;
 use crate::rebound::model::FrictionLimit;
 use crate::rebound::{ModelName, Parameter};
+use std::sync::Arc;
 
 /// By how much AICc has to fall for another regime to be believed: χ² falls by 10.8 then, which chance does in one of a thousand
 /// series.
@@ -62,6 +64,8 @@ pub(super) struct Solution {
     /// μ-e with every row rolling off, where every row sliding would do as well: e is one number then or another.
     pub one_incidence: bool,
     pub criteria: InformationCriteria,
+    /// What the model's table has e_x too large by, by the rows' index in the series; `None` of a model without, and where it is not known.
+    pub table_errors: Option<Arc<[f64]>>,
 }
 
 impl Solution {
@@ -81,6 +85,7 @@ impl Solution {
             local_minima: Vec::new(),
             slips: true,
             one_incidence: false,
+            table_errors: None,
             best,
         }
     }
@@ -134,8 +139,11 @@ impl Solution {
     }
 
     /// The search's own terms, on all rows.
-    pub fn task<'a>(&self, data: &'a GroupData) -> Task<'a> {
-        Task::of(data, self.variant, None)
+    pub fn task<'a>(&'a self, data: &'a GroupData) -> Task<'a> {
+        Task {
+            table_errors: self.table_errors.as_deref(),
+            ..Task::of(data, self.variant, None)
+        }
     }
 }
 
@@ -183,7 +191,8 @@ pub(super) fn of_models(data: &GroupData, names: &[ModelName]) -> Vec<Solution> 
                     .filter(|s| name.special_cases().any(|case| case == s.name()))
                     .map(Solution::as_special_case)
                     .collect();
-                solve(data, gripping(data, name), &from)
+                let solution = solve(data, gripping(data, name), &from);
+                solution.map(|solution| springs_of_rows::settled(data, solution))
             }
             FrictionLimit::AtFriction => with_limit(data, name, &solutions),
             FrictionLimit::AtStaticFriction => {

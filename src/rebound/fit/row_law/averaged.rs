@@ -22,7 +22,7 @@ pub(in crate::rebound::fit) fn averaged(
     let (margin, variance) = law.margin(&here);
     let one_sided = matches!(variant.regimes, Regimes::Grip | Regimes::Slide);
     if one_sided || !(variance > 0.0 && spread > 0.0) {
-        return nearest(row, variant, theta).map(|n| n.chi2);
+        return nearest(row, variant, theta, 0.0).map(|n| n.chi2);
     }
     let first = if margin <= 0.0 {
         RowState::Grip

@@ -97,7 +97,7 @@ fn regimes() -> [Regimes; 5] {
 fn derivatives_are_those_of_chi2() {
     for row in rows() {
         for regimes in regimes() {
-            let near = nearest(&row, &of(regimes), &THETA).unwrap();
+            let near = nearest(&row, &of(regimes), &THETA, 0.0).unwrap();
             for p in 0..PARAMETERS {
                 let gradient: f64 = (0..near.equations)
                     .map(|i| 2.0 * near.residuals[i] * near.jacobian[i][p])
@@ -106,7 +106,7 @@ fn derivatives_are_those_of_chi2() {
                 let at = |sign: f64| {
                     let mut theta = THETA;
                     theta[p] += sign * step;
-                    nearest(&row, &of(regimes), &theta).unwrap().chi2
+                    nearest(&row, &of(regimes), &theta, 0.0).unwrap().chi2
                 };
                 let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
                 let size = 1.0 + near.chi2 + gradient.abs();
@@ -131,7 +131,7 @@ fn derivatives_of_a_law_that_bends_are_those_of_chi2() {
     let (mut slides, mut compared, mut agree) = (0, 0, 0);
     // A spin before that comes from the one after leaves several motions near, and the nearest may change.
     for row in rows().into_iter().filter(|row| row.spin != Spin::FromAfter) {
-        let near = nearest(&row, &bends, &AT).unwrap();
+        let near = nearest(&row, &bends, &AT, 0.0).unwrap();
         slides += usize::from(near.slides);
         for p in [E, MU, RATIO, KAPPA] {
             let gradient: f64 = (0..near.equations)
@@ -141,7 +141,7 @@ fn derivatives_of_a_law_that_bends_are_those_of_chi2() {
             let at = |sign: f64| {
                 let mut theta = AT;
                 theta[p] += sign * step;
-                nearest(&row, &bends, &theta).unwrap().chi2
+                nearest(&row, &bends, &theta, 0.0).unwrap().chi2
             };
             let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
             let size = 1.0 + near.chi2 + gradient.abs();
@@ -158,7 +158,7 @@ fn derivatives_of_a_law_that_bends_are_those_of_chi2() {
 fn the_nearest_motion_obeys_the_model() {
     for row in rows() {
         for regimes in regimes() {
-            let near = nearest(&row, &of(regimes), &THETA).unwrap();
+            let near = nearest(&row, &of(regimes), &THETA, 0.0).unwrap();
             let k = row.kinematics(&near.z, THETA[RATIO]);
             let incoming = RigidMotion {
                 velocity_m_s: Vector3::new(k.a, 0.0, -k.b),
@@ -213,7 +213,7 @@ fn the_nearest_motion_obeys_the_model() {
 fn chi2_is_continuous_where_a_row_changes_sides() {
     let row = &rows()[4];
     let chi2 = |mu: f64| {
-        nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0, 0.0])
+        nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0, 0.0], 0.0)
             .unwrap()
             .chi2
     };
@@ -227,7 +227,7 @@ fn chi2_is_continuous_where_a_row_changes_sides() {
             "mu {mu}: {before} {now}"
         );
         before = now;
-        let near = nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0, 0.0]).unwrap();
+        let near = nearest(row, &of(Regimes::Continuous), &[0.8, 0.0, mu, 0.0, 0.0], 0.0).unwrap();
         states.insert(format!("{:?}", near.state));
     }
     assert!(states.len() >= 2, "{states:?}");
@@ -317,7 +317,7 @@ fn far_from_the_limit_the_averaged_likelihood_is_chi2() {
             if beyond.abs() < 10.0 * std {
                 continue;
             }
-            let chi2 = nearest(&row, &of(regimes), &THETA).unwrap().chi2;
+            let chi2 = nearest(&row, &of(regimes), &THETA, 0.0).unwrap().chi2;
             let found = averaged::averaged(&row, &of(regimes), &THETA, 1.0).unwrap();
             assert!(
                 (found - chi2).abs() < 1e-6 * (1.0 + chi2),
