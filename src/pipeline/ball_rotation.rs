@@ -7,7 +7,7 @@
 //! Assumed: the light on the ball is the same along its path but for a smooth change of brightness. A ball without marks costs a look at some
 //! [`SEARCH_FRAMES`] of its pictures.
 
-use super::ball_model::BallPictures;
+use super::ball_model::{self, BallPictures};
 use super::camera::CalibratedCamera;
 use super::decode::Decoded;
 use super::in_metres::WorldFrame;
@@ -15,6 +15,8 @@ use super::measurement::{ArcSpin, BallTurning, TurnedFrame};
 use super::refine::Refined;
 use super::spots::{BallCentre, with_id};
 use crate::flight::{Flight, SpotUse};
+use crate::geometry::PlanePoint;
+use crate::impact::error_budget::MARKED_COMMON_PART;
 use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence};
 use crate::quantity::Quantity;
@@ -52,6 +54,9 @@ pub struct ArcRotation {
     pub rates: Result<Vec<RotationFit>, NoRate>,
 }
 
+/// A centre, and when the ball was there, s.
+type TimedCentre = (BallCentre, f64);
+
 /// The pictures of a refined flight.
 struct FlightPictures<'a> {
     decoded: &'a Decoded,
@@ -84,34 +89,37 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
         blur_px: own_blur_px,
     };
     let size = block as f64;
+    let displaced_px = flight.displaced_std() / camera.units_per_px();
     let search = RotationSearch {
         noise_grey: decoded.detector.background.noise_grey.max(LEAST_NOISE_GREY) / size,
         blur_px: own_blur_px.hypot(((size * size - 1.0) / 12.0).sqrt()),
         radius_px,
+        centre_std_px: ball_model::common_std_px(refined.ball.as_ref(), displaced_px)
+            .hypot(MARKED_COMMON_PART * displaced_px),
         light: None,
     };
-    let arcs: Vec<Vec<(BallCentre, f64)>> = (0..flight.fit.arcs())
-        .map(|k| pictures.of_arc(flight, k))
-        .collect();
-    let mut found: Vec<ArcRotation> = arcs
-        .iter()
-        .map(|arc| ArcRotation {
-            span_s: (
-                arc.first().map_or(f64::NAN, |(_, t)| *t),
-                arc.last().map_or(f64::NAN, |(_, t)| *t),
-            ),
-            frames: arc.iter().map(|(c, _)| c.frame).collect(),
-            times_s: arc.iter().map(|(_, t)| *t).collect(),
-            rates: pictures.rates(arc, &search),
+    let (arcs, mut found): (Vec<Vec<TimedCentre>>, Vec<ArcRotation>) = (0..flight.fit.arcs())
+        .map(|k| {
+            let (arc, rates) = pictures.likelier_rates(flight, k, &search);
+            let rotation = ArcRotation {
+                span_s: (
+                    arc.first().map_or(f64::NAN, |(_, t)| *t),
+                    arc.last().map_or(f64::NAN, |(_, t)| *t),
+                ),
+                frames: arc.iter().map(|(c, _)| c.frame).collect(),
+                times_s: arc.iter().map(|(_, t)| *t).collect(),
+                rates,
+            };
+            (arc, rotation)
         })
-        .collect();
+        .unzip();
     pictures.settle_slow(&arcs, &search, &mut found);
     found
 }
 
 impl FlightPictures<'_> {
     /// The centres that arc `k` was fitted to, with their times.
-    fn of_arc(&self, flight: &Flight, k: usize) -> Vec<(BallCentre, f64)> {
+    fn of_arc(&self, flight: &Flight, k: usize) -> Vec<TimedCentre> {
         let used = flight.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
         let kept = |c: &BallCentre| !self.decoded.sightings[c.id].blob.crop.luma.data.is_empty();
         used.filter_map(|p| {
@@ -121,11 +129,46 @@ impl FlightPictures<'_> {
         .collect()
     }
 
-    fn rates(
+    /// The centres of arc `k` that its pictures are taken around, and the rates that these show: the measured ones, or those of the arc itself,
+    /// whichever leave the pictures less unexplained. Marks that turn draw a measured centre to and fro with them, by a tenth of a pixel; where the
+    /// camera swings the ball is where it was measured.
+    fn likelier_rates(
         &self,
-        arc: &[(BallCentre, f64)],
+        flight: &Flight,
+        k: usize,
         search: &RotationSearch<'_>,
-    ) -> Result<Vec<RotationFit>, NoRate> {
+    ) -> (Vec<TimedCentre>, Result<Vec<RotationFit>, NoRate>) {
+        let measured = self.of_arc(flight, k);
+        let rates = self.rates(&measured, search);
+        let on_arc = self.on_arc(flight, k, &measured);
+        let others = rates.as_ref().ok().zip(on_arc).and_then(|(rates, on_arc)| {
+            let others = search.by_all(&self.views(&on_arc), rates).ok()?;
+            let left = |fits: &[RotationFit]| fits.first().map_or(f64::INFINITY, |best| best.residual);
+            (left(&others) < left(rates)).then_some((on_arc, others))
+        });
+        match others {
+            Some((on_arc, others)) => (on_arc, Ok(others)),
+            None => (measured, rates),
+        }
+    }
+
+    /// The same with the centres where the arc has them; `None` where that cannot be said of each.
+    fn on_arc(&self, flight: &Flight, k: usize, measured: &[TimedCentre]) -> Option<Vec<TimedCentre>> {
+        let map = &self.pictures.camera.map;
+        let of = |(centre, t): &TimedCentre| {
+            let point = flight.points.iter().find(|p| p.spot.id == centre.id)?;
+            let m = flight.fit.motion(k, *t);
+            let there = map.pixel_from_plane(PlanePoint::new(m.r, m.h))?;
+            let here = map.pixel_from_plane(flight.place_of(point)?)?;
+            let mut moved = *centre;
+            moved.centre.disc.centre.u_px += there.u_px - here.u_px;
+            moved.centre.disc.centre.v_px += there.v_px - here.v_px;
+            Some((moved, *t))
+        };
+        measured.iter().map(of).collect()
+    }
+
+    fn rates(&self, arc: &[TimedCentre], search: &RotationSearch<'_>) -> Result<Vec<RotationFit>, NoRate> {
         let spare = arc.len().saturating_sub(SEARCH_FRAMES);
         let middle = self.views(&arc[spare / 2..arc.len() - spare.div_ceil(2)]);
         let mut rivals = search.rivals(&middle);
@@ -135,7 +178,7 @@ impl FlightPictures<'_> {
         if rivals.is_err() {
             // What turns too slowly to show it within those.
             let step = arc.len().div_ceil(SEARCH_FRAMES);
-            let sparse: Vec<(BallCentre, f64)> = arc.iter().step_by(step).copied().collect();
+            let sparse: Vec<TimedCentre> = arc.iter().step_by(step).copied().collect();
             rivals = search.rivals(&self.views(&sparse));
         }
         let rivals = rivals?;
@@ -144,12 +187,7 @@ impl FlightPictures<'_> {
 
     /// Looks once more at the arcs that showed no rate, or made too few turns for their marks to be told from the light: in the light that all
     /// arcs have in common, or else in a smooth one.
-    fn settle_slow(
-        &self,
-        arcs: &[Vec<(BallCentre, f64)>],
-        search: &RotationSearch<'_>,
-        found: &mut [ArcRotation],
-    ) {
+    fn settle_slow(&self, arcs: &[Vec<TimedCentre>], search: &RotationSearch<'_>, found: &mut [ArcRotation]) {
         let is_open = |r: &ArcRotation| match &r.rates {
             Ok(rates) => rates[0].turns(r.span_s.1 - r.span_s.0) < LEAST_TURNS,
             Err(_) => true,
@@ -175,7 +213,7 @@ impl FlightPictures<'_> {
             });
             let smooth = || {
                 let step = arc.len().div_ceil(SEARCH_FRAMES).max(1);
-                let sparse: Vec<(BallCentre, f64)> = arc.iter().step_by(step).copied().collect();
+                let sparse: Vec<TimedCentre> = arc.iter().step_by(step).copied().collect();
                 search.in_smooth_light(&self.views(&sparse)).ok()
             };
             let again = lit.and_then(|lit| self.rates(arc, &lit).ok()).or_else(smooth);
@@ -187,7 +225,7 @@ impl FlightPictures<'_> {
         }
     }
 
-    fn views(&self, arc: &[(BallCentre, f64)]) -> Vec<BallView> {
+    fn views(&self, arc: &[TimedCentre]) -> Vec<BallView> {
         arc.par_iter().filter_map(|(c, t)| self.view(c, *t)).collect()
     }
 

@@ -112,6 +112,8 @@ pub struct RotationSearch<'a> {
     pub blur_px: f64,
     /// The ball's radius, px.
     pub radius_px: f64,
+    /// Standard uncertainty of what all centres of a flight are off by, along each axis of the picture, px: it turns the ball's axis by that over the radius.
+    pub centre_std_px: f64,
     /// What another flight of the same ball in the same light showed.
     pub light: Option<&'a BallMaps>,
 }
@@ -358,7 +360,8 @@ impl RotationSearch<'_> {
         Ok(rivals)
     }
 
-    /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part.
+    /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. And with that of the
+    /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture.
     fn with_axis_std(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
         let rate = fit.rate_rad_s;
         let lit = self.light.is_some();
@@ -370,6 +373,11 @@ impl RotationSearch<'_> {
             fit.covariance += (AXIS_STD * unit).powi(2) * across;
         }
         fit.covariance += UNEVEN_PART.powi(2) * moved * moved.transpose();
+        let turned_std_rad = self.centre_std_px / self.radius_px;
+        for picture_axis in [Vector3::x(), Vector3::y()] {
+            let turned = turned_std_rad * picture_axis.cross(&rate);
+            fit.covariance += turned * turned.transpose();
+        }
         fit
     }
 }

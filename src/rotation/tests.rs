@@ -99,6 +99,7 @@ fn search(radius_px: f64) -> RotationSearch<'static> {
         noise_grey: NOISE_GREY,
         blur_px: 0.29,
         radius_px,
+        centre_std_px: 0.0,
         light: None,
     }
 }

@@ -7,70 +7,68 @@
 //!
 //! Assumed: the last bit is short. Where a row lies on a bend and goes to and fro across it, rounds end after [`ROUNDS`] with what the last one found.
 
-use super::criteria::InformationCriteria;
-use super::group_data::GroupData;
+use super::row_law::PARAMETERS;
 use super::search::{Minimum, Task};
-use super::variants::Solution;
 
 /// Table and springs agree to this, in e_x.
-pub(super) const AGREES: f64 = 1e-6;
+const AGREES: f64 = 1e-6;
 
 /// Rounds at most.
 const ROUNDS: usize = 6;
 
-/// `solution` as the springs have it; as it was of a model without a table, and where the search finds nothing there.
-pub(super) fn settled(data: &GroupData, solution: Solution) -> Solution {
-    let mut settled = solution.clone();
+/// The minimum `best` of `task` as the springs have it, with the table's errors by the rows' index in the series; `None` of a model without a table, and
+/// where nothing is found. Only the parameters that the rows have `determined` move: along the others a search would creep.
+pub(super) fn settled(
+    task: &Task<'_>,
+    mut best: Minimum,
+    determined: &[bool; PARAMETERS],
+) -> Option<(Minimum, Vec<f64>)> {
+    let mut known = Vec::new();
     for _ in 0..ROUNDS {
-        let Some((errors, change)) = errors_of(data, &settled) else {
-            return solution;
-        };
-        settled.table_errors = Some(errors.into());
+        let (errors, change) = errors_at(task, &best, &known)?;
+        known = errors;
         if change <= AGREES {
             break;
         }
-        let task = settled.task(data);
-        let Some(best) = search(&task, &settled) else {
-            return solution;
+        let corrected = Task {
+            table_errors: Some(&known),
+            ..task.clone()
         };
-        settled.best = best;
+        best = search(&corrected, &best, determined)?;
     }
-    let parameters = settled.criteria.parameters;
-    settled.criteria = InformationCriteria::new(data, settled.best.chi2, parameters, 1.0);
-    settled
+    Some((best, known))
 }
 
-/// The table's errors at the nearest motions to the rows, and by how much the farthest is off what was known of it. `None` of a model without a table.
-fn errors_of(data: &GroupData, solution: &Solution) -> Option<(Vec<f64>, f64)> {
-    let task = solution.task(data);
-    let theta = &solution.best.theta;
-    let motions = task.of_nearest(theta, |row, near| (row.row, near.incidence))?;
+/// The table's errors at the nearest motions to the rows, and by how much the farthest is off what is `known` of it.
+fn errors_at(task: &Task<'_>, best: &Minimum, known: &[f64]) -> Option<(Vec<f64>, f64)> {
+    let corrected = Task {
+        table_errors: Some(known),
+        ..task.clone()
+    };
+    let motions = corrected.of_nearest(&best.theta, |row, near| (row.row, near.incidence))?;
     let (rows, at): (Vec<usize>, Vec<_>) = motions.into_iter().unzip();
-    let found = solution.variant.model.model().table_errors(&at, theta)?;
-    let known = |row: usize| solution.table_errors.as_ref().map_or(0.0, |errors| errors[row]);
+    let found = task.variant.model.model().table_errors(&at, &best.theta)?;
     let mut errors = vec![0.0; rows.iter().max()? + 1];
     let mut change = 0.0_f64;
     for (&row, error) in rows.iter().zip(found) {
-        change = change.max((error - known(row)).abs());
+        change = change.max((error - known.get(row).copied().unwrap_or(0.0)).abs());
         errors[row] = error;
     }
     Some((errors, change))
 }
 
-/// From where the solution is, in what the rows determine: along the rest the search would creep.
-fn search(task: &Task<'_>, solution: &Solution) -> Option<Minimum> {
-    let theta = solution.best.theta;
+fn search(task: &Task<'_>, from: &Minimum, determined: &[bool; PARAMETERS]) -> Option<Minimum> {
     let mut held = task.clone();
-    for (free, determined) in held.variant.free.iter_mut().zip(solution.determined) {
+    for (free, determined) in held.variant.free.iter_mut().zip(determined) {
         *free &= determined;
     }
-    let found = held.search(theta).filter(|found| found.converged);
-    let theta = found.map_or(theta, |found| found.theta);
+    let found = held.search(from.theta).filter(|found| found.converged);
+    let theta = found.map_or(from.theta, |found| found.theta);
     let linear = task.linear(&theta)?;
     Some(Minimum {
         theta,
         chi2: linear.chi2,
         r_factor: linear.r_factor,
-        converged: solution.best.converged,
+        converged: from.converged,
     })
 }

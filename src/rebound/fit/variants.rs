@@ -138,6 +138,17 @@ impl Solution {
         }
     }
 
+    /// The same at the minimum that the model has where its table has no errors.
+    fn settled_on_springs(mut self, data: &GroupData) -> Self {
+        let found = springs_of_rows::settled(&self.task(data), self.best, &self.determined);
+        if let Some((best, errors)) = found {
+            self.best = best;
+            self.table_errors = Some(errors.into());
+            self.criteria = InformationCriteria::new(data, best.chi2, self.criteria.parameters, 1.0);
+        }
+        self
+    }
+
     /// The search's own terms, on all rows.
     pub fn task<'a>(&'a self, data: &'a GroupData) -> Task<'a> {
         Task {
@@ -192,7 +203,7 @@ pub(super) fn of_models(data: &GroupData, names: &[ModelName]) -> Vec<Solution> 
                     .map(Solution::as_special_case)
                     .collect();
                 let solution = solve(data, gripping(data, name), &from);
-                solution.map(|solution| springs_of_rows::settled(data, solution))
+                solution.map(|solution| solution.settled_on_springs(data))
             }
             FrictionLimit::AtFriction => with_limit(data, name, &solutions),
             FrictionLimit::AtStaticFriction => {
