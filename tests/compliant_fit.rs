@@ -222,7 +222,6 @@ fn exact_rows_return_the_coefficients() {
             sound(&group);
             let fit = model(&group, ModelName::Compliant);
             let what = format!("e {e} mu {mu} kappa {kappa} by {set}: {}", group.reason);
-            // With the table alone, which is good to 1e-4 or so, κ was 2e-4 off.
             near(value(fit, Parameter::Restitution), e, 1e-6, &what);
             near(value(fit, Parameter::Friction), mu, 1e-6, &what);
             near(value(fit, Parameter::StiffnessRatio), kappa, 2e-6, &what);
