@@ -94,6 +94,16 @@ impl RadialTable {
         }
     }
 
+    /// The profiles of a ball of another radius or blur on the grid of these.
+    fn on_same_grid(&self, radius_px: f64, blur_px: f64) -> Self {
+        let rim = radius_px - half_height_shift(radius_px, blur_px);
+        let row = |i: usize| profile_row(self.first_px + i as f64 / self.steps_a_px, rim, blur_px);
+        Self {
+            rows: (0..self.rows.len()).map(row).collect(),
+            ..*self
+        }
+    }
+
     /// The table of a whole ball from the profiles: c, then the sums that go with 1, cos φ, sin φ, cos 2φ, sin 2φ.
     #[must_use]
     pub fn of_ball(&self, terms: &[f64]) -> Self {
@@ -139,20 +149,6 @@ impl RadialTable {
             slope[k] = (rise + t * bend) * self.steps_a_px;
         }
         (value, slope)
-    }
-
-    /// Values alone.
-    #[inline]
-    fn value_at(&self, r: f64) -> [f64; RADIAL] {
-        let mut value = [0.0; RADIAL];
-        let Some((t, [a, b, c])) = self.rows_near(r) else {
-            return value;
-        };
-        let (before, behind) = (0.5 * t * (t - 1.0), 0.5 * t * (t + 1.0));
-        for k in 0..RADIAL {
-            value[k] = before * a[k] + (1.0 - t * t) * b[k] + behind * c[k];
-        }
-        value
     }
 }
 
@@ -284,44 +280,145 @@ pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -
     }
 }
 
-/// The covered part and the light of a pixel `offset` from the middle of the path, averaged over it, by each of `tables`
-/// ([`RadialTable::of_ball`]); and, in `terms`, the share of each term of the light by `profiles` ([`RadialTable::profiles`]).
-pub fn shares<const N: usize>(
-    tables: [&RadialTable; N],
-    profiles: &RadialTable,
-    swept: &SweptBall,
-    offset: (f64, f64),
-    terms: &mut [f64],
-) -> [[f64; 2]; N] {
+/// The ball's table with those of what else its appearance is fitted by, on one grid: one look serves all.
+#[derive(Debug, Clone)]
+pub struct LinearisedTable {
+    first_px: f64,
+    steps_a_px: f64,
+    rows: Vec<[f64; COLUMNS]>,
+}
+
+/// Columns of a row: the ball's sums, how they change with its radius and with its blur, then the profiles of the light's terms.
+const COLUMNS: usize = 3 * RADIAL + PROFILES;
+const BY_RADIUS: usize = RADIAL;
+const BY_BLUR: usize = 2 * RADIAL;
+const OF_TERMS: usize = 3 * RADIAL;
+
+/// Profiles that the terms of the light take, rounded up to pairs of numbers.
+const PROFILES: usize = 6;
+
+impl LinearisedTable {
+    /// Of a ball of `radius_px` blurred by `blur_px` with light of these `terms`, from `inside_px` within the rim outwards. Slopes by radius and blur
+    /// are differences over `step_px`.
+    #[must_use]
+    pub fn new(radius_px: f64, blur_px: f64, terms: &[f64], inside_px: f64, step_px: f64) -> Self {
+        let profiles = RadialTable::profiles(radius_px, blur_px, inside_px);
+        let here = profiles.of_ball(terms);
+        let changed = |radius_px, blur_px| profiles.on_same_grid(radius_px, blur_px).of_ball(terms);
+        let wider = changed(radius_px + step_px, blur_px);
+        let softer = changed(radius_px, blur_px + step_px);
+        let row = |i: usize| {
+            let mut row = [0.0; COLUMNS];
+            for k in 0..RADIAL {
+                let value = here.rows[i][k];
+                row[k] = value;
+                row[BY_RADIUS + k] = (wider.rows[i][k] - value) / step_px;
+                row[BY_BLUR + k] = (softer.rows[i][k] - value) / step_px;
+            }
+            row[OF_TERMS..].copy_from_slice(&profiles.rows[i][..PROFILES]);
+            row
+        };
+        Self {
+            first_px: profiles.first_px,
+            steps_a_px: profiles.steps_a_px,
+            rows: (0..profiles.rows.len()).map(row).collect(),
+        }
+    }
+}
+
+/// What a pixel holds of the ball, averaged over the swept path, and how that changes with all that the ball's appearance is fitted by.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LinearisedModel {
+    /// What it holds; `outward` is not worked out.
+    pub model: PixelModel,
+    /// Slopes of `cover` and `ball` by the radius, 1/px and grey levels/px.
+    pub by_radius: [f64; 2],
+    /// And by the blur.
+    pub by_blur: [f64; 2],
+    /// Slopes of `ball` by the terms of the light.
+    pub by_term: [f64; MOST_TERMS],
+}
+
+/// The model of a pixel `offset` from the middle of the ball's path, as [`pixel_model`] has it, with its slopes by what all frames share.
+#[must_use]
+pub fn linearised_model(table: &LinearisedTable, swept: &SweptBall, offset: (f64, f64)) -> LinearisedModel {
     let SweptBall {
+        radius_px,
         larger_px,
         swept_px,
         bent_px,
         points,
-        ..
     } = *swept;
-    terms.fill(0.0);
-    let mut sums = [[0.0; 2]; N];
-    let n = 1.0 / points as f64;
+    let last = table.rows.len() - 2;
+    let mut found = LinearisedModel::default();
+    let sum = &mut found.model;
     for k in 0..points {
         let s = (k as f64 + 0.5) / points as f64 - 0.5;
         let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
         let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
         let r = (x * x + y * y).sqrt().max(1e-6);
-        let h = harmonics(x / r, y / r);
-        let f = profiles.value_at(r - larger_px);
-        for (i, o) in terms.iter_mut().enumerate() {
-            *o += n * f[PROFILE[i]] * h[HARMONIC[i]];
+        let place = (r - larger_px - table.first_px) * table.steps_a_px;
+        if place > last as f64 {
+            // Beyond the last row all is 0.
+            continue;
         }
-        for (sum, table) in sums.iter_mut().zip(tables) {
-            let f = table.value_at(r - larger_px);
-            sum[0] += n * f[0];
-            for i in 0..HARMONICS {
-                sum[1] += n * f[1 + i] * h[i];
-            }
+        // A parabola through the three nearest rows.
+        let i = ((place + 0.5).max(1.0) as usize).min(last);
+        let t = place - i as f64;
+        let weights = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)];
+        let slopes = [t - 0.5, -2.0 * t, t + 0.5].map(|w| w * table.steps_a_px);
+        let [a, b, c] = [&table.rows[i - 1], &table.rows[i], &table.rows[i + 1]];
+        let f: [f64; COLUMNS] =
+            std::array::from_fn(|k| weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]);
+        let d: [f64; RADIAL] =
+            std::array::from_fn(|k| slopes[0] * a[k] + slopes[1] * b[k] + slopes[2] * c[k]);
+        let (c, t) = (x / r, y / r);
+        let h = harmonics(c, t);
+        let along = |row: &[f64]| {
+            let lit = row[1..].iter().zip(&h);
+            lit.map(|(f, h)| f * h).sum::<f64>()
+        };
+        let by_r = along(&d);
+        let by_phi = f[3] * h[1] - f[2] * h[2] + 2.0 * (f[5] * h[3] - f[4] * h[4]);
+        let across = by_phi / r;
+        let (bu, bv) = (by_r * c - across * t, by_r * t + across * c);
+        let (cu, cv) = (d[0] * c, d[0] * t);
+        sum.cover += f[0];
+        sum.cover_slope[0] += cu;
+        sum.cover_slope[1] += cv;
+        sum.ball += along(&f[..RADIAL]);
+        sum.ball_slope[0] += bu;
+        sum.ball_slope[1] += bv;
+        sum.dipole[0] += f[0] * x;
+        sum.dipole[1] += f[0] * y;
+        // The bend grows as the square of the exposure.
+        let longer = [0, 1].map(|i| s * (swept_px[i] + 2.0 * s * bent_px[i]));
+        sum.lengthening[0] -= cu * longer[0] + cv * longer[1];
+        sum.lengthening[1] -= bu * longer[0] + bv * longer[1];
+        found.by_radius[0] += f[BY_RADIUS];
+        found.by_radius[1] += along(&f[BY_RADIUS..BY_BLUR]);
+        found.by_blur[0] += f[BY_BLUR];
+        found.by_blur[1] += along(&f[BY_BLUR..OF_TERMS]);
+        for (i, slope) in found.by_term.iter_mut().enumerate() {
+            *slope += f[OF_TERMS + PROFILE[i]] * h[HARMONIC[i]];
         }
     }
-    sums
+    let n = 1.0 / points as f64;
+    let both = |a: [f64; 2], by: f64| [a[0] * by, a[1] * by];
+    LinearisedModel {
+        model: PixelModel {
+            cover: sum.cover * n,
+            cover_slope: both(sum.cover_slope, n),
+            ball: sum.ball * n,
+            ball_slope: both(sum.ball_slope, n),
+            dipole: both(sum.dipole, n / radius_px),
+            outward: [0.0; 2],
+            lengthening: both(sum.lengthening, n),
+        },
+        by_radius: both(found.by_radius, n),
+        by_blur: both(found.by_blur, n),
+        by_term: found.by_term.map(|slope| slope * n),
+    }
 }
 
 /// Points along the swept path: midpoints of equal parts, so short that the blur hides the steps.

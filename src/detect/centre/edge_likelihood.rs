@@ -98,8 +98,13 @@ impl FitSettings {
     /// The profiles of a ball of this size, as far inwards as the band goes.
     #[must_use]
     pub fn profiles(&self, radius_px: f64, blur_px: f64) -> RadialTable {
-        let inside_px = self.band_limits(radius_px, blur_px, 1).inside_px;
-        RadialTable::profiles(radius_px, blur_px, inside_px + 2.0)
+        RadialTable::profiles(radius_px, blur_px, self.profiles_inside_px(radius_px, blur_px))
+    }
+
+    /// How far within the rim they begin, px.
+    #[must_use]
+    pub fn profiles_inside_px(&self, radius_px: f64, blur_px: f64) -> f64 {
+        self.band_limits(radius_px, blur_px, 1).inside_px + 2.0
     }
 }
 

@@ -5,7 +5,9 @@
 //! every run gives the same sums.
 
 use super::parameters::{AppearanceSettings, FrameEstimate, LEAST_FRAMES, OUTLINE_STD_PX, SharedParameters};
-use crate::detect::centre::ball::{self, BandLimits, BandPixel, PixelModel, RadialTable, SweptBall, norm};
+use crate::detect::centre::ball::{
+    self, BandLimits, BandPixel, LinearisedTable, PixelModel, SweptBall, norm,
+};
 use crate::detect::centre::edge_likelihood::SIZE;
 use crate::detect::noise::ROUNDING_STD_GREY;
 use crate::geometry::PixelPoint;
@@ -284,13 +286,10 @@ where
         .collect()
 }
 
-/// The ball's model at one magnification, and the same with a slightly larger radius or blur.
+/// The ball's model at one magnification, with its slopes by what all frames share.
 struct ProfileTables {
     magnification: f64,
-    profiles: RadialTable,
-    table: RadialTable,
-    wider: RadialTable,
-    softer: RadialTable,
+    table: LinearisedTable,
 }
 
 /// Sizes of a class differ by no more than this part, which [`SweptBall::larger_px`] bridges.
@@ -312,25 +311,14 @@ fn by_class<T: Send>(bands: &[FrameBand<'_>], make: impl Fn(f64) -> T + Sync) ->
 }
 
 impl ProfileTables {
-    /// Slopes by radius and blur are the model's own, by differences.
-    fn new(
-        magnification: f64,
-        shared: &SharedParameters,
-        step_px: f64,
-        settings: &AppearanceSettings,
-    ) -> Self {
-        let profiles =
-            |radius_px: f64, blur_px: f64| settings.fit.profiles(magnification * radius_px, blur_px);
-        let usual = || profiles(shared.radius_px, shared.blur_px);
-        let wider = || profiles(shared.radius_px + step_px, shared.blur_px).of_ball(&shared.terms);
-        let softer = || profiles(shared.radius_px, shared.blur_px + step_px).of_ball(&shared.terms);
-        let (profiles, (wider, softer)) = rayon::join(usual, || rayon::join(wider, softer));
+    fn new(magnification: f64, shared: &SharedParameters, settings: &AppearanceSettings) -> Self {
+        let radius_px = magnification * shared.radius_px;
+        // Slopes by radius and blur are the model's own, by differences.
+        let step_px = 1e-3 * shared.radius_px.min(1.0);
+        let inside_px = settings.fit.profiles_inside_px(radius_px, shared.blur_px);
         Self {
             magnification,
-            table: profiles.of_ball(&shared.terms),
-            wider,
-            softer,
-            profiles,
+            table: LinearisedTable::new(radius_px, shared.blur_px, &shared.terms, inside_px, step_px),
         }
     }
 }
@@ -425,7 +413,6 @@ impl FrameEquations {
         pixels: &[BandPixel],
         parameters: &JointParameters,
         tables: &ProfileTables,
-        step_px: f64,
         std_grey: f64,
     ) -> Self {
         let shared = &parameters.shared;
@@ -441,8 +428,9 @@ impl FrameEquations {
         let mut row = vec![0.0; n];
         for p in pixels {
             let at = ball::offset(model.centre, p);
-            let l = ball::pixel_model(&tables.table, &swept, at);
-            let residual = model.residual(p, &l);
+            let linearised = ball::linearised_model(&tables.table, &swept, at);
+            let l = &linearised.model;
+            let residual = model.residual(p, l);
             sums.residuals.push(residual);
             let weight = tukey_weight(residual, cut);
             if weight == 0.0 {
@@ -450,24 +438,17 @@ impl FrameEquations {
             }
             row[0] = p.background * l.cover_slope[0] - strength * l.ball_slope[0];
             row[1] = p.background * l.cover_slope[1] - strength * l.ball_slope[1];
-            let others = ball::shares(
-                [&tables.wider, &tables.softer],
-                &tables.profiles,
-                &swept,
-                at,
-                &mut row[TERMS..],
-            );
-            let [wider, softer] = others.map(|[cover, ball]| {
-                (strength * (ball - l.ball) - p.background * (cover - l.cover)) / step_px
-            });
-            (row[RADIUS], row[BLUR]) = (wider, softer);
+            let by = |slope: [f64; 2]| strength * slope[1] - p.background * slope[0];
+            // The whole ball is larger by the magnification, for a pixel of the usual one.
+            row[RADIUS] = tables.magnification * by(linearised.by_radius);
+            row[BLUR] = by(linearised.by_blur);
             row[EXPOSURE] = if shared.exposure_s > 0.0 {
                 (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
             } else {
                 0.0
             };
-            for share in &mut row[TERMS..] {
-                *share *= strength;
+            for (slope, by_term) in row[TERMS..].iter_mut().zip(linearised.by_term) {
+                *slope = strength * by_term;
             }
             sums.add(&row, weight, residual);
         }
@@ -496,17 +477,14 @@ impl JointEquations {
         std_grey: f64,
     ) -> Self {
         let n = TERMS + parameters.shared.terms.len();
-        let step_px = 1e-3 * parameters.shared.radius_px.min(1.0);
         let tables = by_class(bands, |times| {
-            ProfileTables::new(times, &parameters.shared, step_px, settings)
+            ProfileTables::new(times, &parameters.shared, settings)
         });
         let frames: Vec<FrameEquations> = bands
             .par_iter()
             .filter_map(|(frame, pixels)| {
                 let tables = tables.get(&size_class(frame.input.magnification))?;
-                Some(FrameEquations::build(
-                    frame, pixels, parameters, tables, step_px, std_grey,
-                ))
+                Some(FrameEquations::build(frame, pixels, parameters, tables, std_grey))
             })
             .collect();
         let mut normal = DMatrix::zeros(n, n);
