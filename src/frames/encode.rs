@@ -62,6 +62,26 @@ pub enum Timing {
     Stamped,
 }
 
+/// How much work H.264 may take at the same quality.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Effort {
+    /// Small files: x264 looks some ten frames ahead and holds them.
+    #[default]
+    SmallFile,
+    /// Half of the time and a third of the memory for files four times as large: for what is looked at once.
+    Quick,
+}
+
+impl Effort {
+    /// x264's name of it.
+    fn preset(self) -> &'static str {
+        match self {
+            Self::SmallFile => "veryfast",
+            Self::Quick => "ultrafast",
+        }
+    }
+}
+
 /// What to write; [`VideoOptions::new`] gives the usual.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VideoOptions {
@@ -69,6 +89,8 @@ pub struct VideoOptions {
     pub frame_rate_hz: f64,
     /// How frames are coded.
     pub coding: Coding,
+    /// How much work that may take, of H.264.
+    pub effort: Effort,
     /// Where times come from.
     pub timing: Timing,
     /// The rotation tag: degrees clockwise that a player has to turn the stored picture by.
@@ -86,6 +108,7 @@ impl VideoOptions {
         Self {
             frame_rate_hz,
             coding,
+            effort: Effort::default(),
             timing: Timing::Constant,
             rotation_deg: 0.0,
             index_first: false,
@@ -494,7 +517,7 @@ fn settings<'a>(
             small(gop),
             small(b_frames),
             vec![
-                ("preset", "veryfast".to_owned()),
+                ("preset", options.effort.preset().to_owned()),
                 ("crf", crf.to_string()),
                 // x264's output depends on the number of threads, so that is not left to the machine.
                 ("threads", "2".to_owned()),

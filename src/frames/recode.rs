@@ -1,7 +1,7 @@
 //! A recording drawn over: every frame is decoded in colour, painted on, and coded again.
 
 use super::Yuv420;
-use super::encode::{Coding, EncodeError, Timing, VideoOptions, VideoWriter};
+use super::encode::{Coding, Effort, EncodeError, Timing, VideoOptions, VideoWriter};
 use super::error::FrameError;
 use super::folder::FolderReader;
 use super::video::{PictureReader, TimedPicture, VideoReader};
@@ -13,7 +13,7 @@ use thiserror::Error;
 const CODING: Coding = Coding::H264 {
     crf: 20,
     gop: 60,
-    b_frames: 2,
+    b_frames: 0,
 };
 
 /// Rate at which a recording without a time base is shown, Hz.
@@ -99,6 +99,7 @@ fn copy(
         .clamp(1.0, 10_000.0);
     let options = VideoOptions {
         timing: Timing::Stamped,
+        effort: Effort::Quick,
         ..VideoOptions::new(rate_hz, CODING)
     };
     let mut writer = VideoWriter::create_with(output, width, height, &options)?;
