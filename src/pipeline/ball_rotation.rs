@@ -98,7 +98,8 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
             .hypot(MARKED_COMMON_PART * displaced_px),
         light: None,
     };
-    let (arcs, mut found): (Vec<Vec<TimedCentre>>, Vec<ArcRotation>) = (0..flight.fit.arcs())
+    let shown: Vec<(Vec<TimedCentre>, ArcRotation)> = (0..flight.fit.arcs())
+        .into_par_iter()
         .map(|k| {
             let (arc, rates) = pictures.likelier_rates(flight, k, &search);
             let rotation = ArcRotation {
@@ -112,7 +113,8 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
             };
             (arc, rotation)
         })
-        .unzip();
+        .collect();
+    let (arcs, mut found): (Vec<Vec<TimedCentre>>, Vec<ArcRotation>) = shown.into_iter().unzip();
     pictures.settle_slow(&arcs, &search, &mut found);
     found
 }
@@ -139,17 +141,20 @@ impl FlightPictures<'_> {
         search: &RotationSearch<'_>,
     ) -> (Vec<TimedCentre>, Result<Vec<RotationFit>, NoRate>) {
         let measured = self.of_arc(flight, k);
-        let rates = self.rates(&measured, search);
-        let on_arc = self.on_arc(flight, k, &measured);
-        let others = rates.as_ref().ok().zip(on_arc).and_then(|(rates, on_arc)| {
-            let others = search.by_all(&self.views(&on_arc), rates).ok()?;
-            let left = |fits: &[RotationFit]| fits.first().map_or(f64::INFINITY, |best| best.residual);
-            (left(&others) < left(rates)).then_some((on_arc, others))
+        let (some, candidates) = match self.candidates(&measured, search) {
+            Ok(found) => found,
+            Err(reason) => return (measured, Err(reason)),
+        };
+        // Which it is, some of the pictures tell.
+        let on_arc = self.on_arc(flight, k, &measured).filter(|_| {
+            let left = |some: &[TimedCentre]| search.left_by(&self.views(some), &candidates[0]);
+            let there = self.on_arc(flight, k, &some);
+            let both = there.and_then(|there| left(&there)).zip(left(&some));
+            both.is_some_and(|(there, here)| there < here)
         });
-        match others {
-            Some((on_arc, others)) => (on_arc, Ok(others)),
-            None => (measured, rates),
-        }
+        let centres = on_arc.unwrap_or(measured);
+        let rates = search.by_all(&self.views(&centres), &candidates);
+        (centres, rates)
     }
 
     /// The same with the centres where the arc has them; `None` where that cannot be said of each.
@@ -168,21 +173,30 @@ impl FlightPictures<'_> {
         measured.iter().map(of).collect()
     }
 
-    fn rates(&self, arc: &[TimedCentre], search: &RotationSearch<'_>) -> Result<Vec<RotationFit>, NoRate> {
+    /// Rates that some of an arc's pictures, around the centres given with them, show.
+    fn candidates(
+        &self,
+        arc: &[TimedCentre],
+        search: &RotationSearch<'_>,
+    ) -> Result<(Vec<TimedCentre>, Vec<RotationFit>), NoRate> {
         let spare = arc.len().saturating_sub(SEARCH_FRAMES);
-        let middle = self.views(&arc[spare / 2..arc.len() - spare.div_ceil(2)]);
-        let mut rivals = search.rivals(&middle);
-        if spare == 0 {
-            return rivals;
+        let middle = arc[spare / 2..arc.len() - spare.div_ceil(2)].to_vec();
+        match search.candidates(&self.views(&middle)) {
+            Ok(found) => Ok((middle, found)),
+            Err(reason) if spare == 0 => Err(reason),
+            Err(_) => {
+                // What turns too slowly to show it within those.
+                let step = arc.len().div_ceil(SEARCH_FRAMES);
+                let sparse: Vec<TimedCentre> = arc.iter().step_by(step).copied().collect();
+                let found = search.candidates(&self.views(&sparse))?;
+                Ok((sparse, found))
+            }
         }
-        if rivals.is_err() {
-            // What turns too slowly to show it within those.
-            let step = arc.len().div_ceil(SEARCH_FRAMES);
-            let sparse: Vec<TimedCentre> = arc.iter().step_by(step).copied().collect();
-            rivals = search.rivals(&self.views(&sparse));
-        }
-        let rivals = rivals?;
-        search.by_all(&self.views(arc), &rivals)
+    }
+
+    fn rates(&self, arc: &[TimedCentre], search: &RotationSearch<'_>) -> Result<Vec<RotationFit>, NoRate> {
+        let (_, candidates) = self.candidates(arc, search)?;
+        search.by_all(&self.views(arc), &candidates)
     }
 
     /// Looks once more at the arcs that showed no rate, or made too few turns for their marks to be told from the light: in the light that all

@@ -1,6 +1,6 @@
 //! A function on the disc that the ball is in the picture: values at the nodes of a square grid, linear between them.
 
-use super::cube_map::NodeWeights;
+use super::cube_map::{GridCell, NodeWeights};
 
 /// A square grid over the disc of radius 1.
 #[derive(Debug, Clone, Copy)]
@@ -43,18 +43,16 @@ impl DiscGrid {
     /// The nodes around `place`, with the weights that a linear function has there.
     #[must_use]
     pub fn corners(self, place: [f64; 2]) -> NodeWeights {
+        self.cell(place).corners(self.side)
+    }
+
+    /// `place` between its nodes.
+    #[must_use]
+    pub fn cell(self, place: [f64; 2]) -> GridCell {
         let steps = (self.side - 1) as f64;
         let [p, q] = place.map(|c| (0.5 * (c + 1.0) * steps).clamp(0.0, steps));
         let last = self.side - 2;
         let (i, j) = ((p as usize).min(last), (q as usize).min(last));
-        let (fp, fq) = ((p - i as f64) as f32, (q - j as f64) as f32);
-        let at = (j * self.side + i) as u32;
-        let next = self.side as u32;
-        [
-            (at, (1.0 - fp) * (1.0 - fq)),
-            (at + 1, fp * (1.0 - fq)),
-            (at + next, (1.0 - fp) * fq),
-            (at + next + 1, fp * fq),
-        ]
+        GridCell::new(j * self.side + i, q - j as f64, p - i as f64)
     }
 }

@@ -13,11 +13,12 @@
 //! A frame's own rotation from the fitted motion is then fitted frame by frame. How these scatter against what the pixels promise says
 //! what codec, centres and light add: the covariance is multiplied by that.
 
-use super::cube_map::{CubeGrid, NodeWeights, value_at};
+use super::cube_map::{CubeGrid, GridCell, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Steps of the rate at most, and after how many the curvature is taken anew.
 const ROUNDS: usize = 16;
@@ -41,6 +42,9 @@ const SMALL_STEP: f64 = 0.1;
 
 /// Correlation of neighbouring frames' errors, at most.
 const MOST_ALIKE: f64 = 0.9;
+
+/// Times that so many are made for a map that comes from a coarser one.
+const SETTLING_ROUNDS: usize = 2;
 
 /// Rounds of a light alone.
 const STILL_ROUNDS: usize = 6;
@@ -89,6 +93,8 @@ pub struct RotationFit {
     pub cross_validated: f64,
     /// Root mean square residual, logarithm of brightness.
     pub residual: f64,
+    /// Pixels that it is by.
+    pub pixels: usize,
 }
 
 impl RotationFit {
@@ -143,8 +149,38 @@ pub struct FitGrids {
     pub grid: CubeGrid,
     /// The light's.
     pub disc: DiscGrid,
-    /// NodeWeights in the light's grid of each sample.
-    lit: Vec<NodeWeights>,
+    /// Where each sample lies in the light's grid, and what all of them weigh at its nodes.
+    lit: Vec<[GridCell; 1]>,
+    lit_weights: Vec<f64>,
+    /// What the slopes at the nodes of the ball's grid are taken from.
+    around: Arc<Vec<NodeSurroundings>>,
+}
+
+/// Two tangents at a node, and the places a little ahead and back along each.
+#[derive(Debug, Clone)]
+struct NodeSurroundings {
+    tangents: [Vector3<f64>; 2],
+    ahead: [GridCell; 2],
+    back: [GridCell; 2],
+}
+
+impl NodeSurroundings {
+    fn new(grid: CubeGrid, node: usize) -> Self {
+        let h = 0.5 * grid.spacing_rad();
+        let d = grid.direction(node);
+        let other = if d.x.abs() < 0.7 {
+            Vector3::x()
+        } else {
+            Vector3::y()
+        };
+        let one = d.cross(&other).normalize();
+        let tangents = [one, d.cross(&one)];
+        Self {
+            tangents,
+            ahead: tangents.map(|t| grid.cell(&(d + h * t))),
+            back: tangents.map(|t| grid.cell(&(d - h * t))),
+        }
+    }
 }
 
 impl FitGrids {
@@ -152,15 +188,57 @@ impl FitGrids {
     #[must_use]
     pub fn new(samples: &BallSamples, pixel: f64) -> Self {
         let disc = DiscGrid::with_spacing((2.0 * pixel).max(0.1));
+        let grid = CubeGrid::with_spacing(1.2 * pixel);
+        let around = (0..grid.nodes()).map(|k| NodeSurroundings::new(grid, k));
         Self {
-            grid: CubeGrid::with_spacing(1.2 * pixel),
+            around: Arc::new(around.collect()),
+            grid,
             disc,
-            lit: samples.places.iter().map(|&p| disc.corners(p)).collect(),
+            lit_weights: Vec::new(),
+            lit: Vec::new(),
+        }
+        .of_samples(samples)
+    }
+
+    /// Those for a part of the samples, one in `step`: with as many for each node of the ball.
+    #[must_use]
+    pub fn coarser(&self, samples: &BallSamples, step: usize) -> Self {
+        if step == 1 {
+            return self.of_samples(samples);
+        }
+        let grid = CubeGrid::with_spacing((step as f64).sqrt() * self.grid.spacing_rad());
+        let around = (0..grid.nodes()).map(|k| NodeSurroundings::new(grid, k));
+        Self {
+            grid,
+            around: Arc::new(around.collect()),
+            ..self.of_samples(samples)
+        }
+    }
+
+    /// The same grids for other samples.
+    fn of_samples(&self, samples: &BallSamples) -> Self {
+        let disc = self.disc;
+        let lit: Vec<[GridCell; 1]> = samples.places.iter().map(|&p| [disc.cell(p)]).collect();
+        Self {
+            lit_weights: weights_of(&lit, disc.nodes(), disc.side()),
+            lit,
+            around: Arc::clone(&self.around),
+            ..*self
         }
     }
 }
 
 impl BallMaps {
+    /// The same with the ball on another grid.
+    fn on(&self, grid: CubeGrid) -> Self {
+        let there = |k: usize| value_at(&self.albedo, &self.grid.corners(&grid.direction(k)));
+        Self {
+            grid,
+            albedo: (0..grid.nodes()).map(there).collect(),
+            ..self.clone()
+        }
+    }
+
     fn dark(samples: &BallSamples, grids: &FitGrids) -> Self {
         Self {
             grid: grids.grid,
@@ -190,7 +268,8 @@ pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec
         *light = value_at(&known.light, &known.disc.corners(grids.disc.place(k)));
     }
     let lit = samples.values.iter().zip(&grids.lit);
-    let mut residuals: Vec<f64> = lit.map(|(v, c)| v - value_at(&maps.light, c)).collect();
+    let next = grids.disc.side();
+    let mut residuals: Vec<f64> = lit.map(|(v, [c])| v - c.value(&maps.light, next)).collect();
     take_gains(samples, &mut residuals, &mut maps.gains);
     (residuals, maps)
 }
@@ -204,12 +283,12 @@ pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64])
     for (i, t) in samples.times_s.iter().map(|t| t / longest_s).enumerate() {
         let x = Vector3::new(1.0, t, t * t);
         for p in samples.of_frame(i) {
-            let [a, b, c, d] = grids.lit[p];
+            let [a, b, c, d]: NodeWeights = grids.lit[p][0].corners(grids.disc.side());
             let nearest = [b, c, d]
                 .into_iter()
                 .fold(a, |best, n| if n.1 > best.1 { n } else { best });
-            matrices[nearest.0 as usize] += samples.weights[p] * x * x.transpose();
-            rights[nearest.0 as usize] += samples.weights[p] * left[p] * x;
+            matrices[nearest.0 as usize] += x * x.transpose();
+            rights[nearest.0 as usize] += left[p] * x;
         }
     }
     let explained = matrices
@@ -226,7 +305,7 @@ pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f64>, BallMaps) {
     let mut residuals = samples.values.clone();
     for _ in 0..STILL_ROUNDS {
         take_gains(samples, &mut residuals, &mut maps.gains);
-        take_map(samples, &mut residuals, &grids.lit, &mut maps.light, 0.0);
+        grids.take_light(&mut residuals, &mut maps.light);
     }
     (residuals, maps)
 }
@@ -295,13 +374,10 @@ fn take_gains(samples: &BallSamples, residuals: &mut [f64], gains: &mut [f64]) {
     let mut matrix: Matrix3<f64> = 1e-6 * Matrix3::identity();
     let mut right = Vector3::zeros();
     for i in 0..samples.frames() {
-        let (mut sum, mut weight) = (0.0, 0.0);
-        for p in samples.of_frame(i) {
-            sum += samples.weights[p] * residuals[p];
-            weight += samples.weights[p];
-        }
+        let frame = &residuals[samples.of_frame(i)];
+        let sum: f64 = frame.iter().sum();
         let x = terms(i);
-        matrix += weight * x * x.transpose();
+        matrix += frame.len() as f64 * x * x.transpose();
         right += sum * x;
     }
     let Some(inverse) = matrix.try_inverse() else {
@@ -317,32 +393,62 @@ fn take_gains(samples: &BallSamples, residuals: &mut [f64], gains: &mut [f64]) {
     }
 }
 
-/// Moves what the residuals have in common at the nodes of a map into it; gives the weight that each node has. `held` is the weight of
-/// the prior that a node is 0.
-fn take_map(
-    samples: &BallSamples,
+/// What samples that lie in `cells`, of which each is seen in as many as it has, weigh at the nodes.
+fn weights_of<const N: usize>(cells: &[[GridCell; N]], nodes: usize, next: usize) -> Vec<f64> {
+    let mut weights = vec![0.0; nodes];
+    for cell in cells.iter().flatten() {
+        cell.add(&mut weights, next, 1.0 / N as f64);
+    }
+    weights
+}
+
+/// Moves what the residuals have in common at the nodes of a map, where the samples have `weights`, into it. `held` is the weight of the prior that
+/// a node is 0.
+fn take_map<const N: usize>(
     residuals: &mut [f64],
-    corners: &[impl AsRef<[(u32, f32)]>],
+    cells: &[[GridCell; N]],
+    weights: &[f64],
     map: &mut [f64],
+    next: usize,
     held: f64,
-) -> Vec<f64> {
+) {
+    let part = 1.0 / N as f64;
     let mut sums = vec![0.0; map.len()];
-    let mut weights = vec![0.0; map.len()];
-    for ((c, r), w) in corners.iter().zip(residuals.iter()).zip(&samples.weights) {
-        for &(k, part) in c.as_ref() {
-            let part = w * f64::from(part);
-            sums[k as usize] += part * r;
-            weights[k as usize] += part;
+    for (cells, r) in cells.iter().zip(residuals.iter()) {
+        for cell in cells {
+            cell.add(&mut sums, next, part * r);
         }
     }
-    for ((sum, w), m) in sums.iter_mut().zip(&weights).zip(map.iter_mut()) {
+    for ((sum, w), m) in sums.iter_mut().zip(weights).zip(map.iter_mut()) {
         *sum = (*sum - held * *m) / (w + held).max(1e-9);
         *m += *sum;
     }
-    for (c, r) in corners.iter().zip(residuals.iter_mut()) {
-        *r -= value_at(&sums, c.as_ref());
+    for (cells, r) in cells.iter().zip(residuals.iter_mut()) {
+        *r -= part * cells.iter().map(|cell| cell.value(&sums, next)).sum::<f64>();
     }
-    weights
+}
+
+impl FitGrids {
+    fn take_light(&self, residuals: &mut [f64], light: &mut [f64]) {
+        take_map(
+            residuals,
+            &self.lit,
+            &self.lit_weights,
+            light,
+            self.disc.side(),
+            0.0,
+        );
+    }
+
+    /// Slopes of a map of the ball at its nodes: the tangent vector along which it grows.
+    fn slopes(&self, map: &[f64]) -> Vec<Vector3<f64>> {
+        let (next, across) = (self.grid.side(), 1.0 / self.grid.spacing_rad());
+        let slope = |near: &NodeSurroundings| {
+            let along = |k: usize| near.ahead[k].value(map, next) - near.back[k].value(map, next);
+            across * (along(0) * near.tangents[0] + along(1) * near.tangents[1])
+        };
+        self.around.iter().map(slope).collect()
+    }
 }
 
 /// ∫ of the turning: by what a frame at `t` turns for a change of the rate, and how the left Jacobian of the rotations has it.
@@ -358,30 +464,6 @@ fn left_jacobian(v: &Vector3<f64>) -> Matrix3<f64> {
         + axis.cross_matrix() * ((1.0 - c) / angle)
 }
 
-/// Slopes of the map at its nodes: the tangent vector along which it grows.
-fn slopes(grid: CubeGrid, map: &[f64]) -> Vec<Vector3<f64>> {
-    let h = 0.5 * grid.spacing_rad();
-    (0..grid.nodes())
-        .into_par_iter()
-        .map(|k| {
-            let d = grid.direction(k);
-            let other = if d.x.abs() < 0.7 {
-                Vector3::x()
-            } else {
-                Vector3::y()
-            };
-            let one = d.cross(&other).normalize();
-            let two = d.cross(&one);
-            let along = |t: &Vector3<f64>| {
-                let ahead = value_at(map, &grid.corners(&(d + h * t)));
-                let back = value_at(map, &grid.corners(&(d - h * t)));
-                (ahead - back) / (2.0 * h)
-            };
-            along(&one) * one + along(&two) * two
-        })
-        .collect()
-}
-
 /// What a frame says of a rotation of its own: J^T W J and J^T W r.
 #[derive(Clone, Copy)]
 struct OwnRotation {
@@ -392,7 +474,7 @@ struct OwnRotation {
 struct TurnedBall {
     turns: Vec<Rotation3<f64>>,
     /// Of each sample, in the ball's grid: those of both directions.
-    corners: Vec<[(u32, f32); 8]>,
+    cells: Vec<[GridCell; 2]>,
 }
 
 fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedBall {
@@ -401,52 +483,41 @@ fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedB
         .iter()
         .map(|&t| Rotation3::new(t * rate))
         .collect();
-    let corners = (0..samples.frames())
-        .into_par_iter()
-        .flat_map_iter(|i| {
-            let back = turns[i].inverse();
-            let frame = samples.of_frame(i);
-            frame.map(move |p| {
-                let [one, two] = samples.towards[p].map(|d| grid.corners(&(back * d)));
-                std::array::from_fn(|k| {
-                    let (node, weight) = if k < 4 { one[k] } else { two[k - 4] };
-                    (node, 0.5 * weight)
-                })
-            })
-        })
-        .collect();
-    TurnedBall { turns, corners }
+    let mut cells = Vec::with_capacity(samples.values.len());
+    for (i, turn) in turns.iter().enumerate() {
+        let back = turn.inverse().into_inner();
+        let towards = &samples.towards[samples.of_frame(i)];
+        cells.extend(towards.iter().map(|both| both.map(|d| grid.cell(&(back * d)))));
+    }
+    TurnedBall { turns, cells }
 }
 
 fn frame_equations(
     samples: &BallSamples,
+    next: usize,
     turned: &TurnedBall,
     slopes: &[Vector3<f64>],
     residuals: &[f64],
 ) -> Vec<OwnRotation> {
-    (0..samples.frames())
-        .into_par_iter()
-        .map(|i| {
-            let turn = turned.turns[i];
-            let mut equations = OwnRotation {
-                matrix: Matrix3::zeros(),
-                right: Vector3::zeros(),
-            };
-            for p in samples.of_frame(i) {
-                let mut row = Vector3::zeros();
-                for (d, corners) in samples.towards[p].iter().zip(turned.corners[p].chunks(4)) {
-                    let slope: Vector3<f64> = corners
-                        .iter()
-                        .map(|&(k, w)| f64::from(w) * slopes[k as usize])
-                        .sum();
-                    row -= d.cross(&(turn * slope));
-                }
-                equations.matrix += samples.weights[p] * row * row.transpose();
-                equations.right += samples.weights[p] * residuals[p] * row;
+    let of_frame = |i: usize| {
+        let turn = turned.turns[i].into_inner();
+        let mut equations = OwnRotation {
+            matrix: Matrix3::zeros(),
+            right: Vector3::zeros(),
+        };
+        for p in samples.of_frame(i) {
+            let mut row = Vector3::zeros();
+            for (d, cell) in samples.towards[p].iter().zip(turned.cells[p]) {
+                let corners = cell.corners(next).into_iter();
+                let slope: Vector3<f64> = corners.map(|(k, w)| f64::from(w) * slopes[k as usize]).sum();
+                row -= 0.5 * d.cross(&(turn * slope));
             }
-            equations
-        })
-        .collect()
+            equations.matrix += row * row.transpose();
+            equations.right += residuals[p] * row;
+        }
+        equations
+    };
+    (0..samples.frames()).map(of_frame).collect()
 }
 
 /// The maps fitted for one rate, and what is left.
@@ -468,22 +539,30 @@ fn evaluated(
     lit: bool,
 ) -> MapsAtRate {
     let mut maps = maps.clone();
+    let next = grids.grid.side();
     let turned = turned(samples, grids.grid, rate);
+    maps.seen = weights_of(&turned.cells, grids.grid.nodes(), next);
     let mut residuals = residuals_of(samples, grids, &maps, &turned);
     for round in 0..MAP_ROUNDS {
         if round == AFRESH_ROUND {
             residuals = residuals_of(samples, grids, &maps, &turned);
         }
-        maps.seen = take_map(samples, &mut residuals, &turned.corners, &mut maps.albedo, HELD);
+        take_map(
+            &mut residuals,
+            &turned.cells,
+            &maps.seen,
+            &mut maps.albedo,
+            next,
+            HELD,
+        );
         take_gains(samples, &mut residuals, &mut maps.gains);
         if !lit {
-            take_map(samples, &mut residuals, &grids.lit, &mut maps.light, 0.0);
+            grids.take_light(&mut residuals, &mut maps.light);
         }
     }
-    let squares = residuals.iter().zip(&samples.weights).map(|(r, w)| w * r * r);
-    let sum_squares = squares.sum();
-    let slopes = slopes(grids.grid, &maps.albedo);
-    let equations = frame_equations(samples, &turned, &slopes, &residuals);
+    let sum_squares = residuals.iter().map(|r| r * r).sum();
+    let slopes = grids.slopes(&maps.albedo);
+    let equations = frame_equations(samples, next, &turned, &slopes, &residuals);
     let downhill = equations
         .iter()
         .zip(&samples.times_s)
@@ -528,8 +607,9 @@ fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMap
         light: maps.light.clone(),
         ..BallMaps::dark(samples, grids)
     };
+    let next = grids.disc.side();
     let lit_by = samples.values.iter().zip(&grids.lit);
-    let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - value_at(&maps.light, c)).collect();
+    let mut unlit: Vec<f64> = lit_by.map(|(v, [c])| v - c.value(&maps.light, next)).collect();
     take_gains(samples, &mut unlit, &mut maps.gains);
     maps
 }
@@ -552,15 +632,14 @@ pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RoughFit) -> 
     let turned = turned(samples, grids.grid, &fit.rate_rad_s);
     let dark = BallMaps {
         light: vec![0.0; grids.disc.nodes()],
-        ..fit.maps.clone()
+        ..fit.maps.on(grids.grid)
     };
     let mut residuals = residuals_of(samples, grids, &dark, &turned);
     let mut light = dark.light;
-    let mut weights = Vec::new();
     for _ in 0..STILL_ROUNDS {
-        weights = take_map(samples, &mut residuals, &grids.lit, &mut light, 0.0);
+        grids.take_light(&mut residuals, &mut light);
     }
-    (light, weights)
+    (light, grids.lit_weights.clone())
 }
 
 /// The rotation near `start`, from the light of `maps`, which stays if the ball is known to be `lit` so; `None` where the pixels do not
@@ -573,32 +652,58 @@ pub fn fit(
     start: Vector3<f64>,
     lit: bool,
 ) -> Option<RotationFit> {
-    let mut maps = unmarked(samples, grids, maps);
+    fit_from(samples, grids, &unmarked(samples, grids, maps), start, lit)
+}
+
+/// The same from a rotation of the same frames by some of the `samples`, with its maps.
+#[must_use]
+pub fn fit_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> Option<RotationFit> {
+    fit_from(samples, grids, &from.maps.on(grids.grid), from.rate_rad_s, lit)
+}
+
+/// Σ of squares that the rate of a rotation of the same frames leaves of `samples`.
+#[must_use]
+pub fn left_at(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> f64 {
+    let mut maps = from.maps.on(grids.grid);
+    let mut left = 0.0;
+    for _ in 0..SETTLING_ROUNDS {
+        let found = evaluated(samples, grids, &maps, &from.rate_rad_s, lit);
+        (maps, left) = (found.maps, found.sum_squares);
+    }
+    left
+}
+
+fn fit_from(
+    samples: &BallSamples,
+    grids: &FitGrids,
+    maps: &BallMaps,
+    start: Vector3<f64>,
+    lit: bool,
+) -> Option<RotationFit> {
     let mut rate = start;
     let count = samples.values.len() as f64;
     let longest_s = samples.longest_s();
     // Steps that turn the ends by more than the map is fine lead astray.
     let most = 2.0 * grids.grid.spacing_rad() / longest_s;
-    let mut found = evaluated(samples, grids, &maps, &rate, lit);
+    let mut found = evaluated(samples, grids, maps, &rate, lit);
     let mut bend = None;
     let mut since_rad = 0.0;
     for round in 0..ROUNDS {
-        maps = found.maps.clone();
         if bend.is_none() || round == FAR_ROUNDS {
-            bend = curvature(samples, grids, &maps, &rate, lit);
+            bend = curvature(samples, grids, &found.maps, &rate, lit);
             since_rad = 0.0;
         }
         // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
         let matrix = bend.unwrap_or_else(|| found.held_curvature(samples, &rate));
         let step = matrix.cholesky()?.solve(&found.downhill);
         let gain = step.dot(&found.downhill) * count / found.sum_squares;
-        if gain < SETTLED * SETTLED && bend.is_some() {
+        if gain < (SETTLED * found.frames_scatter(samples).scatter).powi(2) && bend.is_some() {
             break;
         }
         let step = (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
         rate += step;
         since_rad += step.norm() * longest_s;
-        found = evaluated(samples, grids, &maps, &rate, lit);
+        found = evaluated(samples, grids, &found.maps, &rate, lit);
     }
     // Nearby the curvature stands.
     let stands = bend.filter(|_| since_rad < NEAR_SPACINGS * grids.grid.spacing_rad());
@@ -654,24 +759,16 @@ impl MapsAtRate {
         })
     }
 
-    /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.
-    fn with_scatter(self, samples: &BallSamples, rate: Vector3<f64>, inverse: Matrix3<f64>) -> RotationFit {
-        let cross_validated = self.cross_validated(samples);
-        let Self {
-            turned,
-            maps,
-            equations,
-            sum_squares,
-            ..
-        } = self;
+    /// How the frames' own rotations scatter.
+    fn frames_scatter(&self, samples: &BallSamples) -> FramesScatter {
         let frames = samples.frames();
-        let variance = sum_squares / samples.values.len() as f64;
+        let variance = self.sum_squares / samples.values.len() as f64;
         // A frame has its part in the map that it is held against.
-        let own = 1.0 / others_part(samples, &turned, &maps);
+        let own = 1.0 / others_part(samples, &self.turned, &self.maps);
         let mut off_rad = Vec::with_capacity(frames);
         let mut off_std_rad = Vec::with_capacity(frames);
         let mut whitened: Vec<Option<Vector3<f64>>> = Vec::with_capacity(frames);
-        for e in &equations {
+        for e in &self.equations {
             let prior = Matrix3::identity() * (1e-9 * e.matrix.trace().max(f64::MIN_POSITIVE));
             let chol = (e.matrix + prior).cholesky();
             off_rad.push(chol.map_or(Vector3::zeros(), |c| own * c.solve(&e.right)));
@@ -692,55 +789,81 @@ impl MapsAtRate {
         let count = (frames as f64).max(8.0);
         let alike = ((seems + 2.0 / count) / (1.0 - 4.0 / count)).clamp(0.0, MOST_ALIKE);
         let fewer = (1.0 + alike) / (1.0 - alike);
-        let scatter = ((chi2 / freedom).max(1.0) * fewer).sqrt();
+        FramesScatter {
+            off_rad,
+            off_std_rad,
+            scatter: ((chi2 / freedom).max(1.0) * fewer).sqrt(),
+        }
+    }
+
+    /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.
+    fn with_scatter(self, samples: &BallSamples, rate: Vector3<f64>, inverse: Matrix3<f64>) -> RotationFit {
+        let cross_validated = self.cross_validated(samples);
+        let variance = self.sum_squares / samples.values.len() as f64;
+        let FramesScatter {
+            off_rad,
+            off_std_rad,
+            scatter,
+        } = self.frames_scatter(samples);
         RotationFit {
             rate_rad_s: rate,
             covariance: scatter * scatter * variance * inverse,
-            maps,
+            maps: self.maps,
             off_std_rad: off_std_rad.into_iter().map(|s| scatter * s).collect(),
             off_rad,
             scatter,
-            sum_squares,
+            sum_squares: self.sum_squares,
             cross_validated,
             residual: variance.sqrt(),
+            pixels: samples.values.len(),
         }
     }
+}
+
+/// What the frames show beyond a fitted rotation.
+struct FramesScatter {
+    off_rad: Vec<Vector3<f64>>,
+    /// By the pixels alone.
+    off_std_rad: Vec<Vector3<f64>>,
+    /// Over what the pixels promise; at least 1.
+    scatter: f64,
 }
 
 /// The part that other pixels have in the map's value at a pixel, on average; never so little that nothing is left.
 fn others_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 {
-    let mut sum = 0.0;
-    for (c, w) in turned.corners.iter().zip(&samples.weights) {
-        for &(k, part) in c {
-            let part = f64::from(part);
-            sum += w * part * part / maps.seen[k as usize].max(1e-9);
-        }
-    }
+    let next = maps.grid.side();
+    let cells = turned.cells.iter().flatten();
+    // Each of the two directions has half of a pixel's weight.
+    let sum: f64 = cells.map(|cell| 0.25 * cell.squares_over(&maps.seen, next)).sum();
     (1.0 - sum / samples.values.len() as f64).max(0.3)
 }
 
 /// What a pixel shows that sees the ball in two directions: the logarithm of their mean brightness.
-fn seen_of_both(albedo: &[f64], corners: &[(u32, f32); 8]) -> f64 {
-    // Each has half of the weight.
-    let (one, two) = (value_at(albedo, &corners[..4]), value_at(albedo, &corners[4..]));
-    one + two + ln_cosh(one - two)
+fn seen_of_both(albedo: &[f64], cells: &[GridCell; 2], next: usize) -> f64 {
+    let [one, two] = cells.map(|cell| cell.value(albedo, next));
+    0.5 * (one + two) + ln_cosh(0.5 * (one - two))
 }
 
+/// ln cosh, to 1e-10.
 fn ln_cosh(x: f64) -> f64 {
     let x = x.abs();
+    if x < 0.1 {
+        let square = x * x;
+        return square * (0.5 - square * (1.0 / 12.0 - square * (1.0 / 45.0)));
+    }
     x + (-2.0 * x).exp().ln_1p() - std::f64::consts::LN_2
 }
 
 fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned: &TurnedBall) -> Vec<f64> {
-    (0..samples.frames())
-        .into_par_iter()
-        .flat_map_iter(|i| {
-            samples.of_frame(i).map(move |p| {
-                samples.values[p]
-                    - maps.gains[i]
-                    - value_at(&maps.light, &grids.lit[p])
-                    - seen_of_both(&maps.albedo, &turned.corners[p])
-            })
-        })
-        .collect()
+    let (next, lit_next) = (grids.grid.side(), grids.disc.side());
+    let mut residuals = Vec::with_capacity(samples.values.len());
+    for (i, gain) in maps.gains.iter().enumerate() {
+        residuals.extend(samples.of_frame(i).map(|p| {
+            samples.values[p]
+                - gain
+                - grids.lit[p][0].value(&maps.light, lit_next)
+                - seen_of_both(&maps.albedo, &turned.cells[p], next)
+        }));
+    }
+    residuals
 }

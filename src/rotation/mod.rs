@@ -30,6 +30,7 @@ pub use view::{BallPixel, BallSamples, BallView};
 use crate::numeric::robust::median;
 use fit::{FitGrids, RoughFit};
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 use search::LagProducts;
 use std::f64::consts::{PI, TAU};
 
@@ -63,6 +64,12 @@ const MOST_FITTED: usize = 12;
 
 /// Frames by which rates are searched for and rivals told apart, at most: those in the middle. The rest then makes the rate exact.
 pub const SEARCH_FRAMES: usize = 32;
+
+/// Pixels by which they are, about, at most: the rest then makes the rates exact.
+const SEARCH_PIXELS: usize = 8000;
+
+/// A rate that explains less than this part of what the best explains by those will not be its rival by all ([`RIVAL_EXPLAINED`]).
+const PERHAPS_RIVAL: f64 = 0.6;
 
 /// Candidates of less than this part of the best score are no rivals.
 const LEAST_SCORE: f64 = 0.6;
@@ -188,12 +195,17 @@ impl RotationEvidence {
 
     /// The part that a rotation explains of what else nothing does.
     fn explained_by(&self, fit: &RotationFit) -> f64 {
-        let left = fit.cross_validated / self.samples.values.len() as f64;
+        let left = fit.cross_validated / fit.pixels as f64;
         (self.drifting - left) / (self.drifting - self.noise)
     }
 
     fn is_explained_by(&self, fit: &RotationFit) -> bool {
         self.explained_by(fit) > LEAST_EXPLAINED
+    }
+
+    /// As many of the pixels as a search needs.
+    fn thinned(&self) -> (BallSamples, FitGrids) {
+        thinned(&self.samples, &self.grids)
     }
 }
 
@@ -203,64 +215,75 @@ impl RotationSearch<'_> {
     /// # Errors
     /// Why there is none.
     pub fn rivals(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
+        self.by_all(views, &self.candidates(views)?)
+    }
+
+    /// Rates among which those that such views show are, by some of their pixels: the most likely first.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn candidates(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
         let lit = self.light.is_some();
         let evidence = RotationEvidence::new(self, views)?;
         let (samples, left) = (&evidence.samples, &evidence.left);
         let mut steps: Vec<f64> = samples.times_s.windows(2).map(|w| w[1] - w[0]).collect();
         let interval_s = median(&mut steps).ok_or(NoRate::FewFrames)?;
         let products = LagProducts::new(samples, left, interval_s, 1.0 / self.radius_px, lit);
-        let candidates = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
-        let fitted = |start| fit::fit(samples, &evidence.grids, &evidence.maps, start, lit);
-        let least = LEAST_SCORE * candidates.first().map_or(0.0, |best| best.score);
-        let likely = candidates.iter().filter(|c| c.score > least.max(0.0));
-        let rough = likely.map(|c| fit::rough(samples, &evidence.grids, &evidence.maps, c.rate_rad_s, lit));
-        let mut rough: Vec<RoughFit> = rough.collect();
-        rough.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
-        let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.cross_validated);
-        let mut starts: Vec<Vector3<f64>> = Vec::new();
-        for RoughFit {
-            rate_rad_s,
-            cross_validated,
-            ..
-        } in rough
-        {
-            let apart =
-                |other: &Vector3<f64>| (rate_rad_s - other).norm() * samples.longest_s() > ONE_START_RAD;
-            if cross_validated <= most && starts.iter().all(apart) {
-                starts.push(rate_rad_s);
-            }
-        }
-        let mut fits: Vec<RotationFit> = starts.into_iter().filter_map(fitted).collect();
+        let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
+        let (samples, grids) = &evidence.thinned();
+        let fitted = |start| fit::fit(samples, grids, &evidence.maps, start, lit);
+        let least = LEAST_SCORE * found.first().map_or(0.0, |best| best.score);
+        let likely = found.par_iter().filter(|c| c.score > least.max(0.0));
+        let rough = likely.map(|c| fit::rough(samples, grids, &evidence.maps, c.rate_rad_s, lit));
+        let starts = starts(rough.collect(), samples.longest_s());
+        let mut fits: Vec<RotationFit> = starts.into_par_iter().filter_map(fitted).collect();
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
-        let other_way = fits
-            .first()
-            .and_then(|best| other_way(best.rate_rad_s, interval_s));
-        fits.extend(other_way.and_then(fitted));
-        let left_squares: f64 = left.iter().map(|r| r * r).sum();
-        let by_chance = CONTROLS.map(|turn| {
-            let rate = Vector3::from(turn) / interval_s;
-            left_squares - fit::left_by(samples, &evidence.grids, &evidence.maps, &rate, lit)
-        });
-        // Marks in a known light are what they are, whether they turn or not.
-        let by_chance = if lit {
-            0.0
-        } else {
-            by_chance.into_iter().fold(0.0, f64::max)
-        };
-        fits.retain(|f| left_squares - f.sum_squares > LEAST_OVER_CONTROLS * by_chance);
-        self.told_apart(fits, &evidence)
+        let best = fits.first().ok_or(NoRate::Unexplained)?;
+        fits.extend(other_way(best.rate_rad_s, interval_s).and_then(fitted));
+        if !lit {
+            // Marks in a known light are what they are, whether they turn or not.
+            let without: f64 = fit::still(samples, grids).0.iter().map(|r| r * r).sum();
+            let by_chance = CONTROLS.par_iter().map(|&turn| {
+                let rate = Vector3::from(turn) / interval_s;
+                without - fit::left_by(samples, grids, &evidence.maps, &rate, lit)
+            });
+            let by_chance = by_chance.reduce(|| 0.0, f64::max);
+            fits.retain(|f| without - f.sum_squares > LEAST_OVER_CONTROLS * by_chance);
+        }
+        fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
+        let best = fits.first().ok_or(NoRate::Unexplained)?;
+        let least = PERHAPS_RIVAL * evidence.explained_by(best);
+        fits.retain(|f| evidence.is_explained_by(f) && evidence.explained_by(f) >= least);
+        if fits.is_empty() {
+            return Err(NoRate::Unexplained);
+        }
+        Ok(fits)
     }
 
-    /// The rates that `rivals`, found in some of a flight's views, become by all of them.
+    /// Mean square that a ball that turns as `candidate`, found in views of the same frames, leaves of the pixels of these `views`.
+    #[must_use]
+    pub fn left_by(&self, views: &[BallView], candidate: &RotationFit) -> Option<f64> {
+        let (samples, grids) = self.samples(views)?;
+        let left = fit::left_at(&samples, &grids, candidate, self.light.is_some());
+        Some(left / samples.values.len() as f64)
+    }
+
+    /// The rates that `candidates`, found in some of a flight's views, become by all of them.
     ///
     /// # Errors
     /// Why there is none.
-    pub fn by_all(&self, views: &[BallView], rivals: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
+    pub fn by_all(&self, views: &[BallView], candidates: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
         let lit = self.light.is_some();
         let evidence = RotationEvidence::new(self, views)?;
         let (samples, grids) = (&evidence.samples, &evidence.grids);
-        let again = |f: &RotationFit| fit::fit(samples, grids, &f.maps, f.rate_rad_s, lit);
-        self.told_apart(rivals.iter().filter_map(again).collect(), &evidence)
+        let (thin, thin_grids) = evidence.thinned();
+        let again = |f: &RotationFit| {
+            // Maps of other frames lie otherwise.
+            let other = f.maps.gains.len() != samples.frames();
+            let some = other.then(|| fit::fit(&thin, &thin_grids, &f.maps, f.rate_rad_s, lit));
+            fit::fit_on(samples, grids, &some.unwrap_or_else(|| Some(f.clone()))?, lit)
+        };
+        self.told_apart(candidates.iter().filter_map(again).collect(), &evidence)
     }
 
     /// The rates that views of one flight, no more than [`SEARCH_FRAMES`], show if the light on the ball is as smooth as on a matt one. They have to explain
@@ -310,11 +333,13 @@ impl RotationSearch<'_> {
         let samples = flights.iter().map(|(views, _)| self.samples(views));
         let samples: Vec<(BallSamples, FitGrids)> = samples.collect::<Option<_>>()?;
         let mut rates: Vec<Vector3<f64>> = flights.iter().map(|(_, f)| f.rate_rad_s).collect();
-        for _ in 0..COMMON_ROUNDS {
+        let thin: Vec<(BallSamples, FitGrids)> = samples.iter().map(|(s, g)| thinned(s, g)).collect();
+        for round in 1..=COMMON_ROUNDS {
             let lit = |((samples, grids), &rate): (&(BallSamples, FitGrids), &Vector3<f64>)| {
                 fit::rough(samples, grids, &light, rate, true)
             };
-            let fits: Vec<RoughFit> = samples.iter().zip(&rates).map(lit).collect();
+            let by = if round < COMMON_ROUNDS { &thin } else { &samples };
+            let fits: Vec<RoughFit> = by.iter().zip(&rates).map(lit).collect();
             rates = fits.iter().map(|f| f.rate_rad_s).collect();
             let mut sums = vec![0.0; light.light.len()];
             let mut all = vec![1e-9; light.light.len()];
@@ -346,7 +371,7 @@ impl RotationSearch<'_> {
         fits.retain(|f| evidence.is_explained_by(f));
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
-        let unit = best.sum_squares / evidence.samples.values.len() as f64 * best.scatter.powi(2);
+        let unit = best.sum_squares / best.pixels as f64 * best.scatter.powi(2);
         let most = (1.0 + GRID_PART) * best.cross_validated + RIVAL * unit;
         let likely = RIVAL_EXPLAINED * evidence.explained_by(best);
         let mut rivals: Vec<RotationFit> = Vec::new();
@@ -380,6 +405,28 @@ impl RotationSearch<'_> {
         }
         fit
     }
+}
+
+/// Of the pixels of `samples` about [`SEARCH_PIXELS`].
+fn thinned(samples: &BallSamples, grids: &FitGrids) -> (BallSamples, FitGrids) {
+    let step = samples.values.len().div_ceil(SEARCH_PIXELS).max(1);
+    let thin = samples.thinned(step);
+    let grids = grids.coarser(&thin, step);
+    (thin, grids)
+}
+
+/// Those of `rough` rates from which a fit is worth while, each once: no two turn the ends of an arc, `longest_s` from its middle, to the same place.
+fn starts(mut rough: Vec<RoughFit>, longest_s: f64) -> Vec<Vector3<f64>> {
+    rough.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
+    let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.cross_validated);
+    let mut starts: Vec<Vector3<f64>> = Vec::new();
+    for found in rough {
+        let apart = |other: &Vector3<f64>| (found.rate_rad_s - other).norm() * longest_s > ONE_START_RAD;
+        if found.cross_validated <= most && starts.iter().all(apart) {
+            starts.push(found.rate_rad_s);
+        }
+    }
+    starts
 }
 
 /// The rate that looks alike at steps of `interval_s`, the other way round, where it is no faster than [`BEYOND_ALIAS`].

@@ -10,7 +10,7 @@
 
 use super::disc_map::DiscGrid;
 use super::view::BallSamples;
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -30,6 +30,9 @@ const PEAK: f64 = 0.6;
 const ONE_PEAK: f64 = 0.2;
 const FOLLOWED_OF_PEAK: usize = 6;
 const MOST_OF_PEAK: usize = 2;
+
+/// No cell of those in use.
+const NO_CELL: u32 = u32::MAX;
 
 /// Candidates followed from one grid to the next.
 const FOLLOWED: usize = 96;
@@ -51,9 +54,9 @@ pub struct LagProducts {
     /// Time between frames, s.
     interval_s: f64,
     /// Directions of the cells in use.
-    towards: Vec<Vector3<f64>>,
-    /// Place among those of each node of the grid.
-    index: Vec<Option<u16>>,
+    towards: Vec<Vector3<f32>>,
+    /// Place among those of each node of the grid; [`NO_CELL`] where nothing is seen.
+    index: Vec<u32>,
     side: usize,
     /// A lag each, from 1.
     lags: Vec<LagSums>,
@@ -92,8 +95,8 @@ impl LagProducts {
                 let corners = grid.corners(samples.places[p]);
                 let nearest = corners.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
                 let at = nearest.0 as usize * slots + s;
-                sums[at] += samples.weights[p] * residuals[p];
-                counts[at] += samples.weights[p];
+                sums[at] += residuals[p];
+                counts[at] += 1.0;
             }
         }
         let frames = samples.frames() as f64;
@@ -104,10 +107,10 @@ impl LagProducts {
                 .count() as f64
         };
         let used: Vec<usize> = (0..grid.nodes()).filter(|&k| seen(k) >= 0.7 * frames).collect();
-        let mut index = vec![None; grid.nodes()];
+        let mut index = vec![NO_CELL; grid.nodes()];
         let mut values = Vec::with_capacity(used.len());
         for (n, &k) in used.iter().enumerate() {
-            index[k] = u16::try_from(n).ok();
+            index[k] = n as u32;
             let row = k * slots..(k + 1) * slots;
             let mut row: Vec<f32> = sums[row.clone()]
                 .iter()
@@ -167,7 +170,7 @@ impl LagProducts {
         });
         let towards = used.iter().map(|&k| {
             let [a, b] = grid.place(k);
-            Vector3::new(a, b, -(1.0 - a * a - b * b).max(0.0).sqrt())
+            Vector3::new(a as f32, b as f32, -(1.0 - a * a - b * b).max(0.0).sqrt() as f32)
         });
         Some(Self {
             interval_s,
@@ -181,14 +184,16 @@ impl LagProducts {
     }
 
     /// The cell in which a direction is seen.
-    fn cell(&self, d: &Vector3<f64>) -> Option<usize> {
+    #[inline]
+    fn cell(&self, d: &Vector3<f32>) -> Option<usize> {
         if d.z > 0.0 {
             return None;
         }
-        let scale = 0.5 * (self.side - 1) as f64;
-        let column = ((d.x + 1.0) * scale + 0.5) as usize;
-        let row = ((d.y + 1.0) * scale + 0.5) as usize;
-        self.index[row * self.side + column].map(usize::from)
+        let scale = 0.5 * (self.side - 1) as f32;
+        let column = ((d.x + 1.0) * scale + 0.5) as u32;
+        let row = ((d.y + 1.0) * scale + 0.5) as u32;
+        let cell = self.index[row as usize * self.side + column as usize];
+        (cell != NO_CELL).then_some(cell as usize)
     }
 
     /// Score of the rotation by `vector` a frame, by one lag.
@@ -196,19 +201,20 @@ impl LagProducts {
         let Some(of_lag) = self.lags.get(lag - 1) else {
             return 0.0;
         };
-        let turn = Rotation3::new(lag as f64 * vector).into_inner();
+        let turn: Matrix3<f32> = Rotation3::new(lag as f64 * vector).into_inner().cast();
         let cells = self.towards.len();
         let [product, square, pair] = self.same;
-        let mut score = 0.0;
-        for (j, d) in self.towards.iter().enumerate() {
+        let (mut products, mut squares, mut pairs) = (0.0f32, 0.0f32, 0u32);
+        let early = of_lag.products.chunks_exact(cells).zip(&of_lag.squares[0]);
+        for ((row, early), d) in early.zip(&self.towards) {
             let Some(k) = self.cell(&(turn * d)) else {
                 continue;
             };
-            score += product * f64::from(of_lag.products[j * cells + k])
-                - square * f64::from(of_lag.squares[0][j] + of_lag.squares[1][k])
-                - pair * of_lag.pairs;
+            products += row[k];
+            squares += early + of_lag.squares[1][k];
+            pairs += 1;
         }
-        score
+        product * f64::from(products) - square * f64::from(squares) - pair * of_lag.pairs * f64::from(pairs)
     }
 
     fn score(&self, vector: &Vector3<f64>, lags: &[usize]) -> f64 {
@@ -240,11 +246,15 @@ impl LagProducts {
             lag = (2 * lag).min(longest);
             step *= 0.5;
             let lags = spread(lag);
-            let around: Vec<Vector3<f64>> = found
+            // All of them lie on one lattice, and neighbours of neighbours are the same.
+            let on_lattice = |v: Vector3<f64>| (v / step).map(|x| x.round() as i32);
+            let mut around: Vec<Vector3<f64>> = found
                 .iter()
                 .flat_map(|(v, _)| neighbours(*v, step))
                 .filter(|v| v.norm() <= PI + 2.0 * step)
                 .collect();
+            around.sort_by_key(|v| <[i32; 3]>::from(on_lattice(*v)));
+            around.dedup_by_key(|v| on_lattice(*v));
             found = self.scored(around, &lags);
         }
         let all: Vec<usize> = (1..=longest).collect();

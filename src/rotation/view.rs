@@ -43,9 +43,7 @@ pub struct BallSamples {
     pub places: Vec<[f64; 2]>,
     /// Logarithms of brightness.
     pub values: Vec<f64>,
-    /// Weights: 1 for a pixel of usual brightness.
-    pub weights: Vec<f64>,
-    /// Standard deviation of a value of weight 1 by the pixels' noise.
+    /// Standard deviation of a value by the pixels' noise.
     pub noise: f64,
 }
 
@@ -69,7 +67,6 @@ impl BallSamples {
             facing: Vec::new(),
             places: Vec::new(),
             values: Vec::new(),
-            weights: Vec::new(),
             noise: noise_grey / (usual_grey + floor_grey),
         };
         for view in views {
@@ -80,11 +77,34 @@ impl BallSamples {
                 samples.facing.push(towards(0.0)[0]);
                 samples.places.push(p.place);
                 samples.values.push(lit_grey.ln());
-                samples.weights.push(1.0);
             }
             samples.ends.push(samples.values.len());
         }
         Some(samples)
+    }
+
+    /// Every pixel in `step` of each frame, others in the frame that follows.
+    #[must_use]
+    pub fn thinned(&self, step: usize) -> Self {
+        let mut thin = Self {
+            ends: Vec::with_capacity(self.ends.len()),
+            towards: Vec::new(),
+            facing: Vec::new(),
+            places: Vec::new(),
+            values: Vec::new(),
+            times_s: self.times_s.clone(),
+            noise: self.noise,
+        };
+        for i in 0..self.frames() {
+            for p in self.of_frame(i).skip(i % step).step_by(step) {
+                thin.towards.push(self.towards[p]);
+                thin.facing.push(self.facing[p]);
+                thin.places.push(self.places[p]);
+                thin.values.push(self.values[p]);
+            }
+            thin.ends.push(thin.values.len());
+        }
+        thin
     }
 
     /// The same as if the blur were even on the ball.
