@@ -16,7 +16,7 @@ use super::refine::Refined;
 use super::spots::{BallCentre, with_id};
 use crate::flight::{Flight, SpotUse};
 use crate::geometry::PlanePoint;
-use crate::impact::error_budget::MARKED_COMMON_PART;
+use crate::impact::error_budget::{EDGE_STD_PX, MARKED_COMMON_PART, MARKED_RADIUS_PART};
 use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence};
 use crate::quantity::Quantity;
@@ -96,6 +96,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
         radius_px,
         centre_std_px: ball_model::common_std_px(refined.ball.as_ref(), displaced_px)
             .hypot(MARKED_COMMON_PART * displaced_px),
+        radius_std_px: EDGE_STD_PX.hypot(MARKED_RADIUS_PART * displaced_px),
         light: None,
     };
     let shown: Vec<(Vec<TimedCentre>, ArcRotation)> = (0..flight.fit.arcs())

@@ -121,6 +121,9 @@ pub struct RotationSearch<'a> {
     pub radius_px: f64,
     /// Standard uncertainty of what all centres of a flight are off by, along each axis of the picture, px: it turns the ball's axis by that over the radius.
     pub centre_std_px: f64,
+    /// Standard uncertainty of the radius, px: what moves across the line of sight seems as much faster as the ball seems smaller, while its turns are
+    /// counted, so that the axis leans.
+    pub radius_std_px: f64,
     /// What another flight of the same ball in the same light showed.
     pub light: Option<&'a BallMaps>,
 }
@@ -385,8 +388,9 @@ impl RotationSearch<'_> {
         Ok(rivals)
     }
 
-    /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. And with that of the
-    /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture.
+    /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. With that of the
+    /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture. And with
+    /// that of the radius.
     fn with_axis_std(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
         let rate = fit.rate_rad_s;
         let lit = self.light.is_some();
@@ -396,6 +400,8 @@ impl RotationSearch<'_> {
         if let Some(axis) = rate.try_normalize(0.0) {
             let across = Matrix3::identity() - axis * axis.transpose();
             fit.covariance += (AXIS_STD * unit).powi(2) * across;
+            let leaning = self.radius_std_px / self.radius_px * (across * Vector3::new(rate.x, rate.y, 0.0));
+            fit.covariance += leaning * leaning.transpose();
         }
         fit.covariance += UNEVEN_PART.powi(2) * moved * moved.transpose();
         let turned_std_rad = self.centre_std_px / self.radius_px;

@@ -100,6 +100,7 @@ fn search(radius_px: f64) -> RotationSearch<'static> {
         blur_px: 0.29,
         radius_px,
         centre_std_px: 0.0,
+        radius_std_px: 0.0,
         light: None,
     }
 }
