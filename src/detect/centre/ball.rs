@@ -222,62 +222,102 @@ pub struct SweptBall {
     pub points: usize,
 }
 
-/// The model of a pixel `offset` from the middle of the ball's path. `table` by [`RadialTable::of_ball`].
+/// A pixel seen from the ball at one place of its path.
+struct PathPlace {
+    /// From the ball's centre, px.
+    x: f64,
+    y: f64,
+    r: f64,
+    /// The angular factors.
+    h: [f64; HARMONICS],
+    /// By how much the ball is further on there where the exposure is longer, over its part, px.
+    longer: [f64; 2],
+}
+
+impl SweptBall {
+    /// The places of the path, as a pixel `offset` from its middle has them.
+    fn places(&self, offset: (f64, f64)) -> impl Iterator<Item = PathPlace> {
+        let Self {
+            swept_px,
+            bent_px,
+            points,
+            ..
+        } = *self;
+        (0..points).map(move |k| {
+            let s = (k as f64 + 0.5) / points as f64 - 0.5;
+            let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
+            let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
+            let r = (x * x + y * y).sqrt().max(1e-6);
+            PathPlace {
+                x,
+                y,
+                r,
+                h: harmonics(x / r, y / r),
+                // The bend grows as the square of the exposure.
+                longer: [0, 1].map(|i| s * (swept_px[i] + 2.0 * s * bent_px[i])),
+            }
+        })
+    }
+}
+
+/// Sums that go with the angular factors, from the second of a row on.
 #[inline]
-#[must_use]
-pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -> PixelModel {
-    let SweptBall {
-        radius_px,
-        larger_px,
-        swept_px,
-        bent_px,
-        points,
-    } = *swept;
-    let mut sum = PixelModel::default();
-    for k in 0..points {
-        let s = (k as f64 + 0.5) / points as f64 - 0.5;
-        let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
-        let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
-        let r = (x * x + y * y).sqrt().max(1e-6);
+fn lit(row: &[f64], h: &[f64; HARMONICS]) -> f64 {
+    row[1..].iter().zip(h).map(|(f, h)| f * h).sum()
+}
+
+impl PixelModel {
+    /// Adds what the pixel holds at one place, with values `f` and slopes `d` of the ball's table there.
+    #[inline]
+    fn add(&mut self, at: &PathPlace, f: &[f64], d: &[f64; RADIAL]) {
+        let PathPlace { x, y, r, h, longer } = at;
         let (c, t) = (x / r, y / r);
-        // A little larger: the same, further out.
-        let (f, d) = table.at(r - larger_px);
-        let h = harmonics(c, t);
-        let (mut value, mut by_r) = (0.0, 0.0);
-        for i in 0..HARMONICS {
-            value += f[1 + i] * h[i];
-            by_r += d[1 + i] * h[i];
-        }
+        let by_r = lit(d, h);
         let by_phi = f[3] * h[1] - f[2] * h[2] + 2.0 * (f[5] * h[3] - f[4] * h[4]);
         let across = by_phi / r;
         let (bu, bv) = (by_r * c - across * t, by_r * t + across * c);
         let (cu, cv) = (d[0] * c, d[0] * t);
-        sum.cover += f[0];
-        sum.cover_slope[0] += cu;
-        sum.cover_slope[1] += cv;
-        sum.ball += value;
-        sum.ball_slope[0] += bu;
-        sum.ball_slope[1] += bv;
-        sum.outward[0] += d[0];
-        sum.outward[1] += by_r;
-        sum.dipole[0] += f[0] * x;
-        sum.dipole[1] += f[0] * y;
-        // The bend grows as the square of the exposure.
-        let longer = [0, 1].map(|i| s * (swept_px[i] + 2.0 * s * bent_px[i]));
-        sum.lengthening[0] -= cu * longer[0] + cv * longer[1];
-        sum.lengthening[1] -= bu * longer[0] + bv * longer[1];
+        self.cover += f[0];
+        self.cover_slope[0] += cu;
+        self.cover_slope[1] += cv;
+        self.ball += lit(&f[..RADIAL], h);
+        self.ball_slope[0] += bu;
+        self.ball_slope[1] += bv;
+        self.outward[0] += d[0];
+        self.outward[1] += by_r;
+        self.dipole[0] += f[0] * x;
+        self.dipole[1] += f[0] * y;
+        self.lengthening[0] -= cu * longer[0] + cv * longer[1];
+        self.lengthening[1] -= bu * longer[0] + bv * longer[1];
     }
-    let n = 1.0 / points as f64;
-    let both = |a: [f64; 2], by: f64| [a[0] * by, a[1] * by];
-    PixelModel {
-        cover: sum.cover * n,
-        cover_slope: both(sum.cover_slope, n),
-        ball: sum.ball * n,
-        ball_slope: both(sum.ball_slope, n),
-        dipole: both(sum.dipole, n / radius_px),
-        outward: both(sum.outward, n),
-        lengthening: both(sum.lengthening, n),
+
+    /// The mean over the path of what was added.
+    fn averaged(&self, swept: &SweptBall) -> Self {
+        let n = 1.0 / swept.points as f64;
+        let both = |a: [f64; 2], by: f64| a.map(|a| a * by);
+        Self {
+            cover: self.cover * n,
+            cover_slope: both(self.cover_slope, n),
+            ball: self.ball * n,
+            ball_slope: both(self.ball_slope, n),
+            dipole: both(self.dipole, n / swept.radius_px),
+            outward: both(self.outward, n),
+            lengthening: both(self.lengthening, n),
+        }
     }
+}
+
+/// The model of a pixel `offset` from the middle of the ball's path. `table` by [`RadialTable::of_ball`].
+#[inline]
+#[must_use]
+pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -> PixelModel {
+    let mut sum = PixelModel::default();
+    for at in swept.places(offset) {
+        // A little larger: the same, further out.
+        let (f, d) = table.at(at.r - swept.larger_px);
+        sum.add(&at, &f, &d);
+    }
+    sum.averaged(swept)
 }
 
 /// The ball's table with those of what else its appearance is fitted by, on one grid: one look serves all.
@@ -329,7 +369,7 @@ impl LinearisedTable {
 /// What a pixel holds of the ball, averaged over the swept path, and how that changes with all that the ball's appearance is fitted by.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LinearisedModel {
-    /// What it holds; `outward` is not worked out.
+    /// What it holds.
     pub model: PixelModel,
     /// Slopes of `cover` and `ball` by the radius, 1/px and grey levels/px.
     pub by_radius: [f64; 2],
@@ -342,22 +382,10 @@ pub struct LinearisedModel {
 /// The model of a pixel `offset` from the middle of the ball's path, as [`pixel_model`] has it, with its slopes by what all frames share.
 #[must_use]
 pub fn linearised_model(table: &LinearisedTable, swept: &SweptBall, offset: (f64, f64)) -> LinearisedModel {
-    let SweptBall {
-        radius_px,
-        larger_px,
-        swept_px,
-        bent_px,
-        points,
-    } = *swept;
     let last = table.rows.len() - 2;
-    let mut found = LinearisedModel::default();
-    let sum = &mut found.model;
-    for k in 0..points {
-        let s = (k as f64 + 0.5) / points as f64 - 0.5;
-        let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
-        let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
-        let r = (x * x + y * y).sqrt().max(1e-6);
-        let place = (r - larger_px - table.first_px) * table.steps_a_px;
+    let mut sum = LinearisedModel::default();
+    for at in swept.places(offset) {
+        let place = (at.r - swept.larger_px - table.first_px) * table.steps_a_px;
         if place > last as f64 {
             // Beyond the last row all is 0.
             continue;
@@ -372,52 +400,21 @@ pub fn linearised_model(table: &LinearisedTable, swept: &SweptBall, offset: (f64
             std::array::from_fn(|k| weights[0] * a[k] + weights[1] * b[k] + weights[2] * c[k]);
         let d: [f64; RADIAL] =
             std::array::from_fn(|k| slopes[0] * a[k] + slopes[1] * b[k] + slopes[2] * c[k]);
-        let (c, t) = (x / r, y / r);
-        let h = harmonics(c, t);
-        let along = |row: &[f64]| {
-            let lit = row[1..].iter().zip(&h);
-            lit.map(|(f, h)| f * h).sum::<f64>()
-        };
-        let by_r = along(&d);
-        let by_phi = f[3] * h[1] - f[2] * h[2] + 2.0 * (f[5] * h[3] - f[4] * h[4]);
-        let across = by_phi / r;
-        let (bu, bv) = (by_r * c - across * t, by_r * t + across * c);
-        let (cu, cv) = (d[0] * c, d[0] * t);
-        sum.cover += f[0];
-        sum.cover_slope[0] += cu;
-        sum.cover_slope[1] += cv;
-        sum.ball += along(&f[..RADIAL]);
-        sum.ball_slope[0] += bu;
-        sum.ball_slope[1] += bv;
-        sum.dipole[0] += f[0] * x;
-        sum.dipole[1] += f[0] * y;
-        // The bend grows as the square of the exposure.
-        let longer = [0, 1].map(|i| s * (swept_px[i] + 2.0 * s * bent_px[i]));
-        sum.lengthening[0] -= cu * longer[0] + cv * longer[1];
-        sum.lengthening[1] -= bu * longer[0] + bv * longer[1];
-        found.by_radius[0] += f[BY_RADIUS];
-        found.by_radius[1] += along(&f[BY_RADIUS..BY_BLUR]);
-        found.by_blur[0] += f[BY_BLUR];
-        found.by_blur[1] += along(&f[BY_BLUR..OF_TERMS]);
-        for (i, slope) in found.by_term.iter_mut().enumerate() {
-            *slope += f[OF_TERMS + PROFILE[i]] * h[HARMONIC[i]];
+        sum.model.add(&at, &f, &d);
+        sum.by_radius[0] += f[BY_RADIUS];
+        sum.by_radius[1] += lit(&f[BY_RADIUS..BY_BLUR], &at.h);
+        sum.by_blur[0] += f[BY_BLUR];
+        sum.by_blur[1] += lit(&f[BY_BLUR..OF_TERMS], &at.h);
+        for (i, slope) in sum.by_term.iter_mut().enumerate() {
+            *slope += f[OF_TERMS + PROFILE[i]] * at.h[HARMONIC[i]];
         }
     }
-    let n = 1.0 / points as f64;
-    let both = |a: [f64; 2], by: f64| [a[0] * by, a[1] * by];
+    let n = 1.0 / swept.points as f64;
     LinearisedModel {
-        model: PixelModel {
-            cover: sum.cover * n,
-            cover_slope: both(sum.cover_slope, n),
-            ball: sum.ball * n,
-            ball_slope: both(sum.ball_slope, n),
-            dipole: both(sum.dipole, n / radius_px),
-            outward: [0.0; 2],
-            lengthening: both(sum.lengthening, n),
-        },
-        by_radius: both(found.by_radius, n),
-        by_blur: both(found.by_blur, n),
-        by_term: found.by_term.map(|slope| slope * n),
+        model: sum.model.averaged(swept),
+        by_radius: sum.by_radius.map(|slope| slope * n),
+        by_blur: sum.by_blur.map(|slope| slope * n),
+        by_term: sum.by_term.map(|slope| slope * n),
     }
 }
 
