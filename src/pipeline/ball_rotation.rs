@@ -38,6 +38,10 @@ const USUAL_BLUR_PX: f64 = 0.9;
 const CLEAR_BLURS: f64 = 2.0;
 const CLEAR_PX: f64 = 0.3;
 
+/// A rotation that leaves over so many times as much of an arc's pictures (mean square) as those of another arc leave of theirs does not explain them:
+/// the ball, its marks and the camera are the same.
+const MOST_LEFT: f64 = 10.0;
+
 /// Noise that rounding alone makes, grey levels.
 const LEAST_NOISE_GREY: f64 = 0.3;
 
@@ -117,7 +121,19 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
         .collect();
     let (arcs, mut found): (Vec<Vec<TimedCentre>>, Vec<ArcRotation>) = shown.into_iter().unzip();
     pictures.settle_slow(&arcs, &search, &mut found);
+    drop_unlike_others(&mut found);
     found
+}
+
+/// Drops the rates of arcs whose pictures they explain far less well than those of the other arcs ([`MOST_LEFT`]).
+fn drop_unlike_others(found: &mut [ArcRotation]) {
+    let left = |r: &ArcRotation| Some(r.rates.as_ref().ok()?.first()?.residual.powi(2));
+    let least = found.iter().filter_map(left).fold(f64::INFINITY, f64::min);
+    for r in found {
+        if left(r).is_some_and(|left| left > MOST_LEFT * least) {
+            r.rates = Err(NoRate::Unexplained);
+        }
+    }
 }
 
 impl FlightPictures<'_> {

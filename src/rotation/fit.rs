@@ -11,13 +11,16 @@
 //! A gain free in every frame would take the marks' own share, of halves of two colours most of it: the gain is a parabola in time.
 //!
 //! A frame's own rotation from the fitted motion is then fitted frame by frame. How these scatter against what the pixels promise says
-//! what codec, centres and light add: the covariance is multiplied by that.
+//! what codec, centres and light add: the covariance is multiplied by that. What is wrong alike in all frames, a radius or a light, frames
+//! do not show, but parts of the disc do, which then disagree: what they differ by beyond noise is added (errors clustered by frames
+//! and by places: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 238, 2011).
 
 use super::cube_map::{CubeGrid, GridCell, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 /// Steps of the rate at most, and after how many the curvature is taken anew.
@@ -49,6 +52,10 @@ const SETTLING_ROUNDS: usize = 2;
 /// Rounds of a light alone.
 const STILL_ROUNDS: usize = 6;
 
+/// Parts in which errors are thought alike: sectors of the disc, and spans of the arc.
+const SECTORS: usize = 8;
+const SPANS: usize = 4;
+
 /// Weight of the prior that a node of the ball's map is like the rest, in pixels: marks stand far above the noise.
 const HELD: f64 = 0.05;
 
@@ -77,8 +84,10 @@ pub struct BallMaps {
 pub struct RotationFit {
     /// Rotation vector, rad/s, camera axes (right, down, away).
     pub rate_rad_s: Vector3<f64>,
-    /// Its covariance, (rad/s)².
+    /// Its covariance, (rad/s)², as frames have it that err each by itself.
     pub covariance: Matrix3<f64>,
+    /// What parts of the disc add to that which err alike in many frames, (rad/s)².
+    pub by_parts: Matrix3<f64>,
     /// The maps.
     pub maps: BallMaps,
     /// Each frame's rotation beyond the fitted one, rad, camera axes.
@@ -492,6 +501,27 @@ fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedB
     TurnedBall { turns, cells }
 }
 
+impl TurnedBall {
+    /// By what pixel `p` of frame `i` grows if the frame's ball is turned on, by the rotation vector; of a map with these `slopes` at its nodes.
+    fn slope_by_rotation(
+        &self,
+        samples: &BallSamples,
+        next: usize,
+        slopes: &[Vector3<f64>],
+        i: usize,
+        p: usize,
+    ) -> Vector3<f64> {
+        let turn = self.turns[i].into_inner();
+        let both = samples.towards[p].iter().zip(self.cells[p]);
+        both.map(|(d, cell)| {
+            let corners = cell.corners(next).into_iter();
+            let slope: Vector3<f64> = corners.map(|(k, w)| f64::from(w) * slopes[k as usize]).sum();
+            -0.5 * d.cross(&(turn * slope))
+        })
+        .sum()
+    }
+}
+
 fn frame_equations(
     samples: &BallSamples,
     next: usize,
@@ -500,18 +530,12 @@ fn frame_equations(
     residuals: &[f64],
 ) -> Vec<OwnRotation> {
     let of_frame = |i: usize| {
-        let turn = turned.turns[i].into_inner();
         let mut equations = OwnRotation {
             matrix: Matrix3::zeros(),
             right: Vector3::zeros(),
         };
         for p in samples.of_frame(i) {
-            let mut row = Vector3::zeros();
-            for (d, cell) in samples.towards[p].iter().zip(turned.cells[p]) {
-                let corners = cell.corners(next).into_iter();
-                let slope: Vector3<f64> = corners.map(|(k, w)| f64::from(w) * slopes[k as usize]).sum();
-                row -= 0.5 * d.cross(&(turn * slope));
-            }
+            let row = turned.slope_by_rotation(samples, next, slopes, i, p);
             equations.matrix += row * row.transpose();
             equations.right += residuals[p] * row;
         }
@@ -527,6 +551,7 @@ struct MapsAtRate {
     equations: Vec<OwnRotation>,
     /// Slope of half of χ² (times the variance) downwards, by the rate.
     downhill: Vector3<f64>,
+    residuals: Vec<f64>,
     sum_squares: f64,
 }
 
@@ -574,6 +599,7 @@ fn evaluated(
         maps,
         equations,
         downhill,
+        residuals,
         sum_squares,
     }
 }
@@ -708,7 +734,9 @@ fn fit_from(
     // Nearby the curvature stands.
     let stands = bend.filter(|_| since_rad < NEAR_SPACINGS * grids.grid.spacing_rad());
     let bend = stands.or_else(|| curvature(samples, grids, &found.maps, &rate, lit))?;
-    Some(found.with_scatter(samples, rate, bend.cholesky()?.inverse()))
+    let inverse = bend.cholesky()?.inverse();
+    let by_parts = found.parts_covariance(samples, grids, &rate, &inverse);
+    Some(found.with_scatter(samples, rate, inverse, by_parts))
 }
 
 /// A rate nearer to the minimum than `start`, by a few steps with the maps held: enough to see which of many
@@ -796,8 +824,45 @@ impl MapsAtRate {
         }
     }
 
+    /// What parts of the disc, in spans of the arc, make of the rate's covariance beyond noise; with `inverse` of the curvature.
+    fn parts_covariance(
+        &self,
+        samples: &BallSamples,
+        grids: &FitGrids,
+        rate: &Vector3<f64>,
+        inverse: &Matrix3<f64>,
+    ) -> Matrix3<f64> {
+        let (next, longest_s) = (grids.grid.side(), samples.longest_s().max(f64::MIN_POSITIVE));
+        let slopes = grids.slopes(&self.maps.albedo);
+        let part = |sum: f64, of: f64, parts: usize| ((sum / of * parts as f64) as usize).min(parts - 1);
+        let mut sums = vec![Vector3::<f64>::zeros(); SECTORS * SPANS];
+        for (i, &t) in samples.times_s.iter().enumerate() {
+            let by_rate = (t * left_jacobian(&(t * rate))).transpose();
+            let span = part(t + longest_s, 2.0 * longest_s, SPANS);
+            for p in samples.of_frame(i) {
+                let [a, b] = samples.places[p];
+                let sector = part(b.atan2(a) + PI, TAU, SECTORS);
+                let row = self.turned.slope_by_rotation(samples, next, &slopes, i, p);
+                sums[span * SECTORS + sector] += self.residuals[p] * (by_rate * row);
+            }
+        }
+        let parts = sums.len() as f64;
+        let squares: Matrix3<f64> = sums.iter().map(|s| s * s.transpose()).sum();
+        let scattered = parts / (parts - 3.0) * inverse * squares * inverse;
+        let variance = self.sum_squares / samples.values.len() as f64;
+        let mut beyond = (scattered - variance * inverse).symmetric_eigen();
+        beyond.eigenvalues.apply(|x| *x = x.max(0.0));
+        beyond.recompose()
+    }
+
     /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.
-    fn with_scatter(self, samples: &BallSamples, rate: Vector3<f64>, inverse: Matrix3<f64>) -> RotationFit {
+    fn with_scatter(
+        self,
+        samples: &BallSamples,
+        rate: Vector3<f64>,
+        inverse: Matrix3<f64>,
+        by_parts: Matrix3<f64>,
+    ) -> RotationFit {
         let cross_validated = self.cross_validated(samples);
         let variance = self.sum_squares / samples.values.len() as f64;
         let FramesScatter {
@@ -808,6 +873,7 @@ impl MapsAtRate {
         RotationFit {
             rate_rad_s: rate,
             covariance: scatter * scatter * variance * inverse,
+            by_parts,
             maps: self.maps,
             off_std_rad: off_std_rad.into_iter().map(|s| scatter * s).collect(),
             off_rad,

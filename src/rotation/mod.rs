@@ -290,7 +290,7 @@ impl RotationSearch<'_> {
     }
 
     /// The rates that views of one flight, no more than [`SEARCH_FRAMES`], show if the light on the ball is as smooth as on a matt one. They have to explain
-    /// what no light of any shape does that stays, or drifts; what such a light would make of a rate is in its uncertainty.
+    /// what no light of any shape does that stays, or drifts.
     ///
     /// # Errors
     /// Why there is none.
@@ -304,17 +304,8 @@ impl RotationSearch<'_> {
             light: Some(&light),
             ..*self
         };
-        let spanning = |mut f: RotationFit| {
-            let freely = fit::fit(&free.samples, &free.grids, &free.maps, f.rate_rad_s, false)?;
-            let off = freely.rate_rad_s - f.rate_rad_s;
-            f.covariance += off * off.transpose();
-            Some(f)
-        };
-        let rivals = lit.rivals(views)?.into_iter();
-        let found: Vec<RotationFit> = rivals
-            .filter(|f| free.is_explained_by(f))
-            .filter_map(spanning)
-            .collect();
+        let mut found = lit.rivals(views)?;
+        found.retain(|f| free.is_explained_by(f));
         if found.is_empty() {
             return Err(NoRate::TooFewTurns);
         }
@@ -382,7 +373,7 @@ impl RotationSearch<'_> {
             if (f.cross_validated <= most || evidence.explained_by(&f) > likely)
                 && rivals.iter().all(|r| r.differs_from(&f))
             {
-                rivals.push(self.with_axis_std(f, evidence));
+                rivals.push(self.with_shares(f, evidence));
             }
         }
         Ok(rivals)
@@ -390,11 +381,14 @@ impl RotationSearch<'_> {
 
     /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. With that of the
     /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture. And with
-    /// that of the radius.
-    fn with_axis_std(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
+    /// that of the radius, and of a light that is thought known: how far the rate is from where it would be with the light fitted along.
+    fn with_shares(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
         let rate = fit.rate_rad_s;
         let lit = self.light.is_some();
         let moved = fit.distance_to_rate_of(&evidence.samples.evenly_blurred(), &evidence.grids, lit);
+        let freely = lit
+            .then(|| fit::fit_on(&evidence.samples, &evidence.grids, &fit, false))
+            .flatten();
         let blur = self.blur_px / self.radius_px;
         let unit = blur * blur * rate.norm();
         if let Some(axis) = rate.try_normalize(0.0) {
@@ -403,11 +397,15 @@ impl RotationSearch<'_> {
             let leaning = self.radius_std_px / self.radius_px * (across * Vector3::new(rate.x, rate.y, 0.0));
             fit.covariance += leaning * leaning.transpose();
         }
-        fit.covariance += UNEVEN_PART.powi(2) * moved * moved.transpose();
+        fit.covariance += UNEVEN_PART.powi(2) * moved * moved.transpose() + fit.by_parts;
         let turned_std_rad = self.centre_std_px / self.radius_px;
         for picture_axis in [Vector3::x(), Vector3::y()] {
             let turned = turned_std_rad * picture_axis.cross(&rate);
             fit.covariance += turned * turned.transpose();
+        }
+        if let Some(freely) = freely {
+            let off = freely.rate_rad_s - rate;
+            fit.covariance += off * off.transpose();
         }
         fit
     }

@@ -4,7 +4,7 @@
 //! second. Whether two cells show the same spot, of a prior scatter τ over noise σ, is a ratio of likelihoods that is a sum of products
 //! of cells: with the products of all pairs of cells summed over all frames at each lag beforehand, a rotation costs one look-up a cell,
 //! whatever the number of frames. At a lag of one frame a grid over all rotations is scored; the best are followed to twice
-//! the lag at half the step, again and again, to the length of the arc.
+//! the lag at half the step, again and again, to the length of the arc. In the end all axes near the best are scored.
 //!
 //! Assumed: frames at nearly even times (the fit that follows knows their own), a ball that turns steadily, and an axis that stays.
 
@@ -12,7 +12,7 @@ use super::disc_map::DiscGrid;
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// Least size of a cell, radii.
 const CELL: f64 = 0.15;
@@ -30,6 +30,10 @@ const PEAK: f64 = 0.6;
 const ONE_PEAK: f64 = 0.2;
 const FOLLOWED_OF_PEAK: usize = 6;
 const MOST_OF_PEAK: usize = 2;
+
+/// Step between the axes about which the ball may turn as fast as about the best, rad. A mark that comes back after a turn tells how fast it goes
+/// round, whatever the axis; the first grids, which see it move by a little, may have led to a wrong one.
+const AXIS_STEP: f64 = 0.1;
 
 /// No cell of those in use.
 const NO_CELL: u32 = u32::MAX;
@@ -258,7 +262,10 @@ impl LagProducts {
             found = self.scored(around, &lags);
         }
         let all: Vec<usize> = (1..=longest).collect();
-        let found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all);
+        let mut found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all);
+        let others = found.first().into_iter().flat_map(|(v, _)| other_axes(v));
+        found.extend(self.scored(others.collect(), &all));
+        found.sort_by(|a, b| b.1.total_cmp(&a.1));
         varied(found, PEAK / longest as f64, most, MOST_OF_PEAK)
             .into_iter()
             .map(|(v, score)| RotationCandidate {
@@ -274,6 +281,28 @@ impl LagProducts {
         scored.sort_by(|a, b| b.1.total_cmp(&a.1));
         scored
     }
+}
+
+/// Rotations by as much as `v` about axes within a right angle of its own.
+fn other_axes(v: &Vector3<f64>) -> impl Iterator<Item = Vector3<f64>> + use<> {
+    let angle = v.norm();
+    let half_turn = || Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
+    let to_axis = Rotation3::rotation_between(&Vector3::z(), v).unwrap_or_else(half_turn);
+    let rings = (0.5 * PI / AXIS_STEP) as usize;
+    let ring = move |i: usize| {
+        let polar = AXIS_STEP * i as f64;
+        let around = (TAU * polar.sin() / AXIS_STEP).ceil() as usize;
+        let place = move |k: usize| {
+            let azimuth = TAU * k as f64 / around as f64;
+            Vector3::new(
+                polar.sin() * azimuth.cos(),
+                polar.sin() * azimuth.sin(),
+                polar.cos(),
+            )
+        };
+        (0..around).map(place)
+    };
+    (1..=rings).flat_map(ring).map(move |d| angle * (to_axis * d))
 }
 
 /// Up to [`LAGS`] lags from 1 to `longest`, denser at the long end.
