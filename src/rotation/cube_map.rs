@@ -1,6 +1,17 @@
 //! A function on the sphere: values at the nodes of a grid on each face of a cube around it, linear between them.
 
 use nalgebra::Vector3;
+use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
+
+/// What a map has at its nodes: a number, or one for each of three things at once.
+pub trait MapValue:
+    Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self> + AddAssign + SubAssign
+{
+}
+
+impl MapValue for f64 {}
+
+impl MapValue for Vector3<f64> {}
 
 /// The four nodes around a direction, with the weights that a linear function has there.
 pub type NodeWeights = [(u32, f32); 4];
@@ -41,18 +52,18 @@ impl GridCell {
     /// The value that a linear function has there.
     #[inline]
     #[must_use]
-    pub fn value(self, map: &[f64], next: usize) -> f64 {
+    pub fn value<T: MapValue>(self, map: &[T], next: usize) -> T {
         let at = self.at as usize;
         let (p, q) = (f64::from(self.across), f64::from(self.along));
         let (here, there) = (&map[at..at + 2], &map[at + next..at + next + 2]);
-        let here = here[0] + q * (here[1] - here[0]);
-        let there = there[0] + q * (there[1] - there[0]);
-        here + p * (there - here)
+        let here = here[0] + (here[1] - here[0]) * q;
+        let there = there[0] + (there[1] - there[0]) * q;
+        here + (there - here) * p
     }
 
     /// Adds `part` to the four nodes of `sums` by their weights.
     #[inline]
-    pub fn add(self, sums: &mut [f64], next: usize, part: f64) {
+    pub fn add<T: MapValue>(self, sums: &mut [T], next: usize, part: T) {
         let at = self.at as usize;
         let (p, q) = (f64::from(self.across), f64::from(self.along));
         let (there, here) = (part * p, part * (1.0 - p));

@@ -15,11 +15,10 @@
 //! do not show, but parts of the disc do, which then disagree: what they differ by beyond noise is added (errors clustered by frames
 //! and by places: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 238, 2011).
 
-use super::cube_map::{CubeGrid, GridCell, NodeWeights, value_at};
+use super::cube_map::{CubeGrid, GridCell, MapValue, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
-use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -34,7 +33,7 @@ const NEAR_SPACINGS: f64 = 0.5;
 const ROUGH_ROUNDS: usize = 5;
 
 /// Rounds of maps for a rate.
-const MAP_ROUNDS: usize = 5;
+const MAP_ROUNDS: usize = 4;
 
 /// The round of maps before which residuals are taken afresh: a map's change is linear in them, what two directions show is not.
 const AFRESH_ROUND: usize = 2;
@@ -60,7 +59,7 @@ const SPANS: usize = 4;
 const HELD: f64 = 0.05;
 
 /// A step below this part of the standard uncertainty ends the fit.
-const SETTLED: f64 = 0.02;
+const SETTLED: f64 = 0.07;
 
 /// The maps of a ball.
 #[derive(Debug, Clone)]
@@ -86,7 +85,7 @@ pub struct RotationFit {
     pub rate_rad_s: Vector3<f64>,
     /// Its covariance, (rad/s)², as frames have it that err each by itself.
     pub covariance: Matrix3<f64>,
-    /// What parts of the disc add to that which err alike in many frames, (rad/s)².
+    /// What parts of the disc, which err alike in many frames, scatter by beyond noise, (rad/s)²: no covariance, it may be negative along an axis.
     pub by_parts: Matrix3<f64>,
     /// The maps.
     pub maps: BallMaps,
@@ -110,14 +109,16 @@ impl RotationFit {
     /// Turns in `duration_s`.
     #[must_use]
     pub fn turns(&self, duration_s: f64) -> f64 {
-        self.rate_rad_s.norm() * duration_s / std::f64::consts::TAU
+        self.rate_rad_s.norm() * duration_s / TAU
     }
 
     /// How far from this rate that of other `samples` is, which take the same pixels for other places on the ball.
     #[must_use]
     pub fn distance_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
-        let unit = (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
-        let (mut maps, mut rate) = (self.maps.clone(), self.rate_rad_s);
+        // As if they were as many pixels as the fit is by.
+        let part = samples.values.len() as f64 / self.pixels as f64;
+        let unit = part * (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
+        let (mut maps, mut rate) = (self.maps.on(grids.grid), self.rate_rad_s);
         for _ in 0..OTHER_ROUNDS {
             let found = evaluated(samples, grids, &maps, &rate, lit);
             let step = self.covariance * found.downhill / unit;
@@ -374,27 +375,28 @@ pub fn smooth_light(samples: &BallSamples, grids: &FitGrids) -> BallMaps {
 
 /// Moves what the residuals have in common with a parabola in time into the frames' gains: light changes smoothly along a path. (A gain
 /// free in every frame would take the marks' own share, of halves of two colours most of it.)
-fn take_gains(samples: &BallSamples, residuals: &mut [f64], gains: &mut [f64]) {
+fn take_gains<T: MapValue>(samples: &BallSamples, residuals: &mut [T], gains: &mut [T]) {
     let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
     let terms = |i: usize| {
         let t = samples.times_s[i] / longest_s;
         Vector3::new(1.0, t, t * t)
     };
+    let weighted = |values: [T; 3], x: Vector3<f64>| values[0] * x[0] + values[1] * x[1] + values[2] * x[2];
     let mut matrix: Matrix3<f64> = 1e-6 * Matrix3::identity();
-    let mut right = Vector3::zeros();
+    let mut right = [T::default(); 3];
     for i in 0..samples.frames() {
         let frame = &residuals[samples.of_frame(i)];
-        let sum: f64 = frame.iter().sum();
+        let sum = frame.iter().fold(T::default(), |sum, r| sum + *r);
         let x = terms(i);
         matrix += frame.len() as f64 * x * x.transpose();
-        right += sum * x;
+        right.iter_mut().zip(&x).for_each(|(right, x)| *right += sum * *x);
     }
     let Some(inverse) = matrix.try_inverse() else {
         return;
     };
-    let found = inverse * right;
+    let found = [0, 1, 2].map(|k| weighted(right, inverse.column(k).into_owned()));
     for (i, gain) in gains.iter_mut().enumerate() {
-        let part = found.dot(&terms(i));
+        let part = weighted(found, terms(i));
         *gain += part;
         for r in &mut residuals[samples.of_frame(i)] {
             *r -= part;
@@ -413,32 +415,34 @@ fn weights_of<const N: usize>(cells: &[[GridCell; N]], nodes: usize, next: usize
 
 /// Moves what the residuals have in common at the nodes of a map, where the samples have `weights`, into it. `held` is the weight of the prior that
 /// a node is 0.
-fn take_map<const N: usize>(
-    residuals: &mut [f64],
+fn take_map<const N: usize, T: MapValue>(
+    residuals: &mut [T],
     cells: &[[GridCell; N]],
     weights: &[f64],
-    map: &mut [f64],
+    map: &mut [T],
     next: usize,
     held: f64,
 ) {
     let part = 1.0 / N as f64;
-    let mut sums = vec![0.0; map.len()];
+    let mut sums = vec![T::default(); map.len()];
     for (cells, r) in cells.iter().zip(residuals.iter()) {
         for cell in cells {
-            cell.add(&mut sums, next, part * r);
+            cell.add(&mut sums, next, *r * part);
         }
     }
     for ((sum, w), m) in sums.iter_mut().zip(weights).zip(map.iter_mut()) {
-        *sum = (*sum - held * *m) / (w + held).max(1e-9);
+        *sum = (*sum - *m * held) * (1.0 / (w + held).max(1e-9));
         *m += *sum;
     }
     for (cells, r) in cells.iter().zip(residuals.iter_mut()) {
-        *r -= part * cells.iter().map(|cell| cell.value(&sums, next)).sum::<f64>();
+        for cell in cells {
+            *r -= cell.value(&sums, next) * part;
+        }
     }
 }
 
 impl FitGrids {
-    fn take_light(&self, residuals: &mut [f64], light: &mut [f64]) {
+    fn take_light<T: MapValue>(&self, residuals: &mut [T], light: &mut [T]) {
         take_map(
             residuals,
             &self.lit,
@@ -604,29 +608,6 @@ fn evaluated(
     }
 }
 
-/// Curvature of half of χ² (times the variance) by the rate, the maps fitted along: how the slope at `here` changes over steps that turn
-/// the ends of the arc by a part of the grid's spacing. `None` where that is no minimum.
-fn curvature(
-    samples: &BallSamples,
-    grids: &FitGrids,
-    maps: &BallMaps,
-    rate: &Vector3<f64>,
-    lit: bool,
-) -> Option<Matrix3<f64>> {
-    let longest_s = samples.longest_s();
-    let step = 0.3 * grids.grid.spacing_rad() / longest_s;
-    let slope = |k: usize, sign: f64| {
-        let mut at = *rate;
-        at[k] += sign * step;
-        evaluated(samples, grids, maps, &at, lit).downhill
-    };
-    let column = |k: usize| (slope(k, -1.0) - slope(k, 1.0)) / (2.0 * step);
-    let columns: Vec<Vector3<f64>> = (0..3).into_par_iter().map(column).collect();
-    let matrix = Matrix3::from_columns(&columns);
-    let even = 0.5 * (matrix + matrix.transpose());
-    even.cholesky().map(|_| even)
-}
-
 /// The light of `maps` alone, with the gains that it leaves.
 fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMaps {
     let mut maps = BallMaps {
@@ -716,7 +697,8 @@ fn fit_from(
     let mut since_rad = 0.0;
     for round in 0..ROUNDS {
         if bend.is_none() || round == FAR_ROUNDS {
-            bend = curvature(samples, grids, &found.maps, &rate, lit);
+            let by_rate = found.slopes_by_rate(samples, grids, &rate);
+            bend = found.curvature(samples, grids, &by_rate, lit);
             since_rad = 0.0;
         }
         // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
@@ -733,9 +715,10 @@ fn fit_from(
     }
     // Nearby the curvature stands.
     let stands = bend.filter(|_| since_rad < NEAR_SPACINGS * grids.grid.spacing_rad());
-    let bend = stands.or_else(|| curvature(samples, grids, &found.maps, &rate, lit))?;
+    let by_rate = found.slopes_by_rate(samples, grids, &rate);
+    let bend = stands.or_else(|| found.curvature(samples, grids, &by_rate, lit))?;
     let inverse = bend.cholesky()?.inverse();
-    let by_parts = found.parts_covariance(samples, grids, &rate, &inverse);
+    let by_parts = found.scatter_of_parts(samples, &by_rate, &inverse);
     Some(found.with_scatter(samples, rate, inverse, by_parts))
 }
 
@@ -776,6 +759,60 @@ impl MapsAtRate {
     /// brings more of the ball into view has more of a map to suit the pixels, and must not win by that.
     fn cross_validated(&self, samples: &BallSamples) -> f64 {
         self.sum_squares / others_part(samples, &self.turned, &self.maps).powi(2)
+    }
+
+    /// By what each pixel's model grows with the rate, the maps held.
+    fn slopes_by_rate(
+        &self,
+        samples: &BallSamples,
+        grids: &FitGrids,
+        rate: &Vector3<f64>,
+    ) -> Vec<Vector3<f64>> {
+        let (next, slopes) = (grids.grid.side(), grids.slopes(&self.maps.albedo));
+        let mut by_rate = Vec::with_capacity(samples.values.len());
+        for (i, &t) in samples.times_s.iter().enumerate() {
+            let turn = (t * left_jacobian(&(t * rate))).transpose();
+            let row = |p| turn * self.turned.slope_by_rotation(samples, next, &slopes, i, p);
+            by_rate.extend(samples.of_frame(i).map(row));
+        }
+        by_rate
+    }
+
+    /// Curvature of half of χ² (times the variance) by the rate, the maps fitted along: what they can take of a change of the rate is taken out.
+    /// `None` where nothing is left.
+    fn curvature(
+        &self,
+        samples: &BallSamples,
+        grids: &FitGrids,
+        by_rate: &[Vector3<f64>],
+        lit: bool,
+    ) -> Option<Matrix3<f64>> {
+        let zero = Vector3::zeros();
+        let mut left = by_rate.to_vec();
+        let mut albedo = vec![zero; self.maps.albedo.len()];
+        let mut gains = vec![zero; samples.frames()];
+        let mut light = vec![zero; self.maps.light.len()];
+        for _ in 0..MAP_ROUNDS {
+            take_map(
+                &mut left,
+                &self.turned.cells,
+                &self.maps.seen,
+                &mut albedo,
+                grids.grid.side(),
+                HELD,
+            );
+            take_gains(samples, &mut left, &mut gains);
+            if !lit {
+                grids.take_light(&mut left, &mut light);
+            }
+        }
+        let matrix: Matrix3<f64> = by_rate
+            .iter()
+            .zip(&left)
+            .map(|(all, left)| all * left.transpose())
+            .sum();
+        let even = 0.5 * (matrix + matrix.transpose());
+        even.cholesky().map(|_| even)
     }
 
     /// Curvature of half of χ² (times the variance) by the rate, the maps held.
@@ -824,35 +861,29 @@ impl MapsAtRate {
         }
     }
 
-    /// What parts of the disc, in spans of the arc, make of the rate's covariance beyond noise; with `inverse` of the curvature.
-    fn parts_covariance(
+    /// By what the rates that parts of the disc show, in spans of the arc, scatter beyond noise; with `inverse` of the curvature.
+    fn scatter_of_parts(
         &self,
         samples: &BallSamples,
-        grids: &FitGrids,
-        rate: &Vector3<f64>,
+        by_rate: &[Vector3<f64>],
         inverse: &Matrix3<f64>,
     ) -> Matrix3<f64> {
-        let (next, longest_s) = (grids.grid.side(), samples.longest_s().max(f64::MIN_POSITIVE));
-        let slopes = grids.slopes(&self.maps.albedo);
+        let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
         let part = |sum: f64, of: f64, parts: usize| ((sum / of * parts as f64) as usize).min(parts - 1);
         let mut sums = vec![Vector3::<f64>::zeros(); SECTORS * SPANS];
         for (i, &t) in samples.times_s.iter().enumerate() {
-            let by_rate = (t * left_jacobian(&(t * rate))).transpose();
             let span = part(t + longest_s, 2.0 * longest_s, SPANS);
             for p in samples.of_frame(i) {
                 let [a, b] = samples.places[p];
                 let sector = part(b.atan2(a) + PI, TAU, SECTORS);
-                let row = self.turned.slope_by_rotation(samples, next, &slopes, i, p);
-                sums[span * SECTORS + sector] += self.residuals[p] * (by_rate * row);
+                sums[span * SECTORS + sector] += self.residuals[p] * by_rate[p];
             }
         }
         let parts = sums.len() as f64;
         let squares: Matrix3<f64> = sums.iter().map(|s| s * s.transpose()).sum();
         let scattered = parts / (parts - 3.0) * inverse * squares * inverse;
         let variance = self.sum_squares / samples.values.len() as f64;
-        let mut beyond = (scattered - variance * inverse).symmetric_eigen();
-        beyond.eigenvalues.apply(|x| *x = x.max(0.0));
-        beyond.recompose()
+        scattered - variance * inverse
     }
 
     /// The fit that ended here, with `inverse` of its curvature: the covariance is what the frames' own scatter makes of that.

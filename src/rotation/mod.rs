@@ -65,7 +65,10 @@ const MOST_FITTED: usize = 12;
 /// Frames by which rates are searched for and rivals told apart, at most: those in the middle. The rest then makes the rate exact.
 pub const SEARCH_FRAMES: usize = 32;
 
-/// Pixels by which they are, about, at most: the rest then makes the rates exact.
+/// Pixels of a flight, at most. More would make a rate of noise alone more exact, which is by far not what it is off by.
+const MOST_PIXELS: usize = 40_000;
+
+/// Pixels by which rates are searched for and told apart, about, at most: the rest then makes them exact.
 const SEARCH_PIXELS: usize = 8000;
 
 /// A rate that explains less than this part of what the best explains by those will not be its rival by all ([`RIVAL_EXPLAINED`]).
@@ -102,7 +105,7 @@ const UNEVEN_PART: f64 = 0.7;
 pub const LEAST_TURNS: f64 = 1.25;
 
 /// Rounds of light and rates.
-const COMMON_ROUNDS: usize = 4;
+const COMMON_ROUNDS: usize = 3;
 
 /// Turns in all flights together that teach the light on the ball.
 pub const TEACHING_TURNS: f64 = 2.0;
@@ -257,16 +260,23 @@ impl RotationSearch<'_> {
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         let least = PERHAPS_RIVAL * evidence.explained_by(best);
         fits.retain(|f| evidence.is_explained_by(f) && evidence.explained_by(f) >= least);
-        if fits.is_empty() {
+        let mut apart: Vec<RotationFit> = Vec::new();
+        for f in fits {
+            if apart.iter().all(|other| other.differs_from(&f)) {
+                apart.push(f);
+            }
+        }
+        if apart.is_empty() {
             return Err(NoRate::Unexplained);
         }
-        Ok(fits)
+        Ok(apart)
     }
 
     /// Mean square that a ball that turns as `candidate`, found in views of the same frames, leaves of the pixels of these `views`.
     #[must_use]
     pub fn left_by(&self, views: &[BallView], candidate: &RotationFit) -> Option<f64> {
         let (samples, grids) = self.samples(views)?;
+        let (samples, grids) = thinned(&samples, &grids);
         let left = fit::left_at(&samples, &grids, candidate, self.light.is_some());
         Some(left / samples.values.len() as f64)
     }
@@ -324,16 +334,17 @@ impl RotationSearch<'_> {
         }
         let most = flights.iter().max_by(|a, b| turns(a).total_cmp(&turns(b)))?;
         let mut light = most.1.maps.clone();
-        let samples = flights.iter().map(|(views, _)| self.samples(views));
-        let samples: Vec<(BallSamples, FitGrids)> = samples.collect::<Option<_>>()?;
+        let some = |(views, _): &(&[BallView], &RotationFit)| {
+            let (samples, grids) = self.samples(views)?;
+            Some(thinned(&samples, &grids))
+        };
+        let samples: Vec<(BallSamples, FitGrids)> = flights.iter().map(some).collect::<Option<_>>()?;
         let mut rates: Vec<Vector3<f64>> = flights.iter().map(|(_, f)| f.rate_rad_s).collect();
-        let thin: Vec<(BallSamples, FitGrids)> = samples.iter().map(|(s, g)| thinned(s, g)).collect();
-        for round in 1..=COMMON_ROUNDS {
+        for _ in 0..COMMON_ROUNDS {
             let lit = |((samples, grids), &rate): (&(BallSamples, FitGrids), &Vector3<f64>)| {
                 fit::rough(samples, grids, &light, rate, true)
             };
-            let by = if round < COMMON_ROUNDS { &thin } else { &samples };
-            let fits: Vec<RoughFit> = by.iter().zip(&rates).map(lit).collect();
+            let fits: Vec<RoughFit> = samples.iter().zip(&rates).map(lit).collect();
             rates = fits.iter().map(|f| f.rate_rad_s).collect();
             let mut sums = vec![0.0; light.light.len()];
             let mut all = vec![1e-9; light.light.len()];
@@ -352,6 +363,8 @@ impl RotationSearch<'_> {
     fn samples(&self, views: &[BallView]) -> Option<(BallSamples, FitGrids)> {
         let blur = self.blur_px / self.radius_px;
         let samples = BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES)?;
+        let step = samples.values.len().div_ceil(MOST_PIXELS);
+        let samples = if step > 1 { samples.thinned(step) } else { samples };
         let grids = FitGrids::new(&samples, 1.0 / self.radius_px);
         Some((samples, grids))
     }
@@ -385,30 +398,43 @@ impl RotationSearch<'_> {
     fn with_shares(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
         let rate = fit.rate_rad_s;
         let lit = self.light.is_some();
-        let moved = fit.distance_to_rate_of(&evidence.samples.evenly_blurred(), &evidence.grids, lit);
+        let moved = {
+            let (thin, grids) = evidence.thinned();
+            let even = fit.distance_to_rate_of(&thin.evenly_blurred(), &grids, lit);
+            even - fit.distance_to_rate_of(&thin, &grids, lit)
+        };
         let freely = lit
             .then(|| fit::fit_on(&evidence.samples, &evidence.grids, &fit, false))
             .flatten();
         let blur = self.blur_px / self.radius_px;
         let unit = blur * blur * rate.norm();
+        let mut shares = UNEVEN_PART.powi(2) * moved * moved.transpose();
         if let Some(axis) = rate.try_normalize(0.0) {
             let across = Matrix3::identity() - axis * axis.transpose();
-            fit.covariance += (AXIS_STD * unit).powi(2) * across;
+            shares += (AXIS_STD * unit).powi(2) * across;
             let leaning = self.radius_std_px / self.radius_px * (across * Vector3::new(rate.x, rate.y, 0.0));
-            fit.covariance += leaning * leaning.transpose();
+            shares += leaning * leaning.transpose();
         }
-        fit.covariance += UNEVEN_PART.powi(2) * moved * moved.transpose() + fit.by_parts;
         let turned_std_rad = self.centre_std_px / self.radius_px;
         for picture_axis in [Vector3::x(), Vector3::y()] {
             let turned = turned_std_rad * picture_axis.cross(&rate);
-            fit.covariance += turned * turned.transpose();
+            shares += turned * turned.transpose();
         }
         if let Some(freely) = freely {
             let off = freely.rate_rad_s - rate;
-            fit.covariance += off * off.transpose();
+            shares += off * off.transpose();
         }
+        // Parts of the disc disagree by those, too.
+        fit.covariance += shares + positive(fit.by_parts - shares);
         fit
     }
+}
+
+/// The part of a symmetric matrix along its axes of positive value.
+fn positive(matrix: Matrix3<f64>) -> Matrix3<f64> {
+    let mut eigen = matrix.symmetric_eigen();
+    eigen.eigenvalues.apply(|x| *x = x.max(0.0));
+    eigen.recompose()
 }
 
 /// Of the pixels of `samples` about [`SEARCH_PIXELS`].

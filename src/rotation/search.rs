@@ -41,6 +41,9 @@ const NO_CELL: u32 = u32::MAX;
 /// Candidates followed from one grid to the next.
 const FOLLOWED: usize = 96;
 
+/// One in so many cells scores a grid; all of them score what is left in the end.
+const SOME_CELLS: usize = 2;
+
 /// Lags that a grid is scored by, at most.
 const LAGS: usize = 6;
 
@@ -200,8 +203,8 @@ impl LagProducts {
         (cell != NO_CELL).then_some(cell as usize)
     }
 
-    /// Score of the rotation by `vector` a frame, by one lag.
-    fn score_at(&self, vector: &Vector3<f64>, lag: usize) -> f64 {
+    /// Score of the rotation by `vector` a frame, by one lag and one in `every` cells.
+    fn score_at(&self, vector: &Vector3<f64>, lag: usize, every: usize) -> f64 {
         let Some(of_lag) = self.lags.get(lag - 1) else {
             return 0.0;
         };
@@ -210,7 +213,7 @@ impl LagProducts {
         let [product, square, pair] = self.same;
         let (mut products, mut squares, mut pairs) = (0.0f32, 0.0f32, 0u32);
         let early = of_lag.products.chunks_exact(cells).zip(&of_lag.squares[0]);
-        for ((row, early), d) in early.zip(&self.towards) {
+        for ((row, early), d) in early.zip(&self.towards).step_by(every) {
             let Some(k) = self.cell(&(turn * d)) else {
                 continue;
             };
@@ -221,11 +224,11 @@ impl LagProducts {
         product * f64::from(products) - square * f64::from(squares) - pair * of_lag.pairs * f64::from(pairs)
     }
 
-    fn score(&self, vector: &Vector3<f64>, lags: &[usize]) -> f64 {
-        lags.iter().map(|&lag| self.score_at(vector, lag)).sum()
+    fn score(&self, vector: &Vector3<f64>, lags: &[usize], every: usize) -> f64 {
+        lags.iter().map(|&lag| self.score_at(vector, lag, every)).sum()
     }
 
-    /// The rates with the best scores, best first, no two closer than the arc tells apart.
+    /// The rates with the best scores, best first, no two closer than the arc tells apart; none where independent frames are likelier than any.
     pub fn best(&self, most: usize) -> Vec<RotationCandidate> {
         let longest = self.lags.len();
         let mut step = FIRST_STEP;
@@ -240,10 +243,14 @@ impl LagProducts {
             })
             .filter(|v| v.norm() <= PI + step)
             .collect();
-        let mut found = self.scored(grid, &[1]);
+        let mut found = self.scored(grid, &[1], SOME_CELLS);
         let mut lag = 1;
         loop {
             found = varied(found, 0.9 * step, FOLLOWED, FOLLOWED_OF_PEAK);
+            // Of the longest lags there are few pairs of frames, which may say little.
+            if 2 * lag <= longest && found.first().is_none_or(|(_, score)| *score <= 0.0) {
+                return Vec::new();
+            }
             if lag >= longest && step * longest as f64 <= FIRST_STEP {
                 break;
             }
@@ -259,12 +266,14 @@ impl LagProducts {
                 .collect();
             around.sort_by_key(|v| <[i32; 3]>::from(on_lattice(*v)));
             around.dedup_by_key(|v| on_lattice(*v));
-            found = self.scored(around, &lags);
+            found = self.scored(around, &lags, SOME_CELLS);
         }
         let all: Vec<usize> = (1..=longest).collect();
-        let mut found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all);
+        let mut found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all, 1);
         let others = found.first().into_iter().flat_map(|(v, _)| other_axes(v));
-        found.extend(self.scored(others.collect(), &all));
+        let mut others = self.scored(others.collect(), &spread(longest), SOME_CELLS);
+        others.truncate(FOLLOWED);
+        found.extend(self.scored(others.into_iter().map(|(v, _)| v).collect(), &all, 1));
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         varied(found, PEAK / longest as f64, most, MOST_OF_PEAK)
             .into_iter()
@@ -275,8 +284,8 @@ impl LagProducts {
             .collect()
     }
 
-    fn scored(&self, vectors: Vec<Vector3<f64>>, lags: &[usize]) -> Vec<(Vector3<f64>, f64)> {
-        let scored = vectors.into_par_iter().map(|v| (v, self.score(&v, lags)));
+    fn scored(&self, vectors: Vec<Vector3<f64>>, lags: &[usize], every: usize) -> Vec<(Vector3<f64>, f64)> {
+        let scored = vectors.into_par_iter().map(|v| (v, self.score(&v, lags, every)));
         let mut scored: Vec<(Vector3<f64>, f64)> = scored.collect();
         scored.sort_by(|a, b| b.1.total_cmp(&a.1));
         scored
