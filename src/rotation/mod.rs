@@ -386,16 +386,20 @@ impl RotationSearch<'_> {
             if (f.cross_validated <= most || evidence.explained_by(&f) > likely)
                 && rivals.iter().all(|r| r.differs_from(&f))
             {
-                rivals.push(self.with_shares(f, evidence));
+                rivals.extend(self.with_shares(f, evidence));
             }
+        }
+        if rivals.is_empty() {
+            return Err(NoRate::Unexplained);
         }
         Ok(rivals)
     }
 
     /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. With that of the
     /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture. And with
-    /// that of the radius, and of a light that is thought known: how far the rate is from where it would be with the light fitted along.
-    fn with_shares(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> RotationFit {
+    /// that of the radius, and of a light that is thought known: how far the rate is from where it would be with the light fitted along; `None` where
+    /// that cannot be said.
+    fn with_shares(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> Option<RotationFit> {
         let rate = fit.rate_rad_s;
         let lit = self.light.is_some();
         let moved = {
@@ -403,9 +407,6 @@ impl RotationSearch<'_> {
             let even = fit.distance_to_rate_of(&thin.evenly_blurred(), &grids, lit);
             even - fit.distance_to_rate_of(&thin, &grids, lit)
         };
-        let freely = lit
-            .then(|| fit::fit_on(&evidence.samples, &evidence.grids, &fit, false))
-            .flatten();
         let blur = self.blur_px / self.radius_px;
         let unit = blur * blur * rate.norm();
         let mut shares = UNEVEN_PART.powi(2) * moved * moved.transpose();
@@ -420,13 +421,14 @@ impl RotationSearch<'_> {
             let turned = turned_std_rad * picture_axis.cross(&rate);
             shares += turned * turned.transpose();
         }
-        if let Some(freely) = freely {
+        if lit {
+            let freely = fit::fit_on(&evidence.samples, &evidence.grids, &fit, false)?;
             let off = freely.rate_rad_s - rate;
             shares += off * off.transpose();
         }
         // Parts of the disc disagree by those, too.
         fit.covariance += shares + positive(fit.by_parts - shares);
-        fit
+        Some(fit)
     }
 }
 
