@@ -20,7 +20,7 @@ use super::disc_map::DiscGrid;
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Steps of the rate at most, and after how many the curvature is taken anew.
 const ROUNDS: usize = 16;
@@ -162,8 +162,8 @@ pub struct FitGrids {
     /// Where each sample lies in the light's grid, and what all of them weigh at its nodes.
     lit: Vec<[GridCell; 1]>,
     lit_weights: Vec<f64>,
-    /// What the slopes at the nodes of the ball's grid are taken from.
-    around: Arc<Vec<NodeSurroundings>>,
+    /// What the slopes at the nodes of the ball's grid are taken from, made when they are asked for: a plain ball has no need of them.
+    around: Arc<OnceLock<Vec<NodeSurroundings>>>,
 }
 
 /// Two tangents at a node, and the places a little ahead and back along each.
@@ -199,9 +199,8 @@ impl FitGrids {
     pub fn new(samples: &BallSamples, pixel: f64) -> Self {
         let disc = DiscGrid::with_spacing((2.0 * pixel).max(0.1));
         let grid = CubeGrid::with_spacing(1.2 * pixel);
-        let around = (0..grid.nodes()).map(|k| NodeSurroundings::new(grid, k));
         Self {
-            around: Arc::new(around.collect()),
+            around: Arc::default(),
             grid,
             disc,
             lit_weights: Vec::new(),
@@ -217,10 +216,9 @@ impl FitGrids {
             return self.of_samples(samples);
         }
         let grid = CubeGrid::with_spacing((step as f64).sqrt() * self.grid.spacing_rad());
-        let around = (0..grid.nodes()).map(|k| NodeSurroundings::new(grid, k));
         Self {
             grid,
-            around: Arc::new(around.collect()),
+            around: Arc::default(),
             ..self.of_samples(samples)
         }
     }
@@ -460,7 +458,9 @@ impl FitGrids {
             let along = |k: usize| near.ahead[k].value(map, next) - near.back[k].value(map, next);
             across * (along(0) * near.tangents[0] + along(1) * near.tangents[1])
         };
-        self.around.iter().map(slope).collect()
+        let nodes = 0..self.grid.nodes();
+        let around = || nodes.map(|k| NodeSurroundings::new(self.grid, k)).collect();
+        self.around.get_or_init(around).iter().map(slope).collect()
     }
 }
 

@@ -13,6 +13,7 @@ use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 /// Least size of a cell, radii.
 const CELL: f64 = 0.15;
@@ -35,8 +36,8 @@ const MOST_OF_PEAK: usize = 2;
 /// round, whatever the axis; the first grids, which see it move by a little, may have led to a wrong one.
 const AXIS_STEP: f64 = 0.1;
 
-/// No cell of those in use.
-const NO_CELL: u32 = u32::MAX;
+/// Cells that are looked up together.
+const AT_ONCE: usize = 16;
 
 /// Candidates followed from one grid to the next.
 const FOLLOWED: usize = 96;
@@ -60,25 +61,24 @@ pub struct RotationCandidate {
 pub struct LagProducts {
     /// Time between frames, s.
     interval_s: f64,
-    /// Directions of the cells in use.
-    towards: Vec<Vector3<f32>>,
-    /// Place among those of each node of the grid; [`NO_CELL`] where nothing is seen.
-    index: Vec<u32>,
+    /// Components of the directions of the cells in use, of which the first [`Self::some`] are spread over the ball.
+    towards: [Vec<f32>; 3],
+    some: usize,
+    /// The cells' nodes on the grid.
+    nodes: Vec<usize>,
     side: usize,
-    /// A lag each, from 1.
-    lags: Vec<LagSums>,
-    /// Scatter of the cells over the frames, and of that what is noise.
-    pub signal_variance: f64,
-    same: [f64; 3],
+    /// Frame by frame, a value a cell; 0 where the frame is missing.
+    frames: Vec<Vec<f32>>,
+    is_present: Vec<bool>,
+    /// A lag each, from 1; made when it is asked for.
+    lags: Vec<OnceLock<LagScores>>,
+    /// What a product, a square and a pair add to the score.
+    same: [f32; 3],
 }
 
-struct LagSums {
-    /// Σ of products: row j (earlier), column k (later).
-    products: Vec<f32>,
-    /// Σ of squares of the earlier and the later.
-    squares: [Vec<f32>; 2],
-    pairs: f64,
-}
+/// What each cell's being the same spot as each node of the grid, a lag later, adds to the score: row of the cell (earlier), column of the node
+/// (later); nothing for a node that is not in use, nor for the last column, which stands for the ball's far side.
+struct LagScores(Vec<f32>);
 
 impl LagProducts {
     /// Of the `residuals` of `samples`, whose light is taken away, at steps of `interval_s`, with pixels of `pixel` radii. Unless the ball is
@@ -114,31 +114,29 @@ impl LagProducts {
                 .count() as f64
         };
         let used: Vec<usize> = (0..grid.nodes()).filter(|&k| seen(k) >= 0.7 * frames).collect();
-        let mut index = vec![NO_CELL; grid.nodes()];
-        let mut values = Vec::with_capacity(used.len());
+        // First one in so many, which are spread over the ball.
+        let rest = (0..used.len()).filter(|n| n % SOME_CELLS != 0);
+        let order = (0..used.len()).step_by(SOME_CELLS).chain(rest);
+        let used: Vec<usize> = order.map(|n| used[n]).collect();
+        let cells = used.len();
+        if cells < 8 {
+            return None;
+        }
+        let mut by_frame = vec![vec![0.0f32; cells]; slots];
         for (n, &k) in used.iter().enumerate() {
-            index[k] = n as u32;
             let row = k * slots..(k + 1) * slots;
-            let mut row: Vec<f32> = sums[row.clone()]
-                .iter()
-                .zip(&counts[row])
-                .map(|(s, c)| if *c > 0.0 { (s / c) as f32 } else { 0.0 })
-                .collect();
+            let mean_of = |(s, c): (&f64, &f64)| if *c > 0.0 { (s / c) as f32 } else { 0.0 };
+            let row: Vec<f32> = sums[row.clone()].iter().zip(&counts[row]).map(mean_of).collect();
             let mean = if lit {
                 0.0
             } else {
                 row.iter().sum::<f32>() / seen(k) as f32
             };
-            for v in row.iter_mut().filter(|v| **v != 0.0) {
-                *v -= mean;
+            for (frame, v) in by_frame.iter_mut().zip(row).filter(|(_, v)| *v != 0.0) {
+                frame[n] = v - mean;
             }
-            values.push(row);
         }
-        let cells = used.len();
-        if cells < 8 {
-            return None;
-        }
-        let square: f64 = values.iter().flatten().map(|v| f64::from(v * v)).sum();
+        let square: f64 = by_frame.iter().flatten().map(|v| f64::from(v * v)).sum();
         let signal_variance = square / (cells as f64 * frames);
         let pixels_a_cell = samples.values.len() as f64 / (cells as f64 * frames);
         let noise = samples.noise.powi(2) / pixels_a_cell.max(1.0) + GRID_NOISE * signal_variance;
@@ -148,84 +146,93 @@ impl LagProducts {
             (1.0 / (1.0 + l) - 1.0 / (2.0 + l)) / noise,
             (1.0 + 2.0 / l).ln() - 2.0 * (1.0 + 1.0 / l).ln(),
         ];
-        let present: Vec<bool> = (0..slots)
-            .map(|s| samples.times_s.iter().any(|&t| slot(t) == s))
-            .collect();
-        let lags = (1..slots).into_par_iter().map(|lag| {
-            let mut products = vec![0.0f32; cells * cells];
-            let n = slots - lag;
-            for j in 0..cells {
-                let early = &values[j][..n];
-                for k in 0..cells {
-                    let late = &values[k][lag..];
-                    products[j * cells + k] = early.iter().zip(late).map(|(a, b)| a * b).sum();
-                }
-            }
-            let both: Vec<bool> = (0..n).map(|i| present[i] && present[i + lag]).collect();
-            let squares = |from: usize| -> Vec<f32> {
-                let of = |v: &Vec<f32>| {
-                    let row = v[from..from + n].iter().zip(&both);
-                    row.map(|(v, b)| if *b { v * v } else { 0.0 }).sum()
-                };
-                values.iter().map(of).collect()
-            };
-            LagSums {
-                products,
-                squares: [squares(0), squares(lag)],
-                pairs: both.iter().filter(|b| **b).count() as f64,
-            }
-        });
-        let towards = used.iter().map(|&k| {
+        let is_present = (0..slots).map(|s| samples.times_s.iter().any(|&t| slot(t) == s));
+        let direction = |k: usize| {
             let [a, b] = grid.place(k);
-            Vector3::new(a as f32, b as f32, -(1.0 - a * a - b * b).max(0.0).sqrt() as f32)
-        });
+            [a, b, -(1.0 - a * a - b * b).max(0.0).sqrt()]
+        };
         Some(Self {
             interval_s,
-            towards: towards.collect(),
-            index,
+            towards: std::array::from_fn(|c| used.iter().map(|&k| direction(k)[c] as f32).collect()),
+            some: cells.div_ceil(SOME_CELLS),
+            nodes: used,
             side: grid.side(),
-            lags: lags.collect(),
-            signal_variance,
-            same,
+            frames: by_frame,
+            is_present: is_present.collect(),
+            lags: (1..slots).map(|_| OnceLock::new()).collect(),
+            same: same.map(|x| x as f32),
         })
     }
 
-    /// The cell in which a direction is seen.
-    #[inline]
-    fn cell(&self, d: &Vector3<f32>) -> Option<usize> {
-        if d.z > 0.0 {
-            return None;
-        }
-        let scale = 0.5 * (self.side - 1) as f32;
-        let column = ((d.x + 1.0) * scale + 0.5) as u32;
-        let row = ((d.y + 1.0) * scale + 0.5) as u32;
-        let cell = self.index[row as usize * self.side + column as usize];
-        (cell != NO_CELL).then_some(cell as usize)
+    fn cells(&self) -> usize {
+        self.nodes.len()
     }
 
-    /// Score of the rotation by `vector` a frame, by one lag and one in `every` cells.
-    fn score_at(&self, vector: &Vector3<f64>, lag: usize, every: usize) -> f64 {
-        let Some(of_lag) = self.lags.get(lag - 1) else {
-            return 0.0;
-        };
-        let turn: Matrix3<f32> = Rotation3::new(lag as f64 * vector).into_inner().cast();
-        let cells = self.towards.len();
+    /// The scores of pairs of cells `lag` frames apart; `None` beyond the arc.
+    fn of_lag(&self, lag: usize) -> Option<&LagScores> {
+        Some(self.lags.get(lag - 1)?.get_or_init(|| self.scores_at_lag(lag)))
+    }
+
+    fn scores_at_lag(&self, lag: usize) -> LagScores {
+        let cells = self.cells();
+        let (mut products, mut squares) = (
+            vec![0.0f32; cells * cells],
+            [vec![0.0f32; cells], vec![0.0; cells]],
+        );
+        let mut pairs = 0.0f32;
+        for t in (0..self.frames.len() - lag).filter(|t| self.is_present[*t] && self.is_present[t + lag]) {
+            let (early, late) = (&self.frames[t], &self.frames[t + lag]);
+            pairs += 1.0;
+            for (row, &e) in products.chunks_exact_mut(cells).zip(early) {
+                for (sum, l) in row.iter_mut().zip(late) {
+                    *sum += e * l;
+                }
+            }
+            for (sums, values) in squares.iter_mut().zip([early, late]) {
+                for (sum, v) in sums.iter_mut().zip(values) {
+                    *sum += v * v;
+                }
+            }
+        }
         let [product, square, pair] = self.same;
-        let (mut products, mut squares, mut pairs) = (0.0f32, 0.0f32, 0u32);
-        let early = of_lag.products.chunks_exact(cells).zip(&of_lag.squares[0]);
-        for ((row, early), d) in early.zip(&self.towards).step_by(every) {
-            let Some(k) = self.cell(&(turn * d)) else {
-                continue;
-            };
-            products += row[k];
-            squares += early + of_lag.squares[1][k];
-            pairs += 1;
+        let columns = self.columns();
+        let mut scores = vec![0.0f32; cells * columns];
+        for (j, row) in scores.chunks_exact_mut(columns).enumerate() {
+            for (k, &node) in self.nodes.iter().enumerate() {
+                let both = squares[0][j] + squares[1][k];
+                row[node] = product * products[j * cells + k] - square * both - pair * pairs;
+            }
         }
-        product * f64::from(products) - square * f64::from(squares) - pair * of_lag.pairs * f64::from(pairs)
+        LagScores(scores)
     }
 
-    fn score(&self, vector: &Vector3<f64>, lags: &[usize], every: usize) -> f64 {
-        lags.iter().map(|&lag| self.score_at(vector, lag, every)).sum()
+    fn columns(&self) -> usize {
+        self.side * self.side + 1
+    }
+
+    /// Score of the rotation by `vector` between the frames of `scores`, by the first `cells` cells.
+    fn score_of_turn(&self, scores: &LagScores, vector: &Vector3<f64>, cells: usize) -> f64 {
+        let turn: Matrix3<f32> = Rotation3::new(*vector).into_inner().cast();
+        let scale = 0.5 * (self.side - 1) as f32;
+        let (side, columns) = (self.side as i32, self.columns());
+        let far = columns as i32 - 1;
+        let [x, y, z] = self.towards.each_ref().map(|c| &c[..cells]);
+        let mut score = 0.0f32;
+        // In steps of some cells: their places in registers first, then the look-ups.
+        let mut nodes = [0i32; AT_ONCE];
+        let parts = x.chunks(AT_ONCE).zip(y.chunks(AT_ONCE)).zip(z.chunks(AT_ONCE));
+        for (((x, y), z), rows) in parts.zip(scores.0.chunks(AT_ONCE * columns)) {
+            for (((node, x), y), z) in nodes.iter_mut().zip(x).zip(y).zip(z) {
+                let along = |row: usize| turn[(row, 0)] * x + turn[(row, 1)] * y + turn[(row, 2)] * z;
+                let column = ((along(0) + 1.0) * scale + 0.5) as i32;
+                let row = ((along(1) + 1.0) * scale + 0.5) as i32;
+                *node = if along(2) > 0.0 { far } else { row * side + column };
+            }
+            for (node, row) in nodes.iter().take(x.len()).zip(rows.chunks_exact(columns)) {
+                score += row[*node as usize];
+            }
+        }
+        f64::from(score)
     }
 
     /// The rates with the best scores, best first, no two closer than the arc tells apart; none where independent frames are likelier than any.
@@ -243,7 +250,7 @@ impl LagProducts {
             })
             .filter(|v| v.norm() <= PI + step)
             .collect();
-        let mut found = self.scored(grid, &[1], SOME_CELLS);
+        let mut found = self.scored(grid, &[1], self.some);
         let mut lag = 1;
         loop {
             found = varied(found, 0.9 * step, FOLLOWED, FOLLOWED_OF_PEAK);
@@ -266,14 +273,14 @@ impl LagProducts {
                 .collect();
             around.sort_by_key(|v| <[i32; 3]>::from(on_lattice(*v)));
             around.dedup_by_key(|v| on_lattice(*v));
-            found = self.scored(around, &lags, SOME_CELLS);
+            found = self.scored(around, &lags, self.some);
         }
         let all: Vec<usize> = (1..=longest).collect();
-        let mut found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all, 1);
+        let mut found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all, self.cells());
         let others = found.first().into_iter().flat_map(|(v, _)| other_axes(v));
-        let mut others = self.scored(others.collect(), &spread(longest), SOME_CELLS);
+        let mut others = self.scored(others.collect(), &spread(longest), self.some);
         others.truncate(FOLLOWED);
-        found.extend(self.scored(others.into_iter().map(|(v, _)| v).collect(), &all, 1));
+        found.extend(self.scored(others.into_iter().map(|(v, _)| v).collect(), &all, self.cells()));
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         varied(found, PEAK / longest as f64, most, MOST_OF_PEAK)
             .into_iter()
@@ -284,8 +291,19 @@ impl LagProducts {
             .collect()
     }
 
-    fn scored(&self, vectors: Vec<Vector3<f64>>, lags: &[usize], every: usize) -> Vec<(Vector3<f64>, f64)> {
-        let scored = vectors.into_par_iter().map(|v| (v, self.score(&v, lags, every)));
+    /// The rotation `vectors` a frame with their scores by some `lags` and the first `cells` cells, best first.
+    fn scored(&self, vectors: Vec<Vector3<f64>>, lags: &[usize], cells: usize) -> Vec<(Vector3<f64>, f64)> {
+        let of_lags: Vec<(f64, &LagScores)> = lags
+            .par_iter()
+            .filter_map(|&lag| Some((lag as f64, self.of_lag(lag)?)))
+            .collect();
+        let score = |v: &Vector3<f64>| -> f64 {
+            of_lags
+                .iter()
+                .map(|(lag, scores)| self.score_of_turn(scores, &(*lag * v), cells))
+                .sum()
+        };
+        let scored = vectors.into_par_iter().map(|v| (v, score(&v)));
         let mut scored: Vec<(Vector3<f64>, f64)> = scored.collect();
         scored.sort_by(|a, b| b.1.total_cmp(&a.1));
         scored

@@ -72,9 +72,9 @@ impl BallSamples {
         for view in views {
             for p in &view.pixels {
                 let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
-                let towards = |blur: f64| seen_towards(p.place, blur).map(|d| view.sight * d);
-                samples.towards.push(towards(blur));
-                samples.facing.push(towards(0.0)[0]);
+                let towards = seen_towards(p.place, blur).map(|d| view.sight * d);
+                samples.towards.push(towards);
+                samples.facing.push(view.sight * facing(p.place));
                 samples.places.push(p.place);
                 samples.values.push(lit_grey.ln());
             }
@@ -156,9 +156,20 @@ pub fn seen_towards([a, b]: [f64; 2], blur: f64) -> [Vector3<f64>; 2] {
     } else {
         [0.0, 0.0]
     };
+    let (sine_out, cosine_out) = (blur * blur * tangent).sin_cos();
     [-1.0, 1.0].map(|side| {
         let planar = (sine + side * blur * sine).min(STEEPEST);
-        let (s, c) = (planar.asin() + blur * blur * tangent).sin_cos();
+        let depth = (1.0 - planar * planar).sqrt();
+        let s = planar * cosine_out + depth * sine_out;
+        let c = depth * cosine_out - planar * sine_out;
         Vector3::new(s * outward[0], s * outward[1], -c)
     })
+}
+
+/// The direction of the ball's surface at `place`, none beyond the steepest that is looked at.
+fn facing([a, b]: [f64; 2]) -> Vector3<f64> {
+    let sine = a.hypot(b);
+    let shorter = if sine > STEEPEST { STEEPEST / sine } else { 1.0 };
+    let (a, b) = (shorter * a, shorter * b);
+    Vector3::new(a, b, -(1.0 - a * a - b * b).sqrt())
 }
