@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use track::rebound::compliant::{self, Parameters, springs, table};
-use track::rebound::{Regime, RigidMotion, SOLID_SPHERE, mu_e, slip_share};
+use track::rebound::{Contact, Regime, RigidMotion, SOLID_SPHERE, mu_e, slip_share};
 use track::simulate::{Scene, SimulatedRecording};
 
 /// κ of like bodies.
@@ -35,6 +35,25 @@ fn at_incidence(parameters: &Parameters, psi: f64, normal_m_s: f64) -> RigidMoti
 
 fn e_x_of(before: &RigidMotion, after: &RigidMotion) -> f64 {
     -after.slip_m_s().x / before.slip_m_s().x
+}
+
+/// What several share saves time and changes nothing.
+#[test]
+fn several_impacts_are_as_each_by_itself() {
+    for (e, mu, kappa) in [(1.0, 0.3, like(0.3)), (0.7, 0.15, 1.5), (0.5, 0.6, 1e6)] {
+        let p = parameters(e, mu, kappa);
+        let sliding = p.sliding_incidence(SOLID_SPHERE);
+        let psi = (0..30).map(|i| (i * 7 % 30) as f64 / 20.0 * sliding.min(8.0));
+        let incoming: Vec<RigidMotion> = psi.map(|psi| at_incidence(&p, psi, 2.0)).collect();
+        let together = Contact::Compliant(p).impacts(&incoming, SOLID_SPHERE);
+        assert_eq!(together.len(), incoming.len());
+        for (before, (after, regime)) in incoming.iter().zip(&together) {
+            let (alone, same_regime) = compliant::impact(before, &p, SOLID_SPHERE);
+            assert_eq!(*regime, same_regime);
+            assert!((after.velocity_m_s - alone.velocity_m_s).norm() < 1e-12);
+            assert!((after.surface_spin_m_s - alone.surface_spin_m_s).norm() < 1e-12);
+        }
+    }
 }
 
 /// `physics.md`, part two: a sphere, ν 0.3, e 1.

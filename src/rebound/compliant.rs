@@ -91,30 +91,50 @@ impl Parameters {
 /// The motion after an impact, and its regime. A ball without slip sticks.
 #[must_use]
 pub fn impact(incoming: &RigidMotion, parameters: &Parameters, inertia_factor: f64) -> (RigidMotion, Regime) {
+    impacts(std::slice::from_ref(incoming), parameters, inertia_factor)[0]
+}
+
+/// The same of several, whose springs go through at once.
+fn impacts(
+    incoming: &[RigidMotion],
+    parameters: &Parameters,
+    inertia_factor: f64,
+) -> Vec<(RigidMotion, Regime)> {
     let Parameters {
         restitution,
         friction,
         ..
     } = *parameters;
+    let lambda = parameters.stiffness(inertia_factor);
     // (Positively, for k = 0, where s = 0.)
-    if !(parameters.stiffness(inertia_factor) <= RIGID) {
+    if !(lambda <= RIGID) {
         let rigid = mu_e::Parameters {
             restitution,
             friction,
             static_friction: friction,
         };
-        return mu_e::impact(incoming, &rigid, inertia_factor);
+        let rigid = |one: &RigidMotion| mu_e::impact(one, &rigid, inertia_factor);
+        return incoming.iter().map(rigid).collect();
     }
-    let slip = length(&incoming.slip_m_s());
-    let psi = parameters.incidence(slip, incoming.velocity_m_s.z.abs());
-    if psi >= parameters.sliding_incidence(inertia_factor) {
-        let tangential = sliding_impulse_m_s(incoming, restitution, friction);
-        let slides = apply_impulse(incoming, restitution, tangential, inertia_factor);
-        return (slides, Regime::Sliding);
-    }
-    let e_x = parameters.tangential_restitution(psi, inertia_factor);
-    let sticks = apply_grip(incoming, restitution, &Vector2::x(), (e_x, e_x), inertia_factor);
-    (sticks, regime(psi))
+    let sliding = parameters.sliding_incidence(inertia_factor);
+    let psi = |one: &RigidMotion| {
+        let slip = length(&one.slip_m_s());
+        parameters.incidence(slip, one.velocity_m_s.z.abs())
+    };
+    let psi: Vec<f64> = incoming.iter().map(psi).collect();
+    let below: Vec<f64> = psi.iter().copied().filter(|psi| !(*psi >= sliding)).collect();
+    let mut e_x = springs::tangential_restitutions(&below, lambda, restitution).into_iter();
+    let after = |(one, psi): (&RigidMotion, &f64)| {
+        if *psi >= sliding {
+            let tangential = sliding_impulse_m_s(one, restitution, friction);
+            let slides = apply_impulse(one, restitution, tangential, inertia_factor);
+            return (slides, Regime::Sliding);
+        }
+        let e_x = e_x.next().expect("there is one for each below ψ*");
+        let sticks = apply_grip(one, restitution, &Vector2::x(), (e_x, e_x), inertia_factor);
+        (sticks, regime(*psi))
+    };
+    incoming.iter().zip(&psi).map(after).collect()
 }
 
 /// What the contact point does below ψ*.
@@ -129,6 +149,10 @@ fn regime(psi: f64) -> Regime {
 impl ReboundLaw for Parameters {
     fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime) {
         impact(incoming, self, inertia_factor)
+    }
+
+    fn impacts(&self, incoming: &[RigidMotion], inertia_factor: f64) -> Vec<(RigidMotion, Regime)> {
+        impacts(incoming, self, inertia_factor)
     }
 
     fn restitution(&self) -> f64 {

@@ -15,6 +15,14 @@ pub trait ReboundLaw {
     /// The motion after an impact, and its regime.
     fn impact(&self, incoming: &RigidMotion, inertia_factor: f64) -> (RigidMotion, Regime);
 
+    /// The same of several: a model whose work they may share overrides it.
+    fn impacts(&self, incoming: &[RigidMotion], inertia_factor: f64) -> Vec<(RigidMotion, Regime)> {
+        incoming
+            .iter()
+            .map(|one| self.impact(one, inertia_factor))
+            .collect()
+    }
+
     /// e.
     fn restitution(&self) -> f64;
 

@@ -154,6 +154,12 @@ impl Contact {
         self.law().impact(incoming, inertia_factor)
     }
 
+    /// The same of several, which together take less time than one by one.
+    #[must_use]
+    pub fn impacts(&self, incoming: &[RigidMotion], inertia_factor: f64) -> Vec<(RigidMotion, Regime)> {
+        self.law().impacts(incoming, inertia_factor)
+    }
+
     /// How the contact goes on while ball and floor touch; `None` of a model in which they do so for no time.
     #[must_use]
     pub fn contact_path(&self, incoming: &RigidMotion, inertia_factor: f64) -> Option<Vec<ContactMoment>> {

@@ -279,15 +279,13 @@ impl<'a> GroupDrawing<'a> {
         if figure == SeriesFigure::Regimes {
             return self.border(&fit.curve);
         }
-        let at = |abscissa: f64| -> Option<(f64, f64)> {
-            let tangent = match figure {
+        let tangent = |abscissa: f64| {
+            Some(match figure {
                 SeriesFigure::Angles => abscissa,
                 SeriesFigure::Distances => self.reach_m? / abscissa,
                 SeriesFigure::Master => abscissa / (self.psi_unit? * (1.0 - self.spin_ratio).abs()),
                 _ => abscissa.to_radians().tan(),
-            };
-            let p = fit.curve.predict(tangent, self.spin_ratio, self.inertia_factor)?;
-            Some((abscissa, figure.predicted(&p, self.psi_unit)?))
+            })
         };
         let mut places: Vec<f64> = (0..=STEPS)
             .map(|i| x.start + (x.end - x.start) * (i as f64 + 1e-6) / STEPS as f64)
@@ -298,12 +296,22 @@ impl<'a> GroupDrawing<'a> {
             places.extend([kink - step, kink + step]);
             places.sort_by(f64::total_cmp);
         }
-        let points: Vec<Option<(f64, f64)>> = places.into_iter().map(at).collect();
+        let places: Vec<(f64, f64)> = places
+            .into_iter()
+            .filter_map(|p| Some((p, tangent(p)?)))
+            .collect();
+        let tangents: Vec<f64> = places.iter().map(|place| place.1).collect();
+        let predicted = fit
+            .curve
+            .predictions(&tangents, self.spin_ratio, self.inertia_factor);
+        let at = |((abscissa, _), p): (&(f64, f64), &Option<Prediction>)| {
+            Some((*abscissa, figure.predicted(p.as_ref()?, self.psi_unit)?))
+        };
+        let points: Vec<(f64, f64)> = places.iter().zip(&predicted).filter_map(at).collect();
         let cut = kink.unwrap_or(f64::INFINITY);
         let side = |upper: bool| {
             points
                 .iter()
-                .flatten()
                 .copied()
                 .filter(|p| (p.0 > cut) == upper)
                 .collect::<Vec<_>>()

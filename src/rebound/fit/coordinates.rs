@@ -222,15 +222,39 @@ impl Contact {
     /// such number (straight down, or no rebound).
     #[must_use]
     pub fn predict(&self, incident_tangent: f64, spin_ratio: f64, inertia_factor: f64) -> Option<Prediction> {
-        let incoming = RigidMotion {
-            velocity_m_s: Vector3::new(incident_tangent, 0.0, -1.0),
-            surface_spin_m_s: Vector3::new(0.0, spin_ratio * incident_tangent, 0.0),
+        self.predictions(&[incident_tangent], spin_ratio, inertia_factor)[0]
+    }
+
+    /// The same at several incident tangents.
+    #[must_use]
+    pub fn predictions(
+        &self,
+        incident_tangents: &[f64],
+        spin_ratio: f64,
+        inertia_factor: f64,
+    ) -> Vec<Option<Prediction>> {
+        let incoming = |&tangent: &f64| RigidMotion {
+            velocity_m_s: Vector3::new(tangent, 0.0, -1.0),
+            surface_spin_m_s: Vector3::new(0.0, spin_ratio * tangent, 0.0),
         };
-        let (after, _) = self.impact(&incoming, inertia_factor);
+        let incoming: Vec<RigidMotion> = incident_tangents.iter().map(incoming).collect();
+        let after = self.impacts(&incoming, inertia_factor).into_iter();
+        incoming
+            .iter()
+            .zip(after)
+            .map(|(incoming, (after, _))| Prediction::of(incoming, &after))
+            .collect()
+    }
+}
+
+impl Prediction {
+    /// Of an impact with a normal speed of 1 before it; `None` where the rebound has no such number.
+    fn of(incoming: &RigidMotion, after: &RigidMotion) -> Option<Self> {
+        let incident_tangent = incoming.velocity_m_s.x;
         let kept = after.velocity_m_s.x / incident_tangent;
         let spin_after_ratio = after.surface_spin_m_s.y / incident_tangent;
         let forward = incoming.slip_m_s().x.signum();
-        let prediction = Prediction {
+        let prediction = Self {
             rebound_tangent: after.velocity_m_s.x / after.velocity_m_s.z,
             // x = v_x · 2 v_z / g, x_o = u_o |v_oz| / g.
             distance_ratio: 2.0 * kept * after.velocity_m_s.z,
