@@ -19,7 +19,7 @@ SHELL := /bin/bash
 export PATH := $(PATH):$(or $(CARGO_HOME),$(HOME)/.cargo)/bin
 
 # The dev profile is optimised (Cargo.toml), so demo and tests share one build; a release build takes 5 minutes more from
-# cold (two cores) and measures the demo in 5.5 s in place of 6.1 s.
+# cold (two cores) and makes the demo hardly faster.
 CARGO_BUILD := cargo build --locked
 TRACK := cargo run --locked --quiet --bin track --
 
