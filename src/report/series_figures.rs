@@ -296,17 +296,13 @@ impl<'a> GroupDrawing<'a> {
             places.extend([kink - step, kink + step]);
             places.sort_by(f64::total_cmp);
         }
-        let places: Vec<(f64, f64)> = places
-            .into_iter()
-            .filter_map(|p| Some((p, tangent(p)?)))
-            .collect();
-        let tangents: Vec<f64> = places.iter().map(|place| place.1).collect();
+        let (places, tangents): (Vec<f64>, Vec<f64>) =
+            places.into_iter().filter_map(|x| Some((x, tangent(x)?))).unzip();
         let predicted = fit
             .curve
             .predictions(&tangents, self.spin_ratio, self.inertia_factor);
-        let at = |((abscissa, _), p): (&(f64, f64), &Option<Prediction>)| {
-            Some((*abscissa, figure.predicted(p.as_ref()?, self.psi_unit)?))
-        };
+        let at =
+            |(x, p): (&f64, &Option<Prediction>)| Some((*x, figure.predicted(p.as_ref()?, self.psi_unit)?));
         let points: Vec<(f64, f64)> = places.iter().zip(&predicted).filter_map(at).collect();
         let cut = kink.unwrap_or(f64::INFINITY);
         let side = |upper: bool| {

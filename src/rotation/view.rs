@@ -37,8 +37,8 @@ pub struct BallSamples {
     pub ends: Vec<usize>,
     /// The two directions from the ball's centre, camera axes, whose mean a pixel shows ([`seen_towards`]).
     pub towards: Vec<[Vector3<f64>; 2]>,
-    /// The direction at the pixel's own place.
-    facing: Vec<Vector3<f64>>,
+    /// From the axes of each frame's line of sight to the camera's.
+    sights: Vec<Rotation3<f64>>,
     /// Places on the disc, radii.
     pub places: Vec<[f64; 2]>,
     /// Logarithms of brightness.
@@ -64,7 +64,7 @@ impl BallSamples {
             times_s: views.iter().map(|v| v.time_s - middle_s).collect(),
             ends: Vec::with_capacity(views.len()),
             towards: Vec::new(),
-            facing: Vec::new(),
+            sights: views.iter().map(|v| v.sight).collect(),
             places: Vec::new(),
             values: Vec::new(),
             noise: noise_grey / (usual_grey + floor_grey),
@@ -74,7 +74,6 @@ impl BallSamples {
                 let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
                 let towards = seen_towards(p.place, blur).map(|d| view.sight * d);
                 samples.towards.push(towards);
-                samples.facing.push(view.sight * facing(p.place));
                 samples.places.push(p.place);
                 samples.values.push(lit_grey.ln());
             }
@@ -89,7 +88,7 @@ impl BallSamples {
         let mut thin = Self {
             ends: Vec::with_capacity(self.ends.len()),
             towards: Vec::new(),
-            facing: Vec::new(),
+            sights: self.sights.clone(),
             places: Vec::new(),
             values: Vec::new(),
             times_s: self.times_s.clone(),
@@ -98,7 +97,6 @@ impl BallSamples {
         for i in 0..self.frames() {
             for p in self.of_frame(i).skip(i % step).step_by(step) {
                 thin.towards.push(self.towards[p]);
-                thin.facing.push(self.facing[p]);
                 thin.places.push(self.places[p]);
                 thin.values.push(self.values[p]);
             }
@@ -111,8 +109,10 @@ impl BallSamples {
     #[must_use]
     pub fn evenly_blurred(&self) -> Self {
         let mut even = self.clone();
-        for (towards, facing) in even.towards.iter_mut().zip(&self.facing) {
-            *towards = [*facing; 2];
+        for (i, sight) in self.sights.iter().enumerate() {
+            for p in self.of_frame(i) {
+                even.towards[p] = seen_towards(self.places[p], 0.0).map(|d| sight * d);
+            }
         }
         even
     }
@@ -164,12 +164,4 @@ pub fn seen_towards([a, b]: [f64; 2], blur: f64) -> [Vector3<f64>; 2] {
         let c = depth * cosine_out - planar * sine_out;
         Vector3::new(s * outward[0], s * outward[1], -c)
     })
-}
-
-/// The direction of the ball's surface at `place`, none beyond the steepest that is looked at.
-fn facing([a, b]: [f64; 2]) -> Vector3<f64> {
-    let sine = a.hypot(b);
-    let shorter = if sine > STEEPEST { STEEPEST / sine } else { 1.0 };
-    let (a, b) = (shorter * a, shorter * b);
-    Vector3::new(a, b, -(1.0 - a * a - b * b).sqrt())
 }
