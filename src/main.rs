@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    track::frames::give_back_pictures();
     track::cli::run()
 }

@@ -28,6 +28,7 @@ use crate::numeric::linear::solve;
 use crate::numeric::propagation::InputQuantities;
 use crate::numeric::robust::median;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Parts of an arc's way that are tried: a tenth of a pixel in 100 to a path that only its ends resemble a parabola.
 const PARTS: [f64; 5] = [0.001, 0.003, 0.01, 0.03, 0.1];
@@ -295,7 +296,8 @@ impl Flight {
             let gain = (none - flight.fit.deviance? - price) / flight.fit.autocorrelation_inflation.max(1.0);
             Some((gain, flight))
         };
-        let best = (1..=most).filter_map(without).max_by(|a, b| a.0.total_cmp(&b.0));
+        let tried: Vec<(f64, Self)> = (1..=most).into_par_iter().filter_map(without).collect();
+        let best = tried.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
         let (_, flight) = best.filter(|(gain, _)| *gain > LEAST_HELD_GAIN)?;
         flight.under(&*self.fit.model)
     }

@@ -9,6 +9,7 @@
 use super::linking::Spot;
 use super::parabola::{self, Fall, Gravity};
 use super::segment::{ARC_COST, DROP_COST, Stretch, StretchKind, TrackSample};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// A first centre is not known better than to this part of the radius: shading, texture, what is behind.
@@ -38,18 +39,18 @@ pub struct PathLikelihood {
 #[must_use]
 pub fn divided(track: &[Spot], known: Option<Gravity>, scatters: &[f64]) -> PathLikelihood {
     let most = DROP_COST * track.len() as f64;
-    let mut least = PathLikelihood {
+    let nothing = PathLikelihood {
         gain: 0.0,
         room: most,
         fall: None,
     };
-    for &scatter in scatters {
+    let with_scatter = |&scatter: &f64| {
+        let mut least = nothing;
         let sample = |s: &Spot| TrackSample::of_spot(s, 1.0 / (scatter * scatter * variance(s)));
         let samples: Vec<TrackSample> = track.iter().map(sample).collect();
         if let Some(g) = known {
             let (stretches, cost) = parabola::division(&samples, Fall::Known(g));
-            least = least.or(most, &samples, &stretches, cost, Some(g), scatter);
-            continue;
+            return least.or(most, &samples, &stretches, cost, Some(g), scatter);
         }
         let free = parabola::division(&samples, Fall::Free { leaning: true });
         let mut arcs: Vec<Range<usize>> = free.0.iter().map(|s| s.range.clone()).collect();
@@ -60,8 +61,13 @@ pub fn divided(track: &[Spot], known: Option<Gravity>, scatters: &[f64]) -> Path
         for (fall, (stretches, cost)) in std::iter::once((None, free)).chain(common) {
             least = least.or(most, &samples, &stretches, cost, fall, scatter);
         }
-    }
-    least
+        least
+    };
+    let each: Vec<PathLikelihood> = scatters.par_iter().map(with_scatter).collect();
+    // Of equals the first.
+    let more =
+        |best: PathLikelihood, other: PathLikelihood| if other.gain > best.gain { other } else { best };
+    each.into_iter().fold(nothing, more)
 }
 
 impl PathLikelihood {

@@ -55,6 +55,11 @@ use pixels::ColouredPlane;
 use std::path::Path;
 use video::VideoReader;
 
+/// Has the memory of pictures go back to the system as soon as they are let go, in all of this process: for a program to call as it starts.
+pub fn give_back_pictures() {
+    av::give_back_pictures();
+}
+
 /// Opens a recording: a video file, or a folder of numbered images.
 ///
 /// # Errors

@@ -11,6 +11,9 @@ use std::thread::{self, JoinHandle};
 /// survey beside it keeps all cores busy.
 const MEMORY: usize = 15 << 20;
 
+/// Bytes of a frame for each pixel: its own plane, and the decoder's picture that it holds for its colours.
+const BYTES_A_PIXEL: usize = 2;
+
 /// More frames than this bring nothing: two cores are busy long before.
 const MOST: usize = 64;
 
@@ -104,9 +107,11 @@ impl Drop for ReadAhead {
     }
 }
 
-/// Frames to decode ahead for pictures of this size: of the largest one, since with it each holds a picture of the decoder's.
+/// Frames to decode ahead for pictures of this size: of the largest none but the one that waits to be taken, while the decoder's own threads
+/// go on.
 fn depth(width: usize, height: usize) -> usize {
-    (MEMORY / width.saturating_mul(height).max(1)).clamp(1, MOST)
+    let bytes = width.saturating_mul(height).max(1).saturating_mul(BYTES_A_PIXEL);
+    (MEMORY / bytes).min(MOST)
 }
 
 fn run(
@@ -251,9 +256,9 @@ mod tests {
 
     #[test]
     fn the_depth_follows_from_memory() {
-        assert_eq!(depth(1920, 1080), 7);
-        assert_eq!(depth(3840, 2160), 1);
-        assert_eq!(depth(16384, 16384), 1);
+        assert_eq!(depth(1920, 1080), 3);
+        assert_eq!(depth(3840, 2160), 0);
+        assert_eq!(depth(16384, 16384), 0);
         assert_eq!(depth(320, 240), 64);
         assert_eq!(depth(0, 0), 64);
     }

@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// What frames that are held together may take, bytes.
-const HELD_BYTES: usize = 118 << 20;
+const HELD_BYTES: usize = 84 << 20;
 
 /// So few are held whatever they take: fewer have no median that is free of what moves.
 const LEAST_HELD: usize = 6;

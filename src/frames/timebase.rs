@@ -80,58 +80,6 @@ impl TimeBase {
         }
     }
 
-    /// The clock of a recording whose frames were chosen from pictures of another, even rate, as players and editors do: frame k
-    /// shows the picture ⌊ratio k + phase⌋. Below a ratio of 1 frames repeat the one before, above 1 pictures are missing.
-    /// With the frames that are repeats by that; `None` where stamps do not stand evenly.
-    ///
-    /// With `frame_rate_hz` pictures come at that rate; else they span the time that the stamps span.
-    #[must_use]
-    pub fn resampled(
-        stamps_s: &[f64],
-        frame_rate_hz: Option<f64>,
-        by: Resampling,
-    ) -> Option<(Self, Vec<bool>)> {
-        let stored_s = typical_step(stamps_s.windows(2).map(|w| w[1] - w[0]))?;
-        let first = *stamps_s.first()?;
-        let (gaps, missing) = gaps(stamps_s);
-        if gaps > 0 {
-            return None;
-        }
-        let mut numbers = Vec::with_capacity(stamps_s.len());
-        for stamp in stamps_s {
-            let number = (stamp - first) / stored_s;
-            if (number - number.round()).abs() > EVEN_PART {
-                return None;
-            }
-            numbers.push(number.round());
-        }
-        let picture = |k: f64| by.picture(k) - by.picture(0.0);
-        // Over all of them it is better known than from one step.
-        let whole = stamps_s
-            .iter()
-            .zip(&numbers)
-            .next_back()
-            .filter(|(_, n)| **n > 0.0);
-        let stored_s = whole.map_or(stored_s, |(last, number)| (last - first) / number);
-        let interval_s = match frame_rate_hz {
-            Some(rate) => 1.0 / rate,
-            None => stored_s / by.ratio,
-        };
-        let pictures: Vec<f64> = numbers.iter().map(|&k| picture(k)).collect();
-        let repeats = (0..pictures.len()).map(|i| i > 0 && pictures[i] == pictures[i - 1]);
-        let lost = |i: usize| (pictures[i] - pictures[i - 1]) - (numbers[i] - numbers[i - 1]);
-        let skipped: f64 = (1..pictures.len()).map(|i| lost(i).max(0.0)).sum();
-        let base = Self {
-            times_s: pictures.iter().map(|p| p * interval_s).collect(),
-            interval_s: Some(interval_s),
-            gaps,
-            missing,
-            skipped: skipped as usize,
-            evened: frame_rate_hz.is_none(),
-        };
-        Some((base, repeats.collect()))
-    }
-
     /// The even clock that stamps jitter about, by least squares, and the largest jitter, s; `None` where frames are missing by the stamps, or
     /// they stand further from an even clock than half of its step.
     #[must_use]
@@ -203,7 +151,72 @@ impl TimeBase {
     }
 }
 
-/// How the frames of a recording were chosen from pictures of another rate; see [`TimeBase::resampled`].
+/// Stamps that stand evenly: those of a recording whose frames may have been chosen from pictures of another rate.
+#[derive(Debug, Clone)]
+pub struct EvenStamps {
+    /// The place of each in the even clock, from 0.
+    numbers: Vec<f64>,
+    /// That clock's step, s.
+    step_s: f64,
+}
+
+impl EvenStamps {
+    /// `stamps_s`, increasing; `None` where they do not stand evenly, or leave frames out.
+    #[must_use]
+    pub fn of(stamps_s: &[f64]) -> Option<Self> {
+        let step_s = typical_step(stamps_s.windows(2).map(|w| w[1] - w[0]))?;
+        let first = *stamps_s.first()?;
+        if gaps(stamps_s).0 > 0 {
+            return None;
+        }
+        let mut numbers = Vec::with_capacity(stamps_s.len());
+        for stamp in stamps_s {
+            let number = (stamp - first) / step_s;
+            if (number - number.round()).abs() > EVEN_PART {
+                return None;
+            }
+            numbers.push(number.round());
+        }
+        // Over all of them it is better known than from one step.
+        let whole = stamps_s
+            .iter()
+            .zip(&numbers)
+            .next_back()
+            .filter(|(_, n)| **n > 0.0);
+        let step_s = whole.map_or(step_s, |(last, number)| (last - first) / number);
+        Some(Self { numbers, step_s })
+    }
+
+    /// The clock of a recording whose frames were chosen from pictures of another, even rate, as players and editors do: frame k
+    /// shows the picture ⌊ratio k + phase⌋. Below a ratio of 1 frames repeat the one before, above 1 pictures are missing.
+    /// With the frames that are repeats by that.
+    ///
+    /// With `frame_rate_hz` pictures come at that rate; else they span the time that the stamps span.
+    #[must_use]
+    pub fn resampled(&self, frame_rate_hz: Option<f64>, by: Resampling) -> (TimeBase, Vec<bool>) {
+        let numbers = &self.numbers;
+        let interval_s = match frame_rate_hz {
+            Some(rate) => 1.0 / rate,
+            None => self.step_s / by.ratio,
+        };
+        let first = by.picture(0.0);
+        let pictures: Vec<f64> = numbers.iter().map(|&k| by.picture(k) - first).collect();
+        let repeats = (0..pictures.len()).map(|i| i > 0 && pictures[i] == pictures[i - 1]);
+        let lost = |i: usize| (pictures[i] - pictures[i - 1]) - (numbers[i] - numbers[i - 1]);
+        let skipped: f64 = (1..pictures.len()).map(|i| lost(i).max(0.0)).sum();
+        let base = TimeBase {
+            times_s: pictures.iter().map(|p| p * interval_s).collect(),
+            interval_s: Some(interval_s),
+            gaps: 0,
+            missing: 0,
+            skipped: skipped as usize,
+            evened: frame_rate_hz.is_none(),
+        };
+        (base, repeats.collect())
+    }
+}
+
+/// How the frames of a recording were chosen from pictures of another rate; see [`EvenStamps::resampled`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resampling {
     /// Pictures a stored frame.
@@ -391,14 +404,14 @@ mod tests {
         let by = |ratio: f64, phase: f64| Resampling { ratio, phase };
         // 24 Hz in a file of 30 Hz: every fifth frame is a repeat.
         let stamps: Vec<f64> = (0..31).map(|i| f64::from(i) / 30.0).collect();
-        let (base, repeats) = TimeBase::resampled(&stamps, None, by(0.8, 0.0)).unwrap();
+        let (base, repeats) = EvenStamps::of(&stamps).unwrap().resampled(None, by(0.8, 0.0));
         assert_eq!(repeats.iter().filter(|r| **r).count(), 6);
         assert!((base.times_s[30] - 1.0).abs() < 1e-12 && base.evened && base.skipped == 0);
         assert!((base.interval_s.unwrap() - 1.0 / 24.0).abs() < 1e-12);
         // 30 Hz in one of 25: every sixth picture is missing, whenever it comes first.
         let stamps: Vec<f64> = (0..26).map(|i| f64::from(i) / 25.0).collect();
         for phase in [0.0, 0.2, 0.8] {
-            let (base, repeats) = TimeBase::resampled(&stamps, None, by(1.2, phase)).unwrap();
+            let (base, repeats) = EvenStamps::of(&stamps).unwrap().resampled(None, by(1.2, phase));
             assert!(!repeats.contains(&true) && base.skipped == 5);
             let steps: Vec<f64> = base.times_s.windows(2).map(|w| (w[1] - w[0]) * 30.0).collect();
             assert!(
@@ -409,13 +422,15 @@ mod tests {
             assert!((base.times_s[25] - 1.0).abs() < 1e-12);
         }
         // By a known rate, or as the frames were numbered anew.
-        let (known, _) = TimeBase::resampled(&stamps, Some(300.0), by(1.2, 0.0)).unwrap();
+        let (known, _) = EvenStamps::of(&stamps)
+            .unwrap()
+            .resampled(Some(300.0), by(1.2, 0.0));
         assert!((known.times_s[25] - 0.1).abs() < 1e-12);
-        let (base, _) = TimeBase::resampled(&stamps, None, by(1.2, 0.0)).unwrap();
+        let (base, _) = EvenStamps::of(&stamps).unwrap().resampled(None, by(1.2, 0.0));
         assert!((base.stretched(1.2).times_s[25] - 30.0 / 25.0).abs() < 1e-12);
         // Uneven stamps are of no such recording.
         let stamps = [0.0, 0.1, 0.2, 0.345, 0.4, 0.5, 0.6];
-        assert_eq!(TimeBase::resampled(&stamps, None, by(0.8, 0.0)), None);
+        assert!(EvenStamps::of(&stamps).is_none());
     }
 
     #[test]

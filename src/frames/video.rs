@@ -36,9 +36,15 @@ pub trait FrameSource {
     }
 }
 
-/// Threads to decode with: as many as everything else here runs on (all there are, or a job's share), within reason.
-fn threads() -> usize {
-    rayon::current_num_threads().min(16)
+/// Pictures that only wait for others may take about so much memory, bytes: each thread of a decoder has one of its own.
+const WAITING_BYTES: usize = 8 << 20;
+
+/// Threads to decode pictures of this size with. Each waits for parts of the picture before it, so that twice as many as run at once (all
+/// there are, or a job's share) keep those busy; of large pictures memory has no room for more than run at once.
+fn threads((width_px, height_px): (usize, usize)) -> usize {
+    let running = rayon::current_num_threads().min(16);
+    let bytes = width_px.saturating_mul(height_px).max(1).saturating_mul(3) / 2;
+    running + running.min(WAITING_BYTES / bytes.max(1))
 }
 
 /// A decoded frame before it is known as what.
@@ -331,7 +337,9 @@ impl PictureStream {
             threads: if wanted == WantedPictures::Key {
                 1
             } else {
-                threads()
+                let facts = input.facts();
+                let side_px = |px: i64| usize::try_from(px).unwrap_or(0);
+                threads((side_px(facts.width), side_px(facts.height)))
             },
             skip_unreferenced: wanted == WantedPictures::Referenced,
         };

@@ -87,7 +87,8 @@ impl SpinLift {
             };
             law.taken_from(flight)
         };
-        let (less, more) = (without(times)?, without(times + 1.0)?);
+        let (less, more) = rayon::join(|| without(times), || without(times + 1.0));
+        let (less, more) = (less?, more?);
         let (mut slope, mut curvature) = (0.0, 0.0);
         for (p, q) in less.fit_points().iter().zip(more.fit_points()) {
             let residual = |flight: &Flight, s: &TrackSample| {

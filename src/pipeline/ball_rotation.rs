@@ -234,10 +234,8 @@ impl FlightPictures<'_> {
                 .filter_map(|(v, r)| Some((&v[..], r.rates.as_ref().ok()?.first()?)))
         };
         let light = search.common_light(&shown().collect::<Vec<_>>());
-        for (arc, found) in arcs.iter().zip(found.iter_mut()) {
-            if !is_open(found) {
-                continue;
-            }
+        let each = arcs.par_iter().zip(found).filter(|(_, found)| is_open(found));
+        each.for_each(|(arc, found)| {
             let lit = light.as_ref().map(|light| RotationSearch {
                 light: Some(light),
                 ..*search
@@ -253,7 +251,7 @@ impl FlightPictures<'_> {
                 Err(reason) => Err(*reason),
             };
             found.rates = again.map_or_else(without, Ok);
-        }
+        });
     }
 
     fn views(&self, arc: &[TimedCentre]) -> Vec<BallView> {

@@ -5,7 +5,7 @@
 //! | the stamps, or the calibration's rate, as they are | none |
 //! | an even clock that the stamps jitter about | none, but a margin |
 //! | frames that show the one before left out, the others as stamped | which |
-//! | frames chosen from pictures of another rate ([`TimeBase::resampled`]): repeats or gaps that come regularly | ratio, phase |
+//! | frames chosen from pictures of another rate ([`EvenStamps::resampled`]): repeats or gaps that come regularly | ratio, phase |
 //! | the first and the likeliest of the others, each with frames missing in single places | where, how many |
 //!
 //! Where the first leaves no room for a better one other rates are not tried, and gaps only where a step shows one. Assumed: one clock for the whole recording. A piece that is
@@ -21,7 +21,8 @@ use crate::flight::clock::{Explained, FrameTimes, MovingTracks};
 use crate::flight::dropped_frames::DroppedFrames;
 use crate::flight::linking::{LinkedSpots, Spot};
 use crate::flight::{self, Flight, dropped_frames};
-use crate::frames::timebase::{Resampling, TimeBase};
+use crate::frames::timebase::{EvenStamps, Resampling, TimeBase};
+use rayon::prelude::*;
 
 /// The recording with its clock.
 #[derive(Debug, Clone)]
@@ -205,38 +206,42 @@ impl ClockTrials<'_> {
 
     /// The clocks of another rate that suit the steps of what moves best.
     fn resampled(&self) -> Vec<ClockTrial> {
-        let clock = |by: Resampling| TimeBase::resampled(self.stamps_s, self.rate_hz, by);
+        let Some(stamps) = EvenStamps::of(self.stamps_s) else {
+            return Vec::new();
+        };
+        let clock = |by: Resampling| stamps.resampled(self.rate_hz, by);
         let misfit = |by: Resampling| {
-            let (base, repeats) = clock(by)?;
-            Some(self.moving.step_misfit(FrameTimes {
+            let (base, repeats) = clock(by);
+            self.moving.step_misfit(FrameTimes {
                 times_s: &base.times_s,
                 duplicates: &repeats,
-            }))
+            })
         };
-        let mut seen: Vec<(f64, Resampling)> = Vec::new();
-        let mut looked = 0_usize;
-        for (above, below) in ratios() {
+        let best_of = |(above, below): (u32, u32)| {
             let ratio = f64::from(above) / f64::from(below);
             let phases = (0..below).map(|k| f64::from(k) / f64::from(below));
-            let fits = phases.filter_map(|phase| {
+            let fits = phases.map(|phase| {
                 let by = Resampling { ratio, phase };
-                Some((misfit(by)?, by))
+                (misfit(by), by)
             });
-            seen.extend(fits.inspect(|_| looked += 1).min_by(|a, b| a.0.total_cmp(&b.0)));
-        }
+            fits.min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let ratios = ratios();
+        let looked: u32 = ratios.iter().map(|(_, below)| below).sum();
+        let mut seen: Vec<(f64, Resampling)> = ratios.into_par_iter().filter_map(best_of).collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let price = 2.0 * (looked.max(1) as f64).ln() + 2.0 * MARGIN;
-        let best = seen.into_iter().take(MOST_TRIED);
+        let price = 2.0 * f64::from(looked.max(1)).ln() + 2.0 * MARGIN;
+        seen.truncate(MOST_TRIED);
         let stored_s = TimeBase::new(self.stamps_s, &[], None).interval_s;
-        let finer = best.map(|(fit, by)| {
+        let finer = seen.into_par_iter().map(|(fit, by)| {
             let by = refined(fit, by, self.stamps_s.len(), misfit);
             let usual = stored_s.and_then(|s| of_usual_rate(by, 1.0 / s, self.stamps_s.len(), misfit));
             usual.unwrap_or(by)
         });
         finer
-            .filter_map(|by| {
-                let (base, repeats) = clock(by)?;
-                Some(ClockTrial { base, repeats, price })
+            .map(|by| {
+                let (base, repeats) = clock(by);
+                ClockTrial { base, repeats, price }
             })
             .collect()
     }
@@ -354,19 +359,15 @@ fn greatest_divisor(a: u32, b: u32) -> u32 {
 }
 
 /// The resampling near `by` with the least misfit: other rates than quotients of small numbers drift by a picture over a recording of `frames`.
-fn refined(
-    fit: f64,
-    by: Resampling,
-    frames: usize,
-    misfit: impl Fn(Resampling) -> Option<f64>,
-) -> Resampling {
+fn refined(fit: f64, by: Resampling, frames: usize, misfit: impl Fn(Resampling) -> f64) -> Resampling {
     let (mut best, mut least) = (by, fit - REFINED_GAIN);
     for i in -REFINED_STEPS..=REFINED_STEPS {
         for k in -REFINED_STEPS..=REFINED_STEPS {
             let ratio = by.ratio + f64::from(i) / (f64::from(REFINED_STEPS) * frames as f64);
             let phase = (by.phase + 0.1 * f64::from(k)).rem_euclid(1.0);
             let trial = Resampling { ratio, phase };
-            if let Some(found) = misfit(trial).filter(|found| *found < least) {
+            let found = misfit(trial);
+            if found < least {
                 (best, least) = (trial, found);
             }
         }
@@ -380,15 +381,15 @@ fn of_usual_rate(
     by: Resampling,
     stored_hz: f64,
     frames: usize,
-    misfit: impl Fn(Resampling) -> Option<f64>,
+    misfit: impl Fn(Resampling) -> f64,
 ) -> Option<Resampling> {
-    let most = misfit(by)? + USUAL_RATE_COST;
+    let most = misfit(by) + USUAL_RATE_COST;
     let nearest = |ratios: Vec<f64>| {
         let suits = ratios.into_iter().filter_map(|ratio| {
             let phases = (0..USUAL_RATE_PHASES).map(|k| f64::from(k) / f64::from(USUAL_RATE_PHASES));
-            let fits = phases.filter_map(|phase| {
+            let fits = phases.map(|phase| {
                 let by = Resampling { ratio, phase };
-                Some((misfit(by)?, by))
+                (misfit(by), by)
             });
             fits.min_by(|a, b| a.0.total_cmp(&b.0))
                 .filter(|(fit, _)| *fit <= most)
@@ -515,7 +516,7 @@ mod tests {
                 let step = |r| picture(r, k) - picture(r, k - 1);
                 step(r) != step(truth)
             });
-            Some(10.0 * steps.count() as f64)
+            10.0 * steps.count() as f64
         };
         let near = Resampling {
             ratio: 0.8755,
@@ -523,7 +524,7 @@ mod tests {
         };
         let by = [near, truth]
             .into_iter()
-            .min_by(|a, b| misfit(*a).unwrap().total_cmp(&misfit(*b).unwrap()))
+            .min_by(|a, b| misfit(*a).total_cmp(&misfit(*b)))
             .unwrap();
         let usual = of_usual_rate(by, 274.0, frames, misfit).unwrap();
         assert!((usual.ratio * 274.0 - 240.0).abs() < 1e-9, "{usual:?}");
@@ -531,6 +532,6 @@ mod tests {
             ratio: 0.7,
             phase: 0.0,
         };
-        assert!(of_usual_rate(other, 274.0, frames, |r| Some((r.ratio - 0.7).abs() * 1e6)).is_none());
+        assert!(of_usual_rate(other, 274.0, frames, |r| (r.ratio - 0.7).abs() * 1e6).is_none());
     }
 }

@@ -59,13 +59,19 @@ pub fn impacts(
 
     // The bounces tell the spins, these the lift, which bends the arcs, too; those without it are the ones that bounce.
     let plain = scaled(&flight)?.with_spins(refined, rotations);
-    let (free, _) = plain.motion(&flight, SpinLift::default()).without_lift();
+    let (free, lift) = plain.motion(&flight, SpinLift::default()).without_lift();
     let (first_look, facts) = (&refined.tracked.first_look, camera.facts(plain.metres_per_unit));
     let departure = free.likeliest_departure(first_look, &facts);
-    let mut flight = flight.departing(departure, first_look, &facts).unwrap_or(flight);
-    let scaled = scaled(&flight)?.with_spins(refined, rotations);
+    let departed = flight.departing(departure, first_look, &facts);
+    let (scaled, free, lift, mut flight) = match departed {
+        Some(departed) => {
+            let scaled = scaled(&departed)?.with_spins(refined, rotations);
+            let (free, lift) = scaled.motion(&departed, SpinLift::default()).without_lift();
+            (scaled, free, lift, departed)
+        }
+        None => (plain, free, lift, flight),
+    };
     let metres_per_unit = scaled.metres_per_unit;
-    let (free, lift) = scaled.motion(&flight, SpinLift::default()).without_lift();
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
     let free = rolling_shutter::widened(free, camera, &refined.tracked);

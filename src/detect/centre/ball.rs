@@ -120,6 +120,12 @@ impl RadialTable {
         }
     }
 
+    /// Beyond this all is 0, px.
+    #[inline]
+    fn reach_px(&self) -> f64 {
+        self.first_px + (self.rows.len() - 2) as f64 / self.steps_a_px
+    }
+
     /// The three rows nearest to r, and how far it is from the middle one, in rows; `None` beyond the last, where all is 0.
     #[inline]
     fn rows_near(&self, r: f64) -> Option<(f64, [&[f64; RADIAL]; 3])> {
@@ -222,6 +228,9 @@ pub struct SweptBall {
     pub points: usize,
 }
 
+/// Of fewer places of a path all are looked at.
+const LEAST_CUT: usize = 4;
+
 /// A pixel seen from the ball at one place of its path.
 struct PathPlace {
     /// From the ball's centre, px.
@@ -235,15 +244,16 @@ struct PathPlace {
 }
 
 impl SweptBall {
-    /// The places of the path, as a pixel `offset` from its middle has them.
-    fn places(&self, offset: (f64, f64)) -> impl Iterator<Item = PathPlace> {
+    /// The places of the path, as a pixel `offset` from its middle has them: at least those from which it is no further than `reach_px`.
+    #[inline]
+    fn places(&self, offset: (f64, f64), reach_px: f64) -> impl Iterator<Item = PathPlace> {
         let Self {
             swept_px,
             bent_px,
             points,
             ..
         } = *self;
-        (0..points).map(move |k| {
+        self.within(offset, reach_px).map(move |k| {
             let s = (k as f64 + 0.5) / points as f64 - 0.5;
             let x = offset.0 - s * (swept_px[0] + s * bent_px[0]);
             let y = offset.1 - s * (swept_px[1] + s * bent_px[1]);
@@ -257,6 +267,29 @@ impl SweptBall {
                 longer: [0, 1].map(|i| s * (swept_px[i] + 2.0 * s * bent_px[i])),
             }
         })
+    }
+
+    /// The places that a pixel may be within reach of: where a line meets a circle, widened by what the path bends.
+    #[inline]
+    fn within(&self, offset: (f64, f64), reach_px: f64) -> std::ops::Range<usize> {
+        let [a, b] = self.swept_px;
+        let length2 = a * a + b * b;
+        if self.points < LEAST_CUT || length2 == 0.0 {
+            return 0..self.points;
+        }
+        let reach_px = reach_px + 0.25 * norm(self.bent_px[0], self.bent_px[1]);
+        let middle = (offset.0 * a + offset.1 * b) / length2;
+        let beside2 = offset.0 * offset.0 + offset.1 * offset.1 - middle * middle * length2;
+        let half2 = (reach_px * reach_px - beside2) / length2;
+        if half2 < 0.0 {
+            return 0..0;
+        }
+        let place = |s: f64| ((s + 0.5) * self.points as f64).clamp(0.0, self.points as f64);
+        let half = half2.sqrt();
+        // (Whole places, and one for rounding.)
+        let from = (place(middle - half) - 1.0).max(0.0) as usize;
+        let to = (place(middle + half) + 1.0) as usize;
+        from..to.min(self.points)
     }
 }
 
@@ -312,7 +345,7 @@ impl PixelModel {
 #[must_use]
 pub fn pixel_model(table: &RadialTable, swept: &SweptBall, offset: (f64, f64)) -> PixelModel {
     let mut sum = PixelModel::default();
-    for at in swept.places(offset) {
+    for at in swept.places(offset, table.reach_px() + swept.larger_px) {
         // A little larger: the same, further out.
         let (f, d) = table.at(at.r - swept.larger_px);
         sum.add(&at, &f, &d);
@@ -384,7 +417,8 @@ pub struct LinearisedModel {
 pub fn linearised_model(table: &LinearisedTable, swept: &SweptBall, offset: (f64, f64)) -> LinearisedModel {
     let last = table.rows.len() - 2;
     let mut sum = LinearisedModel::default();
-    for at in swept.places(offset) {
+    let reach_px = table.first_px + last as f64 / table.steps_a_px + swept.larger_px;
+    for at in swept.places(offset, reach_px) {
         let place = (at.r - swept.larger_px - table.first_px) * table.steps_a_px;
         if place > last as f64 {
             // Beyond the last row all is 0.

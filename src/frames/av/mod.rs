@@ -86,6 +86,20 @@ pub(super) fn silence() {
     });
 }
 
+/// Blocks of memory from this size on are pictures, ours or the decoder's, bytes.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const PICTURE_BYTES: c_int = 3 << 19;
+
+/// From here on memory of pictures goes back to the system when they are let go. As it is by default, the C library keeps it for blocks to come
+/// once pictures of that size were freed, in pieces which threads leave between each other: a fifth more at 3840 × 2160.
+pub(super) fn give_back_pictures() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: it takes numbers, and changes only how later blocks are found.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, PICTURE_BYTES);
+    }
+}
+
 /// Counts pictures in which a decoder of ours concealed errors; FFmpeg writes one such line a picture.
 ///
 /// # Safety
