@@ -34,7 +34,7 @@ pub struct Background {
     pub luma: Arc<Luma>,
     /// The same to fractions of a grey level, row by row: where the camera is fixed, the mean of the frames in which nothing
     /// covers the pixel, since the median is biased towards the ball where that covers it often.
-    pub scene_grey: Vec<FineGrey>,
+    pub scene_grey: Vec<f32>,
     /// Standard deviation of a single pixel's noise, grey levels.
     pub noise_grey: f64,
     /// Side of a block, px.
@@ -55,31 +55,6 @@ pub struct Background {
     pub shift_std_px: f64,
     /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
     pub edges: Option<SceneEdges>,
-}
-
-/// A grey level in 256ths: half the memory of a float, and finer than any mean of a survey.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FineGrey(u16);
-
-impl FineGrey {
-    const STEPS: f32 = 256.0;
-
-    /// The nearest to `grey`, of a picture's levels.
-    fn nearest(grey: f32) -> Self {
-        Self((grey * Self::STEPS).round() as u16)
-    }
-}
-
-impl From<u8> for FineGrey {
-    fn from(grey: u8) -> Self {
-        Self(u16::from(grey) << 8)
-    }
-}
-
-impl From<FineGrey> for f32 {
-    fn from(grey: FineGrey) -> Self {
-        Self::from(grey.0) / FineGrey::STEPS
-    }
 }
 
 /// A block is moving where its mean differs by this many standard deviations. 5 keeps false alarms of white noise
@@ -158,7 +133,7 @@ impl Background {
             uncovered_mean(&luma, survey, &registrations, noise_grey)
         } else {
             // A hand also turns the camera: edges far from the middle do not quite meet, and a mean would smear them.
-            luma.data.iter().map(|&p| p.into()).collect()
+            luma.data.iter().map(|&p| f32::from(p)).collect()
         };
         let mut background = Self {
             noise_grey,
@@ -468,28 +443,28 @@ fn uncovered_mean(
     frames: &[&Luma],
     registrations: &[Registration],
     noise_grey: f64,
-) -> Vec<FineGrey> {
+) -> Vec<f32> {
     /// Where half of the frames are covered, the median is the outermost of the others: 1.5 standard deviations of the
     /// noise from their mean, whose other side must still be within reach.
     const REACH_SIGMAS: f64 = 4.0;
     let reach = (REACH_SIGMAS * noise_grey) as f32;
     let width = median.width;
-    let mut scene = vec![FineGrey(0); median.data.len()];
+    let mut scene = vec![0.0; median.data.len()];
     let rows = scene.par_chunks_mut(width.max(1)).enumerate();
     rows.for_each(|(v, row)| {
-        let (mut sums, mut counts) = (vec![0.0_f32; width], vec![0.0_f32; width]);
+        let mut counts = vec![0.0_f32; width];
         for (frame, r) in frames.iter().zip(registrations) {
             let (scale, offset) = ((1.0 / r.gain) as f32, r.offset_grey as f32);
             let pixels = frame.row(v).iter().zip(median.row(v));
-            for ((&p, &m), (sum, count)) in pixels.zip(sums.iter_mut().zip(&mut counts)) {
+            for ((&p, &m), (sum, count)) in pixels.zip(row.iter_mut().zip(&mut counts)) {
                 let change = (f32::from(p) - offset) * scale - f32::from(m);
                 let shows = if change.abs() <= reach { 1.0 } else { 0.0 };
                 *sum += shows * change;
                 *count += shows;
             }
         }
-        for (((grey, sum), count), &m) in row.iter_mut().zip(sums).zip(counts).zip(median.row(v)) {
-            *grey = FineGrey::nearest(f32::from(m) + sum / count.max(1.0));
+        for ((sum, count), &m) in row.iter_mut().zip(counts).zip(median.row(v)) {
+            *sum = f32::from(m) + *sum / count.max(1.0);
         }
     });
     scene
@@ -626,7 +601,7 @@ mod tests {
                 .collect();
             chosen.iter().sum::<f64>() / chosen.len() as f64
         };
-        let scene = |k: usize| f64::from(f32::from(background.scene_grey[k]));
+        let scene = |k: usize| f64::from(background.scene_grey[k]);
         let median = |k: usize| f64::from(background.luma.data[k]);
         // Four throws of 0 to 3 have the mean 6.
         assert!((mean(&scene, false) - 56.0).abs() < 0.1);

@@ -90,10 +90,10 @@ pub type PixelRegion = (std::ops::Range<usize>, std::ops::Range<usize>);
 impl SceneEdges {
     /// The edges of the scene `grey`, row by row, whose frames have noise of `noise_grey`.
     #[must_use]
-    pub fn new<T: Copy + Into<f32>>(grey: &[T], width: usize, noise_grey: f64) -> Self {
+    pub fn new(grey: &[f32], width: usize, noise_grey: f64) -> Self {
         let height = grey.len() / width.max(1);
         let least = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY);
-        let at = |u: usize, v: usize| f64::from(grey[v * width + u].into());
+        let at = |u: usize, v: usize| f64::from(grey[v * width + u]);
         let margin = REACH_PX as usize + 2;
         let mut pixels = Vec::new();
         for v in margin..height.saturating_sub(margin) {

@@ -115,13 +115,6 @@ pub trait MotionModel: Debug + Send + Sync {
         self.motion_in_plane(parameters, times, k, t)
     }
 
-    /// The same at several times.
-    fn motions_in_picture(&self, parameters: &[f64], times: &[f64], k: usize, at: &[f64]) -> Vec<Motion> {
-        let each = at.iter();
-        each.map(|&t| self.motion_in_picture(parameters, times, k, t))
-            .collect()
-    }
-
     /// Speed on arc `k` at time `t`, plane units a second.
     fn speed(&self, parameters: &[f64], times: &[f64], k: usize, t: f64) -> f64 {
         let m = self.motion_in_plane(parameters, times, k, t);
@@ -278,13 +271,6 @@ impl ArcFit {
     pub fn motion(&self, k: usize, t: f64) -> Motion {
         self.model
             .motion_in_picture(self.parameters.as_slice(), &self.times, k, t)
-    }
-
-    /// The same at several times.
-    #[must_use]
-    pub fn motions(&self, k: usize, at: &[f64]) -> Vec<Motion> {
-        self.model
-            .motions_in_picture(self.parameters.as_slice(), &self.times, k, at)
     }
 
     /// The motion of any parameters of this fit's layout, seen from the side.

@@ -7,7 +7,7 @@ use super::extra_variance::{ArcDistance, ExtraVariance};
 use super::free_flight::SpotUse;
 use super::linking::Spot;
 use super::motion_model::{ArcFit, FitPoint, MotionModel};
-use super::planar::{BEND_POWERS, Motion};
+use super::planar::BEND_POWERS;
 use std::ops::Range;
 
 /// Points further off than this many (robust) standard deviations are outliers.
@@ -108,20 +108,13 @@ fn arc_residuals(
             *sum += w * power;
         }
     }
-    let arc_of = |i: usize| match uses[i] {
-        SpotUse::Used(k) => Some(k),
-        SpotUse::Outlier(_) => nearest_arc(uses, i),
-        _ => None,
-    };
-    let asked: Vec<(usize, usize)> = (0..spots.len())
-        .filter_map(|i| arc_of(i).map(|arc| (i, arc)))
-        .collect();
-    let places: Vec<(usize, f64)> = asked.iter().map(|&(i, k)| (k, spots[i].time_s)).collect();
-    let mut residuals: Vec<Option<ArcResidual>> = Vec::new();
-    residuals.resize_with(spots.len(), || None);
-    for ((i, arc), m) in asked.into_iter().zip(motions_on_arcs(fit, &places)) {
-        let (spot, used) = (&spots[i], uses[i] == SpotUse::Used(arc));
-        let own = extra.variance_of(spot);
+    let residual = |(i, spot): (usize, &Spot)| -> Option<ArcResidual> {
+        let (arc, used) = match uses[i] {
+            SpotUse::Used(k) => (k, true),
+            SpotUse::Outlier(_) => (nearest_arc(uses, i)?, false),
+            _ => return None,
+        };
+        let (m, own) = (fit.motion(arc, spot.time_s), extra.variance_of(spot));
         let distance = (spot.place.right - m.r).hypot(spot.place.up - m.h);
         let [s0, s1, s2] = sums[arc];
         let t = spot.time_s - fit.times[arc];
@@ -133,14 +126,14 @@ fn arc_residuals(
         } else {
             1.0 + line
         };
-        residuals[i] = Some(ArcResidual {
+        Some(ArcResidual {
             arc,
             used,
             distance,
             sigmas: distance / (2.0 * own * share).sqrt(),
-        });
-    }
-    residuals
+        })
+    };
+    spots.iter().enumerate().map(residual).collect()
 }
 
 /// The spots in use, each with its arc.
@@ -185,27 +178,16 @@ fn distances(spots: &[Spot], uses: &[SpotUse], fit: &ArcFit, extra: &ExtraVarian
     for (s, k) in used(spots, uses) {
         weights[k] += 1.0 / extra.variance_of(s);
     }
-    let places: Vec<(usize, f64)> = used(spots, uses).map(|(s, k)| (k, s.time_s)).collect();
-    let distance = |((s, k), m): ((&Spot, usize), Motion)| ArcDistance {
-        square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
-        own: s.std * s.std,
-        coded: s.coded,
-        leverage: (unknowns as f64 / (extra.variance_of(s) * weights[k])).min(0.9),
+    let distance = |(s, k): (&Spot, usize)| {
+        let m = fit.motion(k, s.time_s);
+        ArcDistance {
+            square: (s.place.right - m.r).powi(2) + (s.place.up - m.h).powi(2),
+            own: s.std * s.std,
+            coded: s.coded,
+            leverage: (unknowns as f64 / (extra.variance_of(s) * weights[k])).min(0.9),
+        }
     };
-    let motions = motions_on_arcs(fit, &places);
-    used(spots, uses).zip(motions).map(distance).collect()
-}
-
-/// The motion at each of these arcs and times: each arc's in one pass.
-fn motions_on_arcs(fit: &ArcFit, places: &[(usize, f64)]) -> Vec<Motion> {
-    let mut times = vec![Vec::new(); fit.arcs()];
-    for &(arc, t) in places {
-        times[arc].push(t);
-    }
-    let each = times.iter().enumerate();
-    let mut motions: Vec<_> = each.map(|(k, times)| fit.motions(k, times).into_iter()).collect();
-    let next = |(arc, _): &(usize, f64)| motions[*arc].next().expect("one for each time");
-    places.iter().map(next).collect()
+    used(spots, uses).map(distance).collect()
 }
 
 /// The arc of the nearest used points before and after, where it is the same.

@@ -288,9 +288,6 @@ impl PlanarArcs<'_> {
             let (step, apart) = closest_approach(&self.motion(a, t), &self.motion(b, t))?;
             gap = apart;
             t += step;
-            if step.abs() <= f64::EPSILON * t.abs() {
-                break;
-            }
         }
         (t.is_finite() && gap.is_finite()).then_some((t, gap))
     }

@@ -11,7 +11,7 @@ use super::free_flight::Flight;
 use super::linking::{LinkedSpots, Spot, Track, median_radius};
 use super::motion_model::{ArcFit, FitPoint, MotionModel, VerticalPrior};
 use super::parabola::{self, Fall, Gravity, own_gravity};
-use super::planar::{DRAG, GRAVITY, Motion, PlanarArcs};
+use super::planar::{DRAG, GRAVITY, Motion};
 use super::planar_fit::{self, PlanarPriors};
 use super::samples::{SAGITTA_SIGMAS, fine_sigma, samples_of, segment_sigma, shows_fall};
 use super::scale_change::ScaleChange;
@@ -156,20 +156,6 @@ impl MotionModel for SideView {
         let m = self.motion_in_plane(parameters, times, k, t);
         self.scale_change
             .map_or(m, |change| change.seen(ScaleChange::of(parameters), t, &m))
-    }
-
-    fn motions_in_picture(&self, parameters: &[f64], times: &[f64], k: usize, at: &[f64]) -> Vec<Motion> {
-        let planar = PlanarArcs {
-            parameters,
-            times,
-            law: self.drag_law(),
-            bent: self.bend().is_some(),
-        };
-        let seen = |(&t, (m, _)): (&f64, (Motion, _))| {
-            self.scale_change
-                .map_or(m, |change| change.seen(ScaleChange::of(parameters), t, &m))
-        };
-        at.iter().zip(planar.motions(k, at, false)).map(seen).collect()
     }
 
     fn magnification(&self, fit: &ArcFit, k: usize, t: f64) -> f64 {

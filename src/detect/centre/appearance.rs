@@ -178,30 +178,23 @@ fn with_or_without_smear(
         .min_by(|a, b| a.residual_std_grey.total_cmp(&b.residual_std_grey));
     let moving = best.map(|joint| joint.shared).filter(|s| {
         let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s <= 1.1 * longest_exposure_s;
-        in_reach && gains_more(EXPOSURE_GAIN, frames, &still, s, settings).unwrap_or(false)
+        in_reach && gain(frames, &still, s, settings).is_some_and(|g| g > EXPOSURE_GAIN)
     });
     Some(moving.unwrap_or(still))
 }
 
-/// Whether `new` fits better than `old` by more than `least` noise variances, on the same pixels.
-fn gains_more(
-    least: f64,
+/// By how much, in noise variances, `new` fits better than `old`, on the same pixels.
+fn gain(
     frames: &[FrameEstimate<'_>],
     old: &SharedParameters,
     new: &SharedParameters,
     settings: &AppearanceSettings,
-) -> Option<bool> {
+) -> Option<f64> {
     let bands = gather_bands(frames, new, settings);
     let old = JointFit::of_pixels(&bands, old, settings)?;
-    let gains = |new: &JointFit| {
-        let common = new.residual_std_grey.min(old.residual_std_grey);
-        old.cost(common) - new.cost(common) > least
-    };
-    // Where it does as it stands, it need not be fitted.
-    Some(
-        gains(&JointFit::as_it_stands(&bands, new, settings))
-            || gains(&JointFit::of_pixels(&bands, new, settings)?),
-    )
+    let new = JointFit::of_pixels(&bands, new, settings)?;
+    let common = new.residual_std_grey.min(old.residual_std_grey);
+    Some(old.cost(common) - new.cost(common))
 }
 
 /// Terms whose lack costs so many noise variances, to first order, are needed: they may cost two each.

@@ -31,9 +31,6 @@ const CERTAIN_BLURS: f64 = 9.0;
 const FIRST_OFFSETS: [f64; 5] = [0.3, 0.6, 1.0, 1.5, 2.0];
 const FIRST_DIRECTIONS: usize = 16;
 
-/// So many places tell the five numbers; of more, every second or third is looked at.
-const MOST_PLACES: usize = 4000;
-
 /// The change of the scene at a place beside the ball, grey levels, with its standard uncertainty.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Change {
@@ -55,7 +52,6 @@ pub(super) struct ShadowDisc {
 impl ShadowDisc {
     /// The one that explains `changes` beside a ball of `ball_px` best; `None` where no disc explains anything of them.
     pub(super) fn fitted(changes: &[Change], ball_px: f64) -> Option<Self> {
-        let changes = &thinned(changes);
         let starts = FIRST_OFFSETS.iter().flat_map(|&part| {
             (0..FIRST_DIRECTIONS).map(move |k| {
                 let (sin, cos) = (TAU * k as f64 / FIRST_DIRECTIONS as f64).sin_cos();
@@ -136,18 +132,6 @@ impl ShadowDisc {
             depth_grey: p[4],
         }
     }
-}
-
-/// At most [`MOST_PLACES`] of `changes`, evenly, each as sure as those that it stands for.
-fn thinned(changes: &[Change]) -> Vec<Change> {
-    let step = changes.len().div_ceil(MOST_PLACES).max(1);
-    let surer = (step as f64).sqrt();
-    let some = changes.iter().step_by(step);
-    some.map(|c| Change {
-        std: c.std / surer,
-        ..*c
-    })
-    .collect()
 }
 
 struct Beside<'a> {

@@ -134,17 +134,6 @@ impl JointFit {
         Some(Self::at(parameters, equations))
     }
 
-    /// Nothing fitted: what these parameters are as they are on these pixels.
-    pub fn as_it_stands(
-        bands: &[FrameBand<'_>],
-        parameters: &SharedParameters,
-        settings: &AppearanceSettings,
-    ) -> Self {
-        let parameters = JointParameters::new(parameters);
-        let equations = JointEquations::build(bands, &parameters, settings, f64::INFINITY);
-        Self::at(parameters, equations)
-    }
-
     fn at(JointParameters { shared, shift }: JointParameters, equations: JointEquations) -> Self {
         Self {
             light_covariance: equations.light_covariance(),
