@@ -20,7 +20,10 @@ use crate::impact::error_budget::{EDGE_STD_PX, MARKED_COMMON_PART, MARKED_RADIUS
 use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence};
 use crate::quantity::Quantity;
-use crate::rotation::{BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES};
+use crate::rotation::{
+    BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, SampledBall,
+    common_light,
+};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -60,6 +63,12 @@ pub struct ArcRotation {
 
 /// A centre, and when the ball was there, s.
 type TimedCentre = (BallCentre, f64);
+
+/// The pictures of an arc: the centres that they are taken around, and the ball's pixels, if they were taken.
+struct ArcPictures {
+    centres: Vec<TimedCentre>,
+    ball: Option<SampledBall>,
+}
 
 /// The pictures of a refined flight.
 struct FlightPictures<'a> {
@@ -103,24 +112,25 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
         radius_std_px: EDGE_STD_PX.hypot(MARKED_RADIUS_PART * displaced_px),
         light: None,
     };
-    let shown: Vec<(Vec<TimedCentre>, ArcRotation)> = (0..flight.fit.arcs())
+    let shown: Vec<(ArcPictures, ArcRotation)> = (0..flight.fit.arcs())
         .into_par_iter()
         .map(|k| {
             let (arc, rates) = pictures.likelier_rates(flight, k, &search);
+            let centres = &arc.centres;
             let rotation = ArcRotation {
                 span_s: (
-                    arc.first().map_or(f64::NAN, |(_, t)| *t),
-                    arc.last().map_or(f64::NAN, |(_, t)| *t),
+                    centres.first().map_or(f64::NAN, |(_, t)| *t),
+                    centres.last().map_or(f64::NAN, |(_, t)| *t),
                 ),
-                frames: arc.iter().map(|(c, _)| c.frame).collect(),
-                times_s: arc.iter().map(|(_, t)| *t).collect(),
+                frames: centres.iter().map(|(c, _)| c.frame).collect(),
+                times_s: centres.iter().map(|(_, t)| *t).collect(),
                 rates,
             };
             (arc, rotation)
         })
         .collect();
-    let (arcs, mut found): (Vec<Vec<TimedCentre>>, Vec<ArcRotation>) = shown.into_iter().unzip();
-    pictures.settle_slow(&arcs, &search, &mut found);
+    let (arcs, mut found): (Vec<ArcPictures>, Vec<ArcRotation>) = shown.into_iter().unzip();
+    pictures.settle_slow(arcs, &search, &mut found);
     drop_unlike_others(&mut found);
     found
 }
@@ -136,6 +146,12 @@ fn drop_unlike_others(found: &mut [ArcRotation]) {
     }
 }
 
+/// No more than [`SEARCH_FRAMES`] of an arc, spread over it.
+fn sparse(arc: &[TimedCentre]) -> Vec<TimedCentre> {
+    let step = arc.len().div_ceil(SEARCH_FRAMES).max(1);
+    arc.iter().step_by(step).copied().collect()
+}
+
 impl FlightPictures<'_> {
     /// The centres that arc `k` was fitted to, with their times.
     fn of_arc(&self, flight: &Flight, k: usize) -> Vec<TimedCentre> {
@@ -148,30 +164,39 @@ impl FlightPictures<'_> {
         .collect()
     }
 
-    /// The centres of arc `k` that its pictures are taken around, and the rates that these show: the measured ones, or those of the arc itself,
-    /// whichever leave the pictures less unexplained. Marks that turn draw a measured centre to and fro with them, by a tenth of a pixel; where the
-    /// camera swings the ball is where it was measured.
+    /// The pictures of arc `k`, and the rates that these show: around the measured centres, or those of the arc itself, whichever leave the
+    /// pictures less unexplained. Marks that turn draw a measured centre to and fro with them, by a tenth of a pixel; where the camera swings the
+    /// ball is where it was measured.
     fn likelier_rates(
         &self,
         flight: &Flight,
         k: usize,
         search: &RotationSearch<'_>,
-    ) -> (Vec<TimedCentre>, Result<Vec<RotationFit>, NoRate>) {
+    ) -> (ArcPictures, Result<Vec<RotationFit>, NoRate>) {
         let measured = self.of_arc(flight, k);
         let (some, candidates) = match self.candidates(&measured, search) {
             Ok(found) => found,
-            Err(reason) => return (measured, Err(reason)),
+            Err(reason) => {
+                let (centres, ball) = (measured, None);
+                return (ArcPictures { centres, ball }, Err(reason));
+            }
         };
         // Which it is, some of the pictures tell.
         let on_arc = self.on_arc(flight, k, &measured).filter(|_| {
-            let left = |some: &[TimedCentre]| search.left_by(&self.views(some), &candidates[0]);
-            let there = self.on_arc(flight, k, &some);
-            let both = there.and_then(|there| left(&there)).zip(left(&some));
-            both.is_some_and(|(there, here)| there < here)
+            let left = |ball: &SampledBall| search.left_by(ball, &candidates[0]);
+            let there = self.on_arc(flight, k, &some.centres);
+            let there = there.and_then(|there| self.sampled(&there, search).ok());
+            let here = some.ball.as_ref();
+            there
+                .zip(here)
+                .is_some_and(|(there, here)| left(&there) < left(here))
         });
+        let is_all = on_arc.is_none() && some.centres.len() == measured.len();
         let centres = on_arc.unwrap_or(measured);
-        let rates = search.by_all(&self.views(&centres), &candidates);
-        (centres, rates)
+        let ball = some.ball.filter(|_| is_all);
+        let mut arc = ArcPictures { centres, ball };
+        let rates = self.rates_among(&mut arc, &candidates, search);
+        (arc, rates)
     }
 
     /// The same with the centres where the arc has them; `None` where that cannot be said of each.
@@ -190,35 +215,69 @@ impl FlightPictures<'_> {
         measured.iter().map(of).collect()
     }
 
-    /// Rates that some of an arc's pictures, around the centres given with them, show.
+    /// Rates that some of an arc's pictures, which are given with them, show.
     fn candidates(
         &self,
         arc: &[TimedCentre],
         search: &RotationSearch<'_>,
-    ) -> Result<(Vec<TimedCentre>, Vec<RotationFit>), NoRate> {
+    ) -> Result<(ArcPictures, Vec<RotationFit>), NoRate> {
         let spare = arc.len().saturating_sub(SEARCH_FRAMES);
-        let middle = arc[spare / 2..arc.len() - spare.div_ceil(2)].to_vec();
-        match search.candidates(&self.views(&middle)) {
-            Ok(found) => Ok((middle, found)),
-            Err(reason) if spare == 0 => Err(reason),
-            Err(_) => {
-                // What turns too slowly to show it within those.
-                let step = arc.len().div_ceil(SEARCH_FRAMES);
-                let sparse: Vec<TimedCentre> = arc.iter().step_by(step).copied().collect();
-                let found = search.candidates(&self.views(&sparse))?;
-                Ok((sparse, found))
-            }
+        let of = |some: Vec<TimedCentre>| {
+            let ball = self.sampled(&some, search)?;
+            let found = search.evidence(&ball)?.candidates()?;
+            let pictures = ArcPictures {
+                centres: some,
+                ball: Some(ball),
+            };
+            Ok((pictures, found))
+        };
+        match of(arc[spare / 2..arc.len() - spare.div_ceil(2)].to_vec()) {
+            // What turns too slowly to show it within those.
+            Err(_) if spare > 0 => of(sparse(arc)),
+            found => found,
         }
     }
 
-    fn rates(&self, arc: &[TimedCentre], search: &RotationSearch<'_>) -> Result<Vec<RotationFit>, NoRate> {
-        let (_, candidates) = self.candidates(arc, search)?;
-        search.by_all(&self.views(arc), &candidates)
+    /// The rates that an arc shows.
+    fn rates(&self, arc: &mut ArcPictures, search: &RotationSearch<'_>) -> Result<Vec<RotationFit>, NoRate> {
+        if arc.centres.len() <= SEARCH_FRAMES {
+            return search.rivals(self.ball_of(arc, search)?);
+        }
+        let (_, candidates) = self.candidates(&arc.centres, search)?;
+        self.rates_among(arc, &candidates, search)
+    }
+
+    /// The rates that `candidates` become by all pictures of an arc.
+    fn rates_among(
+        &self,
+        arc: &mut ArcPictures,
+        candidates: &[RotationFit],
+        search: &RotationSearch<'_>,
+    ) -> Result<Vec<RotationFit>, NoRate> {
+        search.evidence(self.ball_of(arc, search)?)?.by_all(candidates)
+    }
+
+    /// The ball's pixels on an arc.
+    fn ball_of<'a>(
+        &self,
+        arc: &'a mut ArcPictures,
+        search: &RotationSearch<'_>,
+    ) -> Result<&'a SampledBall, NoRate> {
+        let ball = match arc.ball.take() {
+            Some(ball) => ball,
+            None => self.sampled(&arc.centres, search)?,
+        };
+        Ok(arc.ball.insert(ball))
     }
 
     /// Looks once more at the arcs that showed no rate, or made too few turns for their marks to be told from the light: in the light that all
     /// arcs have in common, or else in a smooth one.
-    fn settle_slow(&self, arcs: &[Vec<TimedCentre>], search: &RotationSearch<'_>, found: &mut [ArcRotation]) {
+    fn settle_slow(
+        &self,
+        mut arcs: Vec<ArcPictures>,
+        search: &RotationSearch<'_>,
+        found: &mut [ArcRotation],
+    ) {
         let is_open = |r: &ArcRotation| match &r.rates {
             Ok(rates) => rates[0].turns(r.span_s.1 - r.span_s.0) < LEAST_TURNS,
             Err(_) => true,
@@ -226,26 +285,24 @@ impl FlightPictures<'_> {
         if !found.iter().any(is_open) || found.iter().all(|r| r.rates.is_err()) {
             return;
         }
-        let views: Vec<Vec<BallView>> = arcs.iter().map(|arc| self.views(arc)).collect();
-        let shown = || {
-            views
-                .iter()
-                .zip(found.iter())
-                .filter_map(|(v, r)| Some((&v[..], r.rates.as_ref().ok()?.first()?)))
-        };
-        let light = search.common_light(&shown().collect::<Vec<_>>());
-        let each = arcs.par_iter().zip(found).filter(|(_, found)| is_open(found));
+        let shown = arcs.iter().zip(found.iter());
+        let shown = shown.filter_map(|(arc, r)| arc.ball.as_ref().zip(r.rates.as_ref().ok()?.first()));
+        let light = common_light(&shown.collect::<Vec<_>>());
+        let each = arcs.par_iter_mut().zip(found).filter(|(_, found)| is_open(found));
         each.for_each(|(arc, found)| {
             let lit = light.as_ref().map(|light| RotationSearch {
                 light: Some(light),
                 ..*search
             });
-            let smooth = || {
-                let step = arc.len().div_ceil(SEARCH_FRAMES).max(1);
-                let sparse: Vec<TimedCentre> = arc.iter().step_by(step).copied().collect();
-                search.in_smooth_light(&self.views(&sparse)).ok()
-            };
-            let again = lit.and_then(|lit| self.rates(arc, &lit).ok()).or_else(smooth);
+            let again = lit.and_then(|lit| self.rates(arc, &lit).ok());
+            let again = again.or_else(|| {
+                if arc.centres.len() > SEARCH_FRAMES {
+                    let (centres, ball) = (sparse(&arc.centres), None);
+                    *arc = ArcPictures { centres, ball };
+                }
+                let ball = self.ball_of(arc, search).ok()?;
+                search.evidence(ball).ok()?.in_smooth_light().ok()
+            });
             let without = || match &found.rates {
                 Ok(_) => Err(NoRate::TooFewTurns),
                 Err(reason) => Err(*reason),
@@ -254,8 +311,9 @@ impl FlightPictures<'_> {
         });
     }
 
-    fn views(&self, arc: &[TimedCentre]) -> Vec<BallView> {
-        arc.par_iter().filter_map(|(c, t)| self.view(c, *t)).collect()
+    fn sampled(&self, arc: &[TimedCentre], search: &RotationSearch<'_>) -> Result<SampledBall, NoRate> {
+        let views: Vec<BallView> = arc.par_iter().filter_map(|(c, t)| self.view(c, *t)).collect();
+        search.sampled(&views)
     }
 
     /// The ball's pixels around a centre; `None` where memory had no room for them.

@@ -1,6 +1,6 @@
 //! A function on the sphere: values at the nodes of a grid on each face of a cube around it, linear between them.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 
 /// What a map has at its nodes: a number, or one for each of three things at once.
@@ -12,6 +12,9 @@ pub trait MapValue:
 impl MapValue for f64 {}
 
 impl MapValue for Vector3<f64> {}
+
+/// Directions that are looked up together.
+pub const AT_ONCE: usize = 16;
 
 /// The four nodes around a direction, with the weights that a linear function has there.
 pub type NodeWeights = [(u32, f32); 4];
@@ -112,31 +115,43 @@ impl CubeGrid {
     }
 
     /// The face that `d` goes through, and where in it: each coordinate from 0 to `nodes` − 1. (Equal angles are equal
-    /// steps along the middles of a face.)
-    #[inline]
-    fn place(self, d: &Vector3<f64>) -> (usize, f64, f64) {
-        let (x, y, z) = (d.x, d.y, d.z);
+    /// steps along the middles of a face.) Without branches, so that a row of directions is worked out side by side.
+    #[inline(always)]
+    fn place(self, [x, y, z]: [f32; 3]) -> (f32, f32, f32) {
         let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-        let (face, major, p, q) = if ax >= ay && ax >= az {
-            (usize::from(x < 0.0), ax, y, z)
-        } else if ay >= az {
-            (2 + usize::from(y < 0.0), ay, z, x)
-        } else {
-            (4 + usize::from(z < 0.0), az, x, y)
+        let by_x = (ax >= ay) & (ax >= az);
+        let by_y = !by_x & (ay >= az);
+        let pick = |x: f32, y: f32, z: f32| {
+            if by_x {
+                x
+            } else if by_y {
+                y
+            } else {
+                z
+            }
         };
-        let steps = (self.side - 1) as f64;
-        let inverse = 1.0 / major;
-        let along = |t: f64| {
-            steps * (0.5 + arc_tangent((t * inverse).clamp(-1.0, 1.0)) * std::f64::consts::FRAC_2_PI)
-        };
+        let (major, p, q) = (pick(x, y, z), pick(y, z, x), pick(z, x, y));
+        let face = pick(0.0, 2.0, 4.0) + if major < 0.0 { 1.0 } else { 0.0 };
+        let steps = (self.side - 1) as f32;
+        let inverse = 1.0 / major.abs();
+        let along = |t: f32| steps * (0.5 + arc_tangent(t * inverse) * std::f32::consts::FRAC_2_PI);
         (face, along(p), along(q))
+    }
+
+    /// The first of the four nodes around a place on a face, and how far from it the place is, each way.
+    #[inline(always)]
+    fn within(self, (face, p, q): (f32, f32, f32)) -> (f32, f32, f32) {
+        let (side, last) = (self.side as f32, (self.side - 2) as f32);
+        let floor = |t: f32| (t as i32 as f32).min(last);
+        let (i, j) = (floor(p), floor(q));
+        ((face * side + i) * side + j, p - i, q - j)
     }
 
     /// The node nearest to `d`.
     #[must_use]
     pub fn nearest(self, d: &Vector3<f64>) -> usize {
-        let (face, p, q) = self.place(d);
-        (face * self.side + (p + 0.5) as usize) * self.side + (q + 0.5) as usize
+        let (face, p, q) = self.place((*d).cast().into());
+        (face as usize * self.side + (p + 0.5) as usize) * self.side + (q + 0.5) as usize
     }
 
     /// The nodes around `d`.
@@ -149,11 +164,31 @@ impl CubeGrid {
     #[inline]
     #[must_use]
     pub fn cell(self, d: &Vector3<f64>) -> GridCell {
-        let (face, p, q) = self.place(d);
-        let last = self.side - 2;
-        let (i, j) = ((p as usize).min(last), (q as usize).min(last));
-        let at = (face * self.side + i) * self.side + j;
-        GridCell::new(at, p - i as f64, q - j as f64)
+        let (at, across, along) = self.within(self.place((*d).cast().into()));
+        GridCell {
+            at: at as u32,
+            across,
+            along,
+        }
+    }
+
+    /// The places of [`AT_ONCE`] directions between the nodes, each turned by `turn` first: components x, y, z of all.
+    #[inline]
+    #[must_use]
+    pub fn cells(self, turn: &Matrix3<f32>, [x, y, z]: [&[f32; AT_ONCE]; 3]) -> [GridCell; AT_ONCE] {
+        let (mut at, mut across, mut along) = ([0i32; AT_ONCE], [0.0f32; AT_ONCE], [0.0f32; AT_ONCE]);
+        for k in 0..AT_ONCE {
+            let by = |row: usize| turn[(row, 0)] * x[k] + turn[(row, 1)] * y[k] + turn[(row, 2)] * z[k];
+            let (first, p, q) = self.within(self.place([by(0), by(1), by(2)]));
+            at[k] = first as i32;
+            across[k] = p;
+            along[k] = q;
+        }
+        std::array::from_fn(|k| GridCell {
+            at: at[k] as u32,
+            across: across[k],
+            along: along[k],
+        })
     }
 
     /// Nodes along each edge of a face.
@@ -193,9 +228,10 @@ pub fn value_at(map: &[f64], corners: &[(u32, f32)]) -> f64 {
 
 /// arctan of a number from −1 to 1, to 1e-5 (Abramowitz and Stegun 1964, 4.4.47), which is how far nodes may lie from their places: every pixel asks
 /// for it four times at every step of a fit.
-#[inline]
-fn arc_tangent(t: f64) -> f64 {
-    const TERMS: [f64; 5] = [0.020_835_1, -0.085_133_0, 0.180_141_0, -0.330_299_5, 0.999_866_0];
+#[inline(always)]
+fn arc_tangent(t: f32) -> f32 {
+    const TERMS: [f32; 5] = [0.020_835_1, -0.085_133, 0.180_141, -0.330_299_5, 0.999_866];
     let square = t * t;
-    t * TERMS.iter().fold(0.0, |sum, term| sum * square + term)
+    let [e, d, c, b, a] = TERMS;
+    t * ((((e * square + d) * square + c) * square + b) * square + a)
 }

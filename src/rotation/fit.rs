@@ -15,11 +15,12 @@
 //! do not show, but parts of the disc do, which then disagree: what they differ by beyond noise is added (errors clustered by frames
 //! and by places: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 238, 2011).
 
-use super::cube_map::{CubeGrid, GridCell, MapValue, NodeWeights, value_at};
+use super::cube_map::{AT_ONCE, CubeGrid, GridCell, MapValue, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
-use super::view::BallSamples;
+use super::view::{BallSamples, Directions};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use std::f64::consts::{PI, TAU};
+use std::slice;
 use std::sync::{Arc, OnceLock};
 
 /// Steps of the rate at most, and after how many the curvature is taken anew.
@@ -160,7 +161,7 @@ pub struct FitGrids {
     /// The light's.
     pub disc: DiscGrid,
     /// Where each sample lies in the light's grid, and what all of them weigh at its nodes.
-    lit: Vec<[GridCell; 1]>,
+    lit: Vec<GridCell>,
     lit_weights: Vec<f64>,
     /// What the slopes at the nodes of the ball's grid are taken from, made when they are asked for: a plain ball has no need of them.
     around: Arc<OnceLock<Vec<NodeSurroundings>>>,
@@ -226,13 +227,21 @@ impl FitGrids {
     /// The same grids for other samples.
     fn of_samples(&self, samples: &BallSamples) -> Self {
         let disc = self.disc;
-        let lit: Vec<[GridCell; 1]> = samples.places.iter().map(|&p| [disc.cell(p)]).collect();
+        let lit: Vec<GridCell> = samples.places.iter().map(|&p| disc.cell(p)).collect();
         Self {
-            lit_weights: weights_of(&lit, disc.nodes(), disc.side()),
+            lit_weights: weights_of(slice::from_ref(&lit), disc.nodes(), disc.side()),
             lit,
             around: Arc::clone(&self.around),
             ..*self
         }
+    }
+}
+
+impl FitGrids {
+    /// The longest step of a rate, rad/s: one that turns the ends of the arc by more than the map is fine leads astray.
+    #[must_use]
+    pub fn longest_step(&self, samples: &BallSamples) -> f64 {
+        2.0 * self.grid.spacing_rad() / samples.longest_s()
     }
 }
 
@@ -277,7 +286,7 @@ pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec
     }
     let lit = samples.values.iter().zip(&grids.lit);
     let next = grids.disc.side();
-    let mut residuals: Vec<f64> = lit.map(|(v, [c])| v - c.value(&maps.light, next)).collect();
+    let mut residuals: Vec<f64> = lit.map(|(v, c)| v - c.value(&maps.light, next)).collect();
     take_gains(samples, &mut residuals, &mut maps.gains);
     (residuals, maps)
 }
@@ -291,7 +300,7 @@ pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64])
     for (i, t) in samples.times_s.iter().map(|t| t / longest_s).enumerate() {
         let x = Vector3::new(1.0, t, t * t);
         for p in samples.of_frame(i) {
-            let [a, b, c, d]: NodeWeights = grids.lit[p][0].corners(grids.disc.side());
+            let [a, b, c, d]: NodeWeights = grids.lit[p].corners(grids.disc.side());
             let nearest = [b, c, d]
                 .into_iter()
                 .fold(a, |best, n| if n.1 > best.1 { n } else { best });
@@ -402,29 +411,29 @@ fn take_gains<T: MapValue>(samples: &BallSamples, residuals: &mut [T], gains: &m
     }
 }
 
-/// What samples that lie in `cells`, of which each is seen in as many as it has, weigh at the nodes.
-fn weights_of<const N: usize>(cells: &[[GridCell; N]], nodes: usize, next: usize) -> Vec<f64> {
+/// What samples that lie in `cells`, each in one of every list, weigh at the nodes.
+fn weights_of(cells: &[Vec<GridCell>], nodes: usize, next: usize) -> Vec<f64> {
     let mut weights = vec![0.0; nodes];
     for cell in cells.iter().flatten() {
-        cell.add(&mut weights, next, 1.0 / N as f64);
+        cell.add(&mut weights, next, 1.0 / cells.len() as f64);
     }
     weights
 }
 
 /// Moves what the residuals have in common at the nodes of a map, where the samples have `weights`, into it. `held` is the weight of the prior that
 /// a node is 0.
-fn take_map<const N: usize, T: MapValue>(
+fn take_map<T: MapValue>(
     residuals: &mut [T],
-    cells: &[[GridCell; N]],
+    cells: &[Vec<GridCell>],
     weights: &[f64],
     map: &mut [T],
     next: usize,
     held: f64,
 ) {
-    let part = 1.0 / N as f64;
+    let part = 1.0 / cells.len() as f64;
     let mut sums = vec![T::default(); map.len()];
-    for (cells, r) in cells.iter().zip(residuals.iter()) {
-        for cell in cells {
+    for cells in cells {
+        for (cell, r) in cells.iter().zip(residuals.iter()) {
             cell.add(&mut sums, next, *r * part);
         }
     }
@@ -432,8 +441,8 @@ fn take_map<const N: usize, T: MapValue>(
         *sum = (*sum - *m * held) * (1.0 / (w + held).max(1e-9));
         *m += *sum;
     }
-    for (cells, r) in cells.iter().zip(residuals.iter_mut()) {
-        for cell in cells {
+    for cells in cells {
+        for (cell, r) in cells.iter().zip(residuals.iter_mut()) {
             *r -= cell.value(&sums, next) * part;
         }
     }
@@ -443,7 +452,7 @@ impl FitGrids {
     fn take_light<T: MapValue>(&self, residuals: &mut [T], light: &mut [T]) {
         take_map(
             residuals,
-            &self.lit,
+            slice::from_ref(&self.lit),
             &self.lit_weights,
             light,
             self.disc.side(),
@@ -486,8 +495,8 @@ struct OwnRotation {
 
 struct TurnedBall {
     turns: Vec<Rotation3<f64>>,
-    /// Of each sample, in the ball's grid: those of both directions.
-    cells: Vec<[GridCell; 2]>,
+    /// Of each sample, in the ball's grid: a list for each of its directions.
+    cells: Vec<Vec<GridCell>>,
 }
 
 fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedBall {
@@ -496,33 +505,49 @@ fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedB
         .iter()
         .map(|&t| Rotation3::new(t * rate))
         .collect();
-    let mut cells = Vec::with_capacity(samples.values.len());
-    for (i, turn) in turns.iter().enumerate() {
-        let back = turn.inverse().into_inner();
-        let towards = &samples.towards[samples.of_frame(i)];
-        cells.extend(towards.iter().map(|both| both.map(|d| grid.cell(&(back * d)))));
-    }
+    let of_list = |towards: &Directions| {
+        let mut cells = Vec::with_capacity(samples.values.len());
+        for (i, turn) in turns.iter().enumerate() {
+            let back: Matrix3<f32> = turn.inverse().into_inner().cast();
+            let mut rest = samples.of_frame(i);
+            while !rest.is_empty() {
+                let some = rest.start..rest.end.min(rest.start + AT_ONCE);
+                let [x, y, z] = towards.components(some.clone()).map(filled);
+                cells.extend_from_slice(&grid.cells(&back, [&x, &y, &z])[..some.len()]);
+                rest.start = some.end;
+            }
+        }
+        cells
+    };
+    let cells = samples.towards.iter().map(of_list).collect();
     TurnedBall { turns, cells }
 }
 
+/// As many as are looked up together, with the first in place of those that lack.
+#[inline]
+fn filled(some: &[f32]) -> [f32; AT_ONCE] {
+    some.try_into()
+        .unwrap_or_else(|_| std::array::from_fn(|k| some[if k < some.len() { k } else { 0 }]))
+}
+
 impl TurnedBall {
-    /// By what pixel `p` of frame `i` grows if the frame's ball is turned on, by the rotation vector; of a map with these `slopes` at its nodes.
-    fn slope_by_rotation(
-        &self,
-        samples: &BallSamples,
+    /// By what each pixel of frame `i` grows if the frame's ball is turned on, by the rotation vector; of a map with these `slopes` at its nodes.
+    fn slopes_by_rotation<'a>(
+        &'a self,
+        samples: &'a BallSamples,
         next: usize,
-        slopes: &[Vector3<f64>],
+        slopes: &'a [Vector3<f64>],
         i: usize,
-        p: usize,
-    ) -> Vector3<f64> {
+    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
         let turn = self.turns[i].into_inner();
-        let both = samples.towards[p].iter().zip(self.cells[p]);
-        both.map(|(d, cell)| {
-            let corners = cell.corners(next).into_iter();
-            let slope: Vector3<f64> = corners.map(|(k, w)| f64::from(w) * slopes[k as usize]).sum();
-            -0.5 * d.cross(&(turn * slope))
+        let part = 1.0 / self.cells.len() as f64;
+        samples.of_frame(i).map(move |p| {
+            let mut sum = Vector3::zeros();
+            for (cells, towards) in self.cells.iter().zip(&samples.towards) {
+                sum += (turn * cells[p].value(slopes, next)).cross(&towards.at(p));
+            }
+            part * sum
         })
-        .sum()
     }
 }
 
@@ -538,10 +563,10 @@ fn frame_equations(
             matrix: Matrix3::zeros(),
             right: Vector3::zeros(),
         };
-        for p in samples.of_frame(i) {
-            let row = turned.slope_by_rotation(samples, next, slopes, i, p);
+        let rows = turned.slopes_by_rotation(samples, next, slopes, i);
+        for (row, residual) in rows.zip(&residuals[samples.of_frame(i)]) {
             equations.matrix += row * row.transpose();
-            equations.right += residuals[p] * row;
+            equations.right += *residual * row;
         }
         equations
     };
@@ -616,7 +641,7 @@ fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMap
     };
     let next = grids.disc.side();
     let lit_by = samples.values.iter().zip(&grids.lit);
-    let mut unlit: Vec<f64> = lit_by.map(|(v, [c])| v - c.value(&maps.light, next)).collect();
+    let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - c.value(&maps.light, next)).collect();
     take_gains(samples, &mut unlit, &mut maps.gains);
     maps
 }
@@ -690,8 +715,7 @@ fn fit_from(
     let mut rate = start;
     let count = samples.values.len() as f64;
     let longest_s = samples.longest_s();
-    // Steps that turn the ends by more than the map is fine lead astray.
-    let most = 2.0 * grids.grid.spacing_rad() / longest_s;
+    let most = grids.longest_step(samples);
     let mut found = evaluated(samples, grids, maps, &rate, lit);
     let mut bend = None;
     let mut since_rad = 0.0;
@@ -733,7 +757,7 @@ pub fn rough(
     lit: bool,
 ) -> RoughFit {
     let mut rate = start;
-    let most = 2.0 * grids.grid.spacing_rad() / samples.longest_s();
+    let most = grids.longest_step(samples);
     let mut found = evaluated(samples, grids, &unmarked(samples, grids, maps), &rate, lit);
     for _ in 0..ROUGH_ROUNDS {
         let Some(chol) = found.held_curvature(samples, &rate).cholesky() else {
@@ -772,8 +796,8 @@ impl MapsAtRate {
         let mut by_rate = Vec::with_capacity(samples.values.len());
         for (i, &t) in samples.times_s.iter().enumerate() {
             let turn = (t * left_jacobian(&(t * rate))).transpose();
-            let row = |p| turn * self.turned.slope_by_rotation(samples, next, &slopes, i, p);
-            by_rate.extend(samples.of_frame(i).map(row));
+            let rows = self.turned.slopes_by_rotation(samples, next, &slopes, i);
+            by_rate.extend(rows.map(|row| turn * row));
         }
         by_rate
     }
@@ -929,16 +953,24 @@ struct FramesScatter {
 /// The part that other pixels have in the map's value at a pixel, on average; never so little that nothing is left.
 fn others_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 {
     let next = maps.grid.side();
+    // Each of the directions has its part of a pixel's weight.
+    let part = (1.0 / turned.cells.len() as f64).powi(2);
     let cells = turned.cells.iter().flatten();
-    // Each of the two directions has half of a pixel's weight.
-    let sum: f64 = cells.map(|cell| 0.25 * cell.squares_over(&maps.seen, next)).sum();
+    let sum: f64 = cells.map(|cell| part * cell.squares_over(&maps.seen, next)).sum();
     (1.0 - sum / samples.values.len() as f64).max(0.3)
 }
 
-/// What a pixel shows that sees the ball in two directions: the logarithm of their mean brightness.
-fn seen_of_both(albedo: &[f64], cells: &[GridCell; 2], next: usize) -> f64 {
-    let [one, two] = cells.map(|cell| cell.value(albedo, next));
-    0.5 * (one + two) + ln_cosh(0.5 * (one - two))
+/// What pixels show that see the ball in `cells`, a list for each direction: the logarithm of their mean brightness.
+fn seen_in(albedo: &[f64], cells: &[Vec<GridCell>], next: usize) -> Vec<f64> {
+    let value = |cell: &GridCell| cell.value(albedo, next);
+    match cells {
+        [one, two] => {
+            let both = one.iter().map(value).zip(two.iter().map(value));
+            both.map(|(a, b)| 0.5 * (a + b) + ln_cosh(0.5 * (a - b)))
+                .collect()
+        }
+        _ => cells.iter().flatten().map(value).collect(),
+    }
 }
 
 /// ln cosh, to 1e-10.
@@ -953,14 +985,12 @@ fn ln_cosh(x: f64) -> f64 {
 
 fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned: &TurnedBall) -> Vec<f64> {
     let (next, lit_next) = (grids.grid.side(), grids.disc.side());
-    let mut residuals = Vec::with_capacity(samples.values.len());
+    let mut residuals = seen_in(&maps.albedo, &turned.cells, next);
     for (i, gain) in maps.gains.iter().enumerate() {
-        residuals.extend(samples.of_frame(i).map(|p| {
-            samples.values[p]
-                - gain
-                - grids.lit[p][0].value(&maps.light, lit_next)
-                - seen_of_both(&maps.albedo, &turned.cells[p], next)
-        }));
+        for p in samples.of_frame(i) {
+            let light = grids.lit[p].value(&maps.light, lit_next);
+            residuals[p] = samples.values[p] - gain - light - residuals[p];
+        }
     }
     residuals
 }

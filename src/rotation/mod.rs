@@ -33,6 +33,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use search::LagProducts;
 use std::f64::consts::{PI, TAU};
+use std::sync::OnceLock;
 
 /// Frames with fewer pictures of the ball show no rate: any two can be turned into each other.
 const LEAST_FRAMES: usize = 4;
@@ -61,6 +62,9 @@ const CONTROLS: [[f64; 3]; 5] = [
 
 /// Rates that are fitted, at most.
 const MOST_FITTED: usize = 12;
+
+/// Rates that are fitted side by side, before those near to what they led to are left out.
+const FITTED_AT_ONCE: usize = 2;
 
 /// Frames by which rates are searched for and rivals told apart, at most: those in the middle. The rest then makes the rate exact.
 pub const SEARCH_FRAMES: usize = 32;
@@ -144,10 +148,41 @@ pub enum NoRate {
     TooFewTurns,
 }
 
-/// The pixels of some views, and what of them speaks for marks.
-struct RotationEvidence {
+/// The pixels of the views of one flight, with the grids of their maps.
+#[derive(Debug)]
+pub struct SampledBall {
     samples: BallSamples,
     grids: FitGrids,
+    /// About [`SEARCH_PIXELS`] of them; made when they are asked for.
+    thin: OnceLock<(BallSamples, FitGrids)>,
+}
+
+impl SampledBall {
+    /// As many of the pixels as a search needs.
+    fn thinned(&self) -> &(BallSamples, FitGrids) {
+        let thinned = || {
+            let step = self.samples.values.len().div_ceil(SEARCH_PIXELS).max(1);
+            let thin = self.samples.thinned(step);
+            let grids = self.grids.coarser(&thin, step);
+            (thin, grids)
+        };
+        self.thin.get_or_init(thinned)
+    }
+
+    fn duration_s(&self) -> f64 {
+        let times_s = &self.samples.times_s;
+        times_s
+            .last()
+            .zip(times_s.first())
+            .map_or(0.0, |(to, from)| to - from)
+    }
+}
+
+/// What of a ball's pixels speaks for marks.
+#[derive(Debug)]
+pub struct RotationEvidence<'a> {
+    search: RotationSearch<'a>,
+    ball: &'a SampledBall,
     /// What the light leaves over.
     left: Vec<f64>,
     /// The light.
@@ -157,43 +192,7 @@ struct RotationEvidence {
     noise: f64,
 }
 
-impl RotationEvidence {
-    fn new(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Self, NoRate> {
-        let (samples, grids) = search.samples(views).ok_or(NoRate::FewFrames)?;
-        let (left, maps) = match search.light {
-            Some(light) => fit::lit_as(&samples, &grids, light),
-            None => fit::still(&samples, &grids),
-        };
-        let noise = samples.noise.powi(2);
-        let mean_square = |squares: f64| squares / samples.values.len() as f64;
-        let squares: f64 = left.iter().map(|r| r * r).sum();
-        if mean_square(squares) < LEAST_MARKS * LEAST_MARKS * noise {
-            return Err(NoRate::Plain);
-        }
-        if let Some(light) = search.light.filter(|light| light.contrast() > 0.0) {
-            let as_marked = mean_square(squares).sqrt() / light.contrast();
-            if !(1.0 / AS_MARKED..AS_MARKED).contains(&as_marked) {
-                return Err(NoRate::Unexplained);
-            }
-        }
-        let drift = match search.light {
-            Some(_) => 0.0,
-            None => fit::explained_by_drift(&samples, &grids, &left),
-        };
-        let drifting = mean_square(squares - drift);
-        if drifting < LEAST_MARKS * LEAST_MARKS * noise {
-            return Err(NoRate::Plain);
-        }
-        Ok(Self {
-            samples,
-            grids,
-            left,
-            maps,
-            drifting,
-            noise,
-        })
-    }
-
+impl RotationEvidence<'_> {
     /// Whether what nothing explains is as strong as what is drawn on a ball.
     fn is_drawn(&self) -> bool {
         self.drifting - self.noise > DRAWN * DRAWN
@@ -209,40 +208,38 @@ impl RotationEvidence {
         self.explained_by(fit) > LEAST_EXPLAINED
     }
 
-    /// As many of the pixels as a search needs.
-    fn thinned(&self) -> (BallSamples, FitGrids) {
-        thinned(&self.samples, &self.grids)
-    }
-}
-
-impl RotationSearch<'_> {
-    /// The rates that views of one flight show, in time order and no more than [`SEARCH_FRAMES`]: the most likely first, rivals behind it.
+    /// Rates among which those that such views show are, by some of their pixels: the most likely first. The views are in time order and no more than
+    /// [`SEARCH_FRAMES`].
     ///
     /// # Errors
     /// Why there is none.
-    pub fn rivals(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
-        self.by_all(views, &self.candidates(views)?)
-    }
-
-    /// Rates among which those that such views show are, by some of their pixels: the most likely first.
-    ///
-    /// # Errors
-    /// Why there is none.
-    pub fn candidates(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
-        let lit = self.light.is_some();
-        let evidence = RotationEvidence::new(self, views)?;
-        let (samples, left) = (&evidence.samples, &evidence.left);
+    pub fn candidates(&self) -> Result<Vec<RotationFit>, NoRate> {
+        let lit = self.search.light.is_some();
+        let samples = &self.ball.samples;
         let mut steps: Vec<f64> = samples.times_s.windows(2).map(|w| w[1] - w[0]).collect();
         let interval_s = median(&mut steps).ok_or(NoRate::FewFrames)?;
-        let products = LagProducts::new(samples, left, interval_s, 1.0 / self.radius_px, lit);
+        let products = LagProducts::new(samples, &self.left, interval_s, 1.0 / self.search.radius_px, lit);
         let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
-        let (samples, grids) = &evidence.thinned();
-        let fitted = |start| fit::fit(samples, grids, &evidence.maps, start, lit);
+        // Nodes this far apart do not tell how the blur is uneven.
+        let (samples, grids) = self.ball.thinned();
+        let samples = &samples.evenly_blurred();
+        let fitted = |start| fit::fit(samples, grids, &self.maps, start, lit);
         let least = LEAST_SCORE * found.first().map_or(0.0, |best| best.score);
         let likely = found.par_iter().filter(|c| c.score > least.max(0.0));
-        let rough = likely.map(|c| fit::rough(samples, grids, &evidence.maps, c.rate_rad_s, lit));
-        let starts = starts(rough.collect(), samples.longest_s());
-        let mut fits: Vec<RotationFit> = starts.into_par_iter().filter_map(fitted).collect();
+        let rough = likely.map(|c| fit::rough(samples, grids, &self.maps, c.rate_rad_s, lit));
+        let mut starts = starts(rough.collect(), samples.longest_s());
+        let mut fits: Vec<RotationFit> = Vec::new();
+        while !starts.is_empty() {
+            let some = starts.drain(..starts.len().min(FITTED_AT_ONCE));
+            let found: Vec<Option<RotationFit>> =
+                some.collect::<Vec<_>>().into_par_iter().map(fitted).collect();
+            fits.extend(found.into_iter().flatten());
+            // What is a step from a minimum leads to it.
+            let apart = |start: &Vector3<f64>, f: &RotationFit| {
+                (start - f.rate_rad_s).norm() > grids.longest_step(samples)
+            };
+            starts.retain(|start| fits.iter().all(|f| apart(start, f)));
+        }
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         fits.extend(other_way(best.rate_rad_s, interval_s).and_then(fitted));
@@ -251,15 +248,15 @@ impl RotationSearch<'_> {
             let without: f64 = fit::still(samples, grids).0.iter().map(|r| r * r).sum();
             let by_chance = CONTROLS.par_iter().map(|&turn| {
                 let rate = Vector3::from(turn) / interval_s;
-                without - fit::left_by(samples, grids, &evidence.maps, &rate, lit)
+                without - fit::left_by(samples, grids, &self.maps, &rate, lit)
             });
             let by_chance = by_chance.reduce(|| 0.0, f64::max);
             fits.retain(|f| without - f.sum_squares > LEAST_OVER_CONTROLS * by_chance);
         }
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
-        let least = PERHAPS_RIVAL * evidence.explained_by(best);
-        fits.retain(|f| evidence.is_explained_by(f) && evidence.explained_by(f) >= least);
+        let least = PERHAPS_RIVAL * self.explained_by(best);
+        fits.retain(|f| self.is_explained_by(f) && self.explained_by(f) >= least);
         let mut apart: Vec<RotationFit> = Vec::new();
         for f in fits {
             if apart.iter().all(|other| other.differs_from(&f)) {
@@ -272,31 +269,28 @@ impl RotationSearch<'_> {
         Ok(apart)
     }
 
-    /// Mean square that a ball that turns as `candidate`, found in views of the same frames, leaves of the pixels of these `views`.
-    #[must_use]
-    pub fn left_by(&self, views: &[BallView], candidate: &RotationFit) -> Option<f64> {
-        let (samples, grids) = self.samples(views)?;
-        let (samples, grids) = thinned(&samples, &grids);
-        let left = fit::left_at(&samples, &grids, candidate, self.light.is_some());
-        Some(left / samples.values.len() as f64)
-    }
-
     /// The rates that `candidates`, found in some of a flight's views, become by all of them.
     ///
     /// # Errors
     /// Why there is none.
-    pub fn by_all(&self, views: &[BallView], candidates: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
-        let lit = self.light.is_some();
-        let evidence = RotationEvidence::new(self, views)?;
-        let (samples, grids) = (&evidence.samples, &evidence.grids);
-        let (thin, thin_grids) = evidence.thinned();
-        let again = |f: &RotationFit| {
-            // Maps of other frames lie otherwise.
-            let other = f.maps.gains.len() != samples.frames();
-            let some = other.then(|| fit::fit(&thin, &thin_grids, &f.maps, f.rate_rad_s, lit));
-            fit::fit_on(samples, grids, &some.unwrap_or_else(|| Some(f.clone()))?, lit)
+    pub fn by_all(&self, candidates: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
+        let lit = self.search.light.is_some();
+        let (samples, grids) = (&self.ball.samples, &self.ball.grids);
+        // Maps of other frames lie otherwise: first by some of the pixels, of which those that the search was by were fewer.
+        let of_others = candidates.iter().any(|f| f.maps.gains.len() != samples.frames());
+        let by_some = |f: &RotationFit| {
+            let (thin, grids) = self.ball.thinned();
+            fit::fit(thin, grids, &f.maps, f.rate_rad_s, lit)
         };
-        self.told_apart(candidates.iter().filter_map(again).collect(), &evidence)
+        let mut fits = candidates.to_vec();
+        if of_others {
+            fits = candidates.par_iter().filter_map(by_some).collect();
+            let explained = |f: &RotationFit| self.explained_by(f);
+            let best = fits.iter().map(explained).fold(0.0, f64::max);
+            fits.retain(|f| explained(f) >= PERHAPS_RIVAL * best);
+        }
+        let by_all = |f: &RotationFit| fit::fit_on(samples, grids, f, lit);
+        self.told_apart(fits.par_iter().filter_map(by_all).collect())
     }
 
     /// The rates that views of one flight, no more than [`SEARCH_FRAMES`], show if the light on the ball is as smooth as on a matt one. They have to explain
@@ -304,89 +298,37 @@ impl RotationSearch<'_> {
     ///
     /// # Errors
     /// Why there is none.
-    pub fn in_smooth_light(&self, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
-        let free = RotationEvidence::new(self, views)?;
-        if !free.is_drawn() {
+    pub fn in_smooth_light(&self) -> Result<Vec<RotationFit>, NoRate> {
+        if !self.is_drawn() {
             return Err(NoRate::TooFewTurns);
         }
-        let light = fit::smooth_light(&free.samples, &free.grids);
+        let light = fit::smooth_light(&self.ball.samples, &self.ball.grids);
         let lit = RotationSearch {
             light: Some(&light),
-            ..*self
+            ..self.search
         };
-        let mut found = lit.rivals(views)?;
-        found.retain(|f| free.is_explained_by(f));
+        let mut found = lit.rivals(self.ball)?;
+        found.retain(|f| self.is_explained_by(f));
         if found.is_empty() {
             return Err(NoRate::TooFewTurns);
         }
         Ok(found)
     }
 
-    /// The light that several flights of the ball have in common, from their views and the rates that each showed by itself: light and
-    /// rates are fitted in turn, since a slow ball's marks pass for light in one flight and not in all. `None` where they do not make
-    /// [`TEACHING_TURNS`] together.
-    #[must_use]
-    pub fn common_light(&self, flights: &[(&[BallView], &RotationFit)]) -> Option<BallMaps> {
-        let duration_s = |views: &[BallView]| Some(views.last()?.time_s - views.first()?.time_s);
-        let turns = |(views, f): &(&[BallView], &RotationFit)| f.turns(duration_s(views).unwrap_or(0.0));
-        if flights.iter().map(turns).sum::<f64>() < TEACHING_TURNS {
-            return None;
-        }
-        let most = flights.iter().max_by(|a, b| turns(a).total_cmp(&turns(b)))?;
-        let mut light = most.1.maps.clone();
-        let some = |(views, _): &(&[BallView], &RotationFit)| {
-            let (samples, grids) = self.samples(views)?;
-            Some(thinned(&samples, &grids))
-        };
-        let samples: Vec<(BallSamples, FitGrids)> = flights.iter().map(some).collect::<Option<_>>()?;
-        let mut rates: Vec<Vector3<f64>> = flights.iter().map(|(_, f)| f.rate_rad_s).collect();
-        for _ in 0..COMMON_ROUNDS {
-            let lit = |((samples, grids), &rate): (&(BallSamples, FitGrids), &Vector3<f64>)| {
-                fit::rough(samples, grids, &light, rate, true)
-            };
-            let fits: Vec<RoughFit> = samples.iter().zip(&rates).map(lit).collect();
-            rates = fits.iter().map(|f| f.rate_rad_s).collect();
-            let mut sums = vec![0.0; light.light.len()];
-            let mut all = vec![1e-9; light.light.len()];
-            for ((samples, grids), f) in samples.iter().zip(&fits) {
-                let (part, weights) = fit::light_beside(samples, grids, f);
-                for (k, w) in weights.iter().enumerate() {
-                    sums[k] += w * part[k];
-                    all[k] += w;
-                }
-            }
-            light.light = sums.iter().zip(&all).map(|(sum, w)| sum / w).collect();
-        }
-        Some(light)
-    }
-
-    fn samples(&self, views: &[BallView]) -> Option<(BallSamples, FitGrids)> {
-        let blur = self.blur_px / self.radius_px;
-        let samples = BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES)?;
-        let step = samples.values.len().div_ceil(MOST_PIXELS);
-        let samples = if step > 1 { samples.thinned(step) } else { samples };
-        let grids = FitGrids::new(&samples, 1.0 / self.radius_px);
-        Some((samples, grids))
-    }
-
-    /// The best of `fits` and its rivals, each once, of those that the `evidence` is explained by.
-    fn told_apart(
-        &self,
-        mut fits: Vec<RotationFit>,
-        evidence: &RotationEvidence,
-    ) -> Result<Vec<RotationFit>, NoRate> {
-        fits.retain(|f| evidence.is_explained_by(f));
+    /// The best of `fits` and its rivals, each once, of those that explain what the ball shows.
+    fn told_apart(&self, mut fits: Vec<RotationFit>) -> Result<Vec<RotationFit>, NoRate> {
+        fits.retain(|f| self.is_explained_by(f));
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         let unit = best.sum_squares / best.pixels as f64 * best.scatter.powi(2);
         let most = (1.0 + GRID_PART) * best.cross_validated + RIVAL * unit;
-        let likely = RIVAL_EXPLAINED * evidence.explained_by(best);
+        let likely = RIVAL_EXPLAINED * self.explained_by(best);
         let mut rivals: Vec<RotationFit> = Vec::new();
         for f in fits {
-            if (f.cross_validated <= most || evidence.explained_by(&f) > likely)
+            if (f.cross_validated <= most || self.explained_by(&f) > likely)
                 && rivals.iter().all(|r| r.differs_from(&f))
             {
-                rivals.extend(self.with_shares(f, evidence));
+                rivals.extend(self.with_shares(f));
             }
         }
         if rivals.is_empty() {
@@ -399,31 +341,32 @@ impl RotationSearch<'_> {
     /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture. And with
     /// that of the radius, and of a light that is thought known: how far the rate is from where it would be with the light fitted along; `None` where
     /// that cannot be said.
-    fn with_shares(&self, mut fit: RotationFit, evidence: &RotationEvidence) -> Option<RotationFit> {
+    fn with_shares(&self, mut fit: RotationFit) -> Option<RotationFit> {
+        let search = &self.search;
         let rate = fit.rate_rad_s;
-        let lit = self.light.is_some();
-        let moved = {
-            let (thin, grids) = evidence.thinned();
-            let even = fit.distance_to_rate_of(&thin.evenly_blurred(), &grids, lit);
-            even - fit.distance_to_rate_of(&thin, &grids, lit)
-        };
-        let blur = self.blur_px / self.radius_px;
+        let lit = search.light.is_some();
+        let (thin, grids) = self.ball.thinned();
+        let even = fit.distance_to_rate_of(&thin.evenly_blurred(), grids, lit);
+        let moved = even - fit.distance_to_rate_of(thin, grids, lit);
+        let blur = search.blur_px / search.radius_px;
         let unit = blur * blur * rate.norm();
         let mut shares = UNEVEN_PART.powi(2) * moved * moved.transpose();
         if let Some(axis) = rate.try_normalize(0.0) {
             let across = Matrix3::identity() - axis * axis.transpose();
             shares += (AXIS_STD * unit).powi(2) * across;
-            let leaning = self.radius_std_px / self.radius_px * (across * Vector3::new(rate.x, rate.y, 0.0));
+            let leaning =
+                search.radius_std_px / search.radius_px * (across * Vector3::new(rate.x, rate.y, 0.0));
             shares += leaning * leaning.transpose();
         }
-        let turned_std_rad = self.centre_std_px / self.radius_px;
+        let turned_std_rad = search.centre_std_px / search.radius_px;
         for picture_axis in [Vector3::x(), Vector3::y()] {
             let turned = turned_std_rad * picture_axis.cross(&rate);
             shares += turned * turned.transpose();
         }
         if lit {
-            let freely = fit::fit_on(&evidence.samples, &evidence.grids, &fit, false)?;
-            let off = freely.rate_rad_s - rate;
+            let known = fit::fit_on(thin, grids, &fit, true)?;
+            let freely = fit::fit_on(thin, grids, &known, false)?;
+            let off = freely.rate_rad_s - known.rate_rad_s;
             shares += off * off.transpose();
         }
         // Parts of the disc disagree by those, too.
@@ -432,19 +375,122 @@ impl RotationSearch<'_> {
     }
 }
 
+impl<'a> RotationSearch<'a> {
+    /// The pixels of `views` of one flight, in time order.
+    ///
+    /// # Errors
+    /// [`NoRate::FewFrames`].
+    pub fn sampled(&self, views: &[BallView]) -> Result<SampledBall, NoRate> {
+        let blur = self.blur_px / self.radius_px;
+        let samples =
+            BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES).ok_or(NoRate::FewFrames)?;
+        let step = samples.values.len().div_ceil(MOST_PIXELS);
+        let samples = if step > 1 { samples.thinned(step) } else { samples };
+        Ok(SampledBall {
+            grids: FitGrids::new(&samples, 1.0 / self.radius_px),
+            samples,
+            thin: OnceLock::new(),
+        })
+    }
+
+    /// What of a `ball` speaks for marks.
+    ///
+    /// # Errors
+    /// Why nothing does.
+    pub fn evidence<'b>(&self, ball: &'b SampledBall) -> Result<RotationEvidence<'b>, NoRate>
+    where
+        'a: 'b,
+    {
+        let (samples, grids) = (&ball.samples, &ball.grids);
+        let (left, maps) = match self.light {
+            Some(light) => fit::lit_as(samples, grids, light),
+            None => fit::still(samples, grids),
+        };
+        let noise = samples.noise.powi(2);
+        let mean_square = |squares: f64| squares / samples.values.len() as f64;
+        let squares: f64 = left.iter().map(|r| r * r).sum();
+        if mean_square(squares) < LEAST_MARKS * LEAST_MARKS * noise {
+            return Err(NoRate::Plain);
+        }
+        if let Some(light) = self.light.filter(|light| light.contrast() > 0.0) {
+            let as_marked = mean_square(squares).sqrt() / light.contrast();
+            if !(1.0 / AS_MARKED..AS_MARKED).contains(&as_marked) {
+                return Err(NoRate::Unexplained);
+            }
+        }
+        let drift = match self.light {
+            Some(_) => 0.0,
+            None => fit::explained_by_drift(samples, grids, &left),
+        };
+        let drifting = mean_square(squares - drift);
+        if drifting < LEAST_MARKS * LEAST_MARKS * noise {
+            return Err(NoRate::Plain);
+        }
+        Ok(RotationEvidence {
+            search: *self,
+            ball,
+            left,
+            maps,
+            drifting,
+            noise,
+        })
+    }
+
+    /// The rates that a `ball` shows in no more than [`SEARCH_FRAMES`]: the most likely first, rivals behind it.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn rivals(&self, ball: &SampledBall) -> Result<Vec<RotationFit>, NoRate> {
+        let evidence = self.evidence(ball)?;
+        evidence.by_all(&evidence.candidates()?)
+    }
+
+    /// Mean square that a ball that turns as `candidate`, found in views of the same frames, leaves of the pixels of this `ball`.
+    #[must_use]
+    pub fn left_by(&self, ball: &SampledBall, candidate: &RotationFit) -> f64 {
+        let (samples, grids) = ball.thinned();
+        fit::left_at(samples, grids, candidate, self.light.is_some()) / samples.values.len() as f64
+    }
+}
+
+/// The light that several flights of the ball have in common, from their pixels and the rates that each showed by itself: light and
+/// rates are fitted in turn, since a slow ball's marks pass for light in one flight and not in all. `None` where they do not make
+/// [`TEACHING_TURNS`] together.
+#[must_use]
+pub fn common_light(flights: &[(&SampledBall, &RotationFit)]) -> Option<BallMaps> {
+    let turns = |(ball, f): &(&SampledBall, &RotationFit)| f.turns(ball.duration_s());
+    if flights.iter().map(turns).sum::<f64>() < TEACHING_TURNS {
+        return None;
+    }
+    let most = flights.iter().max_by(|a, b| turns(a).total_cmp(&turns(b)))?;
+    let mut light = most.1.maps.clone();
+    let samples: Vec<_> = flights.iter().map(|(ball, _)| ball.thinned()).collect();
+    let mut rates: Vec<Vector3<f64>> = flights.iter().map(|(_, f)| f.rate_rad_s).collect();
+    for _ in 0..COMMON_ROUNDS {
+        let lit = |((samples, grids), &rate): (&&(BallSamples, FitGrids), &Vector3<f64>)| {
+            fit::rough(samples, grids, &light, rate, true)
+        };
+        let fits: Vec<RoughFit> = samples.par_iter().zip(&rates).map(lit).collect();
+        rates = fits.iter().map(|f| f.rate_rad_s).collect();
+        let mut sums = vec![0.0; light.light.len()];
+        let mut all = vec![1e-9; light.light.len()];
+        for ((samples, grids), f) in samples.iter().zip(&fits) {
+            let (part, weights) = fit::light_beside(samples, grids, f);
+            for (k, w) in weights.iter().enumerate() {
+                sums[k] += w * part[k];
+                all[k] += w;
+            }
+        }
+        light.light = sums.iter().zip(&all).map(|(sum, w)| sum / w).collect();
+    }
+    Some(light)
+}
+
 /// The part of a symmetric matrix along its axes of positive value.
 fn positive(matrix: Matrix3<f64>) -> Matrix3<f64> {
     let mut eigen = matrix.symmetric_eigen();
     eigen.eigenvalues.apply(|x| *x = x.max(0.0));
     eigen.recompose()
-}
-
-/// Of the pixels of `samples` about [`SEARCH_PIXELS`].
-fn thinned(samples: &BallSamples, grids: &FitGrids) -> (BallSamples, FitGrids) {
-    let step = samples.values.len().div_ceil(SEARCH_PIXELS).max(1);
-    let thin = samples.thinned(step);
-    let grids = grids.coarser(&thin, step);
-    (thin, grids)
 }
 
 /// Those of `rough` rates from which a fit is worth while, each once: no two turn the ends of an arc, `longest_s` from its middle, to the same place.

@@ -39,6 +39,9 @@ const AXIS_STEP: f64 = 0.1;
 /// Cells that are looked up together.
 const AT_ONCE: usize = 16;
 
+/// A number of 24 bits has no places behind the point: added to a small one and taken away again, it rounds that to the nearest whole number.
+const WHOLE: f32 = 8_388_608.0;
+
 /// Candidates followed from one grid to the next.
 const FOLLOWED: usize = 96;
 
@@ -214,25 +217,27 @@ impl LagProducts {
     fn score_of_turn(&self, scores: &LagScores, vector: &Vector3<f64>, cells: usize) -> f64 {
         let turn: Matrix3<f32> = Rotation3::new(*vector).into_inner().cast();
         let scale = 0.5 * (self.side - 1) as f32;
-        let (side, columns) = (self.side as i32, self.columns());
-        let far = columns as i32 - 1;
+        let (side, columns) = (self.side as f32, self.columns());
+        let far = (columns - 1) as f32;
         let [x, y, z] = self.towards.each_ref().map(|c| &c[..cells]);
-        let mut score = 0.0f32;
-        // In steps of some cells: their places in registers first, then the look-ups.
-        let mut nodes = [0i32; AT_ONCE];
+        // In steps of some cells: their places side by side first, then the look-ups.
+        let mut nodes = [0u32; AT_ONCE];
+        let mut scored = [0.0f32; AT_ONCE];
         let parts = x.chunks(AT_ONCE).zip(y.chunks(AT_ONCE)).zip(z.chunks(AT_ONCE));
         for (((x, y), z), rows) in parts.zip(scores.0.chunks(AT_ONCE * columns)) {
             for (((node, x), y), z) in nodes.iter_mut().zip(x).zip(y).zip(z) {
                 let along = |row: usize| turn[(row, 0)] * x + turn[(row, 1)] * y + turn[(row, 2)] * z;
-                let column = ((along(0) + 1.0) * scale + 0.5) as i32;
-                let row = ((along(1) + 1.0) * scale + 0.5) as i32;
-                *node = if along(2) > 0.0 { far } else { row * side + column };
+                let at = |along: f32| (along + 1.0) * scale + WHOLE - WHOLE;
+                let seen = at(along(1)) * side + at(along(0));
+                let node_or_far = if along(2) > 0.0 { far } else { seen };
+                *node = (node_or_far + WHOLE).to_bits() - WHOLE.to_bits();
             }
-            for (node, row) in nodes.iter().take(x.len()).zip(rows.chunks_exact(columns)) {
-                score += row[*node as usize];
+            let here = nodes[..x.len()].iter().zip(rows.chunks_exact(columns));
+            for (scored, (node, row)) in scored.iter_mut().zip(here) {
+                *scored += row[*node as usize];
             }
         }
-        f64::from(score)
+        f64::from(scored.iter().sum::<f32>())
     }
 
     /// The rates with the best scores, best first, no two closer than the arc tells apart; none where independent frames are likelier than any.
@@ -305,7 +310,7 @@ impl LagProducts {
         };
         let scored = vectors.into_par_iter().map(|v| (v, score(&v)));
         let mut scored: Vec<(Vector3<f64>, f64)> = scored.collect();
-        scored.sort_by(|a, b| b.1.total_cmp(&a.1));
+        scored.par_sort_by(|a, b| b.1.total_cmp(&a.1));
         scored
     }
 }

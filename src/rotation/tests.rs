@@ -94,6 +94,10 @@ fn views(
     (0..frames).map(view).collect()
 }
 
+fn rivals(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
+    search.rivals(&search.sampled(views)?)
+}
+
 fn search(radius_px: f64) -> RotationSearch<'static> {
     RotationSearch {
         noise_grey: NOISE_GREY,
@@ -120,7 +124,7 @@ fn a_ball_that_turns_about_the_line_of_sight_has_its_rate_whatever_its_marks() {
     ] {
         let rate = Vector3::new(0.0, 0.0, TAU * turns_s);
         let views = views(marks, radius_px, 20, rate, 0.0, seed);
-        let fits = search(radius_px).rivals(&views);
+        let fits = rivals(&search(radius_px), &views);
         let fits = fits.unwrap_or_else(|reason| panic!("{marks:?}: {reason:?}"));
         let (off, std) = in_plane(&fits[0], rate);
         assert_eq!(fits.len(), 1, "{marks:?}");
@@ -137,7 +141,7 @@ fn an_axis_far_from_the_line_of_sight_is_found() {
     let rate = TAU * 18.0 * Vector3::new(0.7, -0.5, 0.5);
     for marks in [Marks::Dots, Marks::Halves] {
         let views = views(marks, 15.0, 24, rate, 0.0, 5);
-        let fits = search(15.0).rivals(&views).unwrap();
+        let fits = rivals(&search(15.0), &views).unwrap();
         let off = fits[0].rate_rad_s - rate;
         assert_eq!(fits.len(), 1, "{marks:?}");
         assert!(off.norm() < 0.01 * rate.norm(), "{marks:?}: {off}");
@@ -152,7 +156,7 @@ fn rates_of_plain_balls_are_never_found() {
         let rate = Vector3::new(0.0, 0.0, 60.0);
         let drift = if seed % 2 == 0 { 0.0 } else { 6.0 };
         let views = views(Marks::Plain, 9.0, 20, rate, drift, seed);
-        let found = search(9.0).rivals(&views);
+        let found = rivals(&search(9.0), &views);
         assert!(
             found.is_err(),
             "seed {seed}: {:?}",
@@ -165,7 +169,7 @@ fn rates_of_plain_balls_are_never_found() {
 fn a_pattern_that_looks_alike_after_half_a_turn_has_rivals() {
     let rate = Vector3::new(0.0, 0.0, TAU * 30.0);
     let views = views(Marks::Pair, 14.0, 20, rate, 0.0, 3);
-    let fits = search(14.0).rivals(&views).unwrap();
+    let fits = rivals(&search(14.0), &views).unwrap();
     assert!(
         fits.len() > 1,
         "{:?}",
@@ -181,7 +185,7 @@ fn a_pattern_that_looks_alike_after_half_a_turn_has_rivals() {
 fn a_rate_near_half_a_turn_a_frame_has_the_other_way_round_as_rival() {
     let rate = Vector3::new(0.0, 0.0, TAU * 115.0);
     let views = views(Marks::Dots, 12.0, 20, rate, 0.0, 8);
-    let fits = search(12.0).rivals(&views).unwrap();
+    let fits = rivals(&search(12.0), &views).unwrap();
     assert_eq!(fits.len(), 2);
     assert!(
         fits.iter()
@@ -193,15 +197,15 @@ fn a_rate_near_half_a_turn_a_frame_has_the_other_way_round_as_rival() {
 #[test]
 fn a_ball_that_hardly_turns_needs_the_light_of_another_flight() {
     let turning = views(Marks::Dots, 12.0, 20, Vector3::new(10.0, 0.0, 110.0), 0.0, 2);
-    let fits = search(12.0).rivals(&turning).unwrap();
+    let fits = rivals(&search(12.0), &turning).unwrap();
     let rate = Vector3::new(0.0, 0.0, 1.0);
     let still = views(Marks::Dots, 12.0, 20, rate, 0.0, 2);
-    assert!(search(12.0).rivals(&still).is_err());
+    assert!(rivals(&search(12.0), &still).is_err());
     let lit = RotationSearch {
         light: Some(&fits[0].maps),
         ..search(12.0)
     };
-    let fits = lit.rivals(&still).unwrap();
+    let fits = rivals(&lit, &still).unwrap();
     let (off, std) = in_plane(&fits[0], rate);
     assert!(
         off.abs() < 0.2 && off.abs() < 4.0 * std.max(0.02),
@@ -214,8 +218,9 @@ fn a_longer_flight_makes_the_rate_more_exact() {
     let rate = Vector3::new(0.0, 0.0, 90.0);
     let views = views(Marks::Dots, 9.0, 60, rate, 0.0, 21);
     let search = search(9.0);
-    let few = search.rivals(&views[10..10 + SEARCH_FRAMES]).unwrap();
-    let all = search.by_all(&views, &few).unwrap();
+    let few = rivals(&search, &views[10..10 + SEARCH_FRAMES]).unwrap();
+    let ball = search.sampled(&views).unwrap();
+    let all = search.evidence(&ball).unwrap().by_all(&few).unwrap();
     let ((off_few, std_few), (off, std)) = (in_plane(&few[0], rate), in_plane(&all[0], rate));
     assert!(off_few.abs() < 4.0 * std_few && off.abs() < 4.0 * std && std < 0.7 * std_few);
 }
@@ -223,5 +228,5 @@ fn a_longer_flight_makes_the_rate_more_exact() {
 #[test]
 fn three_pictures_are_too_few() {
     let views = views(Marks::Dots, 12.0, 3, Vector3::new(0.0, 0.0, 50.0), 0.0, 1);
-    assert_eq!(search(12.0).rivals(&views).err(), Some(NoRate::FewFrames));
+    assert_eq!(rivals(&search(12.0), &views).err(), Some(NoRate::FewFrames));
 }

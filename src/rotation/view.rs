@@ -28,6 +28,31 @@ pub struct BallPixel {
     pub grey: f64,
 }
 
+/// A list of directions, component by component.
+#[derive(Debug, Clone, Default)]
+pub struct Directions([Vec<f32>; 3]);
+
+impl Directions {
+    fn push(&mut self, d: &Vector3<f64>) {
+        for (all, x) in self.0.iter_mut().zip(d.iter()) {
+            all.push(*x as f32);
+        }
+    }
+
+    /// Direction `p`.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, p: usize) -> Vector3<f64> {
+        Vector3::from(self.0.each_ref().map(|c| f64::from(c[p])))
+    }
+
+    /// The components of those from `range`.
+    #[must_use]
+    pub fn components(&self, range: std::ops::Range<usize>) -> [&[f32]; 3] {
+        self.0.each_ref().map(|c| &c[range.clone()])
+    }
+}
+
 /// The pixels of all frames as one list: logarithms of brightness, which marks, light and a camera's gain add to.
 #[derive(Debug, Clone)]
 pub struct BallSamples {
@@ -35,8 +60,9 @@ pub struct BallSamples {
     pub times_s: Vec<f64>,
     /// The frames' pixels: frame i has those from `ends[i - 1]` (0) to `ends[i]`.
     pub ends: Vec<usize>,
-    /// The two directions from the ball's centre, camera axes, whose mean a pixel shows ([`seen_towards`]).
-    pub towards: Vec<[Vector3<f64>; 2]>,
+    /// The two directions from the ball's centre, camera axes, whose mean a pixel shows ([`seen_towards`]): a list of the one, and of the other. One list
+    /// alone where the blur is taken as even on the ball.
+    pub towards: Vec<Directions>,
     /// From the axes of each frame's line of sight to the camera's.
     sights: Vec<Rotation3<f64>>,
     /// Places on the disc, radii.
@@ -63,7 +89,7 @@ impl BallSamples {
         let mut samples = Self {
             times_s: views.iter().map(|v| v.time_s - middle_s).collect(),
             ends: Vec::with_capacity(views.len()),
-            towards: Vec::new(),
+            towards: vec![Directions::default(); 2],
             sights: views.iter().map(|v| v.sight).collect(),
             places: Vec::new(),
             values: Vec::new(),
@@ -72,8 +98,9 @@ impl BallSamples {
         for view in views {
             for p in &view.pixels {
                 let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
-                let towards = seen_towards(p.place, blur).map(|d| view.sight * d);
-                samples.towards.push(towards);
+                for (all, d) in samples.towards.iter_mut().zip(seen_towards(p.place, blur)) {
+                    all.push(&(view.sight * d));
+                }
                 samples.places.push(p.place);
                 samples.values.push(lit_grey.ln());
             }
@@ -87,7 +114,7 @@ impl BallSamples {
     pub fn thinned(&self, step: usize) -> Self {
         let mut thin = Self {
             ends: Vec::with_capacity(self.ends.len()),
-            towards: Vec::new(),
+            towards: vec![Directions::default(); self.towards.len()],
             sights: self.sights.clone(),
             places: Vec::new(),
             values: Vec::new(),
@@ -96,7 +123,9 @@ impl BallSamples {
         };
         for i in 0..self.frames() {
             for p in self.of_frame(i).skip(i % step).step_by(step) {
-                thin.towards.push(self.towards[p]);
+                for (thin, all) in thin.towards.iter_mut().zip(&self.towards) {
+                    thin.push(&all.at(p));
+                }
                 thin.places.push(self.places[p]);
                 thin.values.push(self.values[p]);
             }
@@ -108,13 +137,17 @@ impl BallSamples {
     /// The same as if the blur were even on the ball.
     #[must_use]
     pub fn evenly_blurred(&self) -> Self {
-        let mut even = self.clone();
+        let mut towards = Directions::default();
         for (i, sight) in self.sights.iter().enumerate() {
-            for p in self.of_frame(i) {
-                even.towards[p] = seen_towards(self.places[p], 0.0).map(|d| sight * d);
+            for &place in &self.places[self.of_frame(i)] {
+                let [_, d] = seen_towards(place, 0.0);
+                towards.push(&(sight * d));
             }
         }
-        even
+        Self {
+            towards: vec![towards],
+            ..self.clone()
+        }
     }
 
     /// From the middle to the frame furthest from it, s.
