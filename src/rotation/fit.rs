@@ -225,7 +225,8 @@ impl FitGrids {
     }
 
     /// The same grids for other samples.
-    fn of_samples(&self, samples: &BallSamples) -> Self {
+    #[must_use]
+    pub fn of_samples(&self, samples: &BallSamples) -> Self {
         let disc = self.disc;
         let lit: Vec<GridCell> = samples.places.iter().map(|&p| disc.cell(p)).collect();
         Self {
@@ -691,6 +692,24 @@ pub fn fit(
 #[must_use]
 pub fn fit_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> Option<RotationFit> {
     fit_from(samples, grids, &from.maps.on(grids.grid), from.rate_rad_s, lit)
+}
+
+/// A fit by some of a ball's pixels brought on by all of these `samples`, on the same grid: a step from a rate that is a few of its standard
+/// uncertainties off, by the curvature that it has for each pixel that is not taken up by the map.
+#[must_use]
+pub fn brought_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> RotationFit {
+    let mut found = evaluated(samples, grids, &from.maps, &from.rate_rad_s, lit);
+    let free = |fit: &RotationFit| fit.pixels as f64 * (fit.sum_squares / fit.cross_validated).sqrt();
+    let all = samples.values.len() as f64 * others_part(samples, &found.turned, &found.maps);
+    let unit = (from.scatter * from.residual).powi(2).max(f64::MIN_POSITIVE);
+    let inverse = from.covariance * (free(from) / (all * unit));
+    let step = inverse * found.downhill;
+    for (own, &t) in found.equations.iter_mut().zip(&samples.times_s) {
+        own.right -= own.matrix * (t * left_jacobian(&(t * from.rate_rad_s)) * step);
+    }
+    let by_rate = found.slopes_by_rate(samples, grids, &from.rate_rad_s);
+    let by_parts = found.scatter_of_parts(samples, &by_rate, &inverse);
+    found.with_scatter(samples, from.rate_rad_s + step, inverse, by_parts)
 }
 
 /// Σ of squares that the rate of a rotation of the same frames leaves of `samples`.

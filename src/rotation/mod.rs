@@ -69,7 +69,7 @@ const FITTED_AT_ONCE: usize = 2;
 /// Frames by which rates are searched for and rivals told apart, at most: those in the middle. The rest then makes the rate exact.
 pub const SEARCH_FRAMES: usize = 32;
 
-/// Pixels of a flight, at most. More would make a rate of noise alone more exact, which is by far not what it is off by.
+/// Pixels of a flight by which a rate is fitted, at most; all of them then bring it on by a step.
 const MOST_PIXELS: usize = 40_000;
 
 /// Pixels by which rates are searched for and told apart, about, at most: the rest then makes them exact.
@@ -151,6 +151,9 @@ pub enum NoRate {
 /// The pixels of the views of one flight, with the grids of their maps.
 #[derive(Debug)]
 pub struct SampledBall {
+    /// All of them, where they are more than [`MOST_PIXELS`].
+    all: Option<BallSamples>,
+    /// No more than that.
     samples: BallSamples,
     grids: FitGrids,
     /// About [`SEARCH_PIXELS`] of them; made when they are asked for.
@@ -343,8 +346,11 @@ impl RotationEvidence<'_> {
     /// that cannot be said.
     fn with_shares(&self, mut fit: RotationFit) -> Option<RotationFit> {
         let search = &self.search;
-        let rate = fit.rate_rad_s;
         let lit = search.light.is_some();
+        if let Some(all) = &self.ball.all {
+            fit = fit::brought_on(all, &self.ball.grids.of_samples(all), &fit, lit);
+        }
+        let rate = fit.rate_rad_s;
         let (thin, grids) = self.ball.thinned();
         let even = fit.distance_to_rate_of(&thin.evenly_blurred(), grids, lit);
         let moved = even - fit.distance_to_rate_of(thin, grids, lit);
@@ -382,11 +388,16 @@ impl<'a> RotationSearch<'a> {
     /// [`NoRate::FewFrames`].
     pub fn sampled(&self, views: &[BallView]) -> Result<SampledBall, NoRate> {
         let blur = self.blur_px / self.radius_px;
-        let samples =
-            BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES).ok_or(NoRate::FewFrames)?;
-        let step = samples.values.len().div_ceil(MOST_PIXELS);
-        let samples = if step > 1 { samples.thinned(step) } else { samples };
+        let all = BallSamples::new(views, self.noise_grey, blur, LEAST_FRAMES).ok_or(NoRate::FewFrames)?;
+        let (all, samples) = match all.values.len().div_ceil(MOST_PIXELS) {
+            0..=1 => (None, all),
+            step => {
+                let some = all.thinned(step);
+                (Some(all), some)
+            }
+        };
         Ok(SampledBall {
+            all,
             grids: FitGrids::new(&samples, 1.0 / self.radius_px),
             samples,
             thin: OnceLock::new(),

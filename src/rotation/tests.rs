@@ -56,34 +56,14 @@ fn views(
     } else {
         Rotation3::new(turned.into())
     };
-    let reach = radius_px.ceil() as i32;
     let view = |i: usize| {
         let time_s = i as f64 * INTERVAL_S;
-        let turn = (Rotation3::new(time_s * rate_rad_s) * first).inverse();
-        let lamp =
-            Rotation3::new(Vector3::z() * drift_rad_s * time_s) * Vector3::new(-0.5, -0.7, -0.6).normalize();
+        let turn = Rotation3::new(time_s * rate_rad_s) * first;
+        let lamp = Rotation3::new(Vector3::z() * drift_rad_s * time_s) * LAMP;
         let centre = [noise.uniform(), noise.uniform()];
-        let mut pixels = Vec::new();
-        for v in -reach..=reach {
-            for u in -reach..=reach {
-                let place = [
-                    (f64::from(u) - centre[0]) / radius_px,
-                    (f64::from(v) - centre[1]) / radius_px,
-                ];
-                if place[0].hypot(place[1]) > 1.0 - 1.6 / radius_px {
-                    continue;
-                }
-                let mut grey = 0.0;
-                for k in 0..9 {
-                    let at = |axis: i32| f64::from(axis - 1) / (3.0 * radius_px);
-                    let (a, b) = (place[0] + at(k % 3), place[1] + at(k / 3));
-                    let n = Vector3::new(a, b, -(1.0 - a * a - b * b).max(0.0).sqrt());
-                    let light = 0.45 + 0.55 * n.dot(&lamp).max(0.0);
-                    grey += 200.0 * light * marks.albedo(&(turn * n)) / 9.0;
-                }
-                let grey = (grey + NOISE_GREY * noise.normal()).round().clamp(0.0, 255.0);
-                pixels.push(BallPixel { place, grey });
-            }
+        let mut pixels = picture(marks, radius_px, centre, &turn, &lamp, SHARP);
+        for p in &mut pixels {
+            p.grey = (p.grey + NOISE_GREY * noise.normal()).round().clamp(0.0, 255.0);
         }
         BallView {
             time_s,
@@ -92,6 +72,58 @@ fn views(
         }
     };
     (0..frames).map(view).collect()
+}
+
+/// Where the lamp is.
+const LAMP: Vector3<f64> = Vector3::new(-0.520_266, -0.728_373, -0.624_320);
+
+/// Rays a side, and the width of the square that they are spread over, px.
+#[derive(Clone, Copy)]
+struct Rays(i32, f64);
+
+/// As a pixel alone blurs, and as a lens does with it.
+const SHARP: Rays = Rays(3, 1.0);
+const SOFT: Rays = Rays(7, 2.5);
+
+impl Rays {
+    /// Standard deviation of their blur along each axis, px.
+    fn blur_px(self) -> f64 {
+        self.1 / 12.0_f64.sqrt()
+    }
+}
+
+/// The pixels of a ball turned by `turn` at `centre`, without noise.
+fn picture(
+    marks: Marks,
+    radius_px: f64,
+    centre: [f64; 2],
+    turn: &Rotation3<f64>,
+    lamp: &Vector3<f64>,
+    Rays(rays, width_px): Rays,
+) -> Vec<BallPixel> {
+    let back = turn.inverse();
+    let reach = radius_px.ceil() as i32;
+    let at = |k: i32| (f64::from(k) + 0.5 - 0.5 * f64::from(rays)) * width_px / (f64::from(rays) * radius_px);
+    let places = (-reach..=reach).flat_map(|v| (-reach..=reach).map(move |u| [u, v]));
+    let places = places.map(|[u, v]| {
+        [
+            (f64::from(u) - centre[0]) / radius_px,
+            (f64::from(v) - centre[1]) / radius_px,
+        ]
+    });
+    let inside = places.filter(|p| p[0].hypot(p[1]) <= 1.0 - (0.6 + width_px) / radius_px);
+    inside
+        .map(|place| {
+            let mut grey = 0.0;
+            for k in 0..rays * rays {
+                let (a, b) = (place[0] + at(k % rays), place[1] + at(k / rays));
+                let n = Vector3::new(a, b, -(1.0 - a * a - b * b).max(0.0).sqrt());
+                let light = 0.45 + 0.55 * n.dot(lamp).max(0.0);
+                grey += 200.0 * light * marks.albedo(&(back * n)) / f64::from(rays * rays);
+            }
+            BallPixel { place, grey }
+        })
+        .collect()
 }
 
 fn rivals(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
@@ -148,6 +180,65 @@ fn an_axis_far_from_the_line_of_sight_is_found() {
         let chi2 = off.dot(&(fits[0].covariance.try_inverse().unwrap() * off));
         assert!(chi2 < 25.0, "{marks:?}: {chi2}");
     }
+}
+
+#[test]
+fn the_rate_of_a_long_flight_scatters_by_little_more_than_the_pixels_noise_allows() {
+    let (radius_px, frames) = (18.0, 120);
+    let rate = Vector3::new(0.0, 0.0, TAU * 12.0);
+    let middle_s = 0.5 * (frames - 1) as f64 * INTERVAL_S;
+    let mut places = TestNoise(31);
+    let centres: Vec<[f64; 2]> = (0..frames)
+        .map(|_| [places.uniform(), places.uniform()])
+        .collect();
+    let clean = |i: usize, on_rad: f64| {
+        let turn = Rotation3::new((i as f64 * INTERVAL_S) * rate + Vector3::z() * on_rad);
+        picture(Marks::Dots, radius_px, centres[i], &turn, &LAMP, SOFT)
+    };
+    // What a frame whose ball is known tells of its angle: by how much its pixels change, over their noise, where it is turned by half a pixel at the rim.
+    let half_rad = 0.25 / radius_px;
+    let told_of_angle = |i: usize| -> f64 {
+        let both = [clean(i, -half_rad), clean(i, half_rad)];
+        let change = both[0].iter().zip(&both[1]);
+        let squares: f64 = change.map(|(a, b)| (b.grey - a.grey).powi(2)).sum();
+        squares / (2.0 * half_rad * NOISE_GREY).powi(2)
+    };
+    let told = |i: usize| told_of_angle(i) * (i as f64 * INTERVAL_S - middle_s).powi(2);
+    let some_frames = 8;
+    let told: f64 = (0..frames).step_by(some_frames).map(told).sum();
+    let bound = (some_frames as f64 * told).sqrt().recip();
+    let pictures: Vec<Vec<BallPixel>> = (0..frames).map(|i| clean(i, 0.0)).collect();
+    let search = RotationSearch {
+        blur_px: SOFT.blur_px(),
+        ..search(radius_px)
+    };
+    let off = |seed: u64| {
+        let mut noise = TestNoise(seed);
+        let view = |(i, pixels): (usize, &Vec<BallPixel>)| BallView {
+            time_s: i as f64 * INTERVAL_S,
+            sight: Rotation3::identity(),
+            pixels: pixels
+                .iter()
+                .map(|p| BallPixel {
+                    grey: (p.grey + NOISE_GREY * noise.normal()).round(),
+                    ..*p
+                })
+                .collect(),
+        };
+        let views: Vec<BallView> = pictures.iter().enumerate().map(view).collect();
+        let from = (frames - SEARCH_FRAMES) / 2;
+        let some = search.sampled(&views[from..from + SEARCH_FRAMES]).unwrap();
+        let candidates = search.evidence(&some).unwrap().candidates().unwrap();
+        let all = search.sampled(&views).unwrap();
+        let fits = search.evidence(&all).unwrap().by_all(&candidates).unwrap();
+        in_plane(&fits[0], rate).0
+    };
+    let off: Vec<f64> = (0..24).map(off).collect();
+    let bias = off.iter().sum::<f64>() / off.len() as f64;
+    let squares: f64 = off.iter().map(|x| (x - bias).powi(2)).sum();
+    let scatter = (squares / (off.len() - 1) as f64).sqrt();
+    assert!(scatter < 1.5 * bound, "{scatter} of {bound}");
+    assert!(bias.abs() < 3.0 * bound, "{bias} of {bound}");
 }
 
 #[test]
