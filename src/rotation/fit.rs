@@ -703,7 +703,7 @@ pub fn brought_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, l
     let all = samples.values.len() as f64 * others_part(samples, &found.turned, &found.maps);
     let unit = (from.scatter * from.residual).powi(2).max(f64::MIN_POSITIVE);
     let inverse = from.covariance * (free(from) / (all * unit));
-    let step = inverse * found.downhill;
+    let step = no_longer(grids.longest_step(samples), inverse * found.downhill);
     for (own, &t) in found.equations.iter_mut().zip(&samples.times_s) {
         own.right -= own.matrix * (t * left_jacobian(&(t * from.rate_rad_s)) * step);
     }
@@ -722,6 +722,11 @@ pub fn left_at(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit:
         (maps, left) = (found.maps, found.sum_squares);
     }
     left
+}
+
+/// A step of the same direction, no longer than `most`.
+fn no_longer(most: f64, step: Vector3<f64>) -> Vector3<f64> {
+    (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step
 }
 
 fn fit_from(
@@ -751,7 +756,7 @@ fn fit_from(
         if gain < (SETTLED * found.frames_scatter(samples).scatter).powi(2) && bend.is_some() {
             break;
         }
-        let step = (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
+        let step = no_longer(most, step);
         rate += step;
         since_rad += step.norm() * longest_s;
         found = evaluated(samples, grids, &found.maps, &rate, lit);
@@ -783,7 +788,7 @@ pub fn rough(
             break;
         };
         let step = chol.solve(&found.downhill);
-        let next = rate + (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step;
+        let next = rate + no_longer(most, step);
         let there = evaluated(samples, grids, &found.maps, &next, lit);
         if there.sum_squares > found.sum_squares {
             break;

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! pixels well inside of the outline (view) -> what a still picture leaves over (fit::still)
-//!     -> rates up to the alias limit that bring the marks into each other (search) -> each fitted by likelihood (fit)
+//!     -> rates up to the alias limit that bring the marks into each other (search) -> each fitted by likelihood to some of the pixels,
+//!     then brought on by all of them (fit)
 //! ```
 //!
 //! Assumed: a ball that turns steadily about an axis that stays (free flight), whose light is the same wherever it flies in the frames
