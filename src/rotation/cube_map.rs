@@ -13,7 +13,7 @@ impl MapValue for f64 {}
 
 impl MapValue for Vector3<f64> {}
 
-/// Directions that are looked up together.
+/// Directions, or cells, that are looked up together.
 pub const AT_ONCE: usize = 16;
 
 /// The four nodes around a direction, with the weights that a linear function has there.

@@ -236,9 +236,7 @@ impl FitGrids {
             ..*self
         }
     }
-}
 
-impl FitGrids {
     /// The longest step of a rate, rad/s: one that turns the ends of the arc by more than the map is fine leads astray.
     #[must_use]
     pub fn longest_step(&self, samples: &BallSamples) -> f64 {

@@ -8,6 +8,7 @@
 //!
 //! Assumed: frames at nearly even times (the fit that follows knows their own), a ball that turns steadily, and an axis that stays.
 
+use super::cube_map::AT_ONCE;
 use super::disc_map::DiscGrid;
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -35,9 +36,6 @@ const MOST_OF_PEAK: usize = 2;
 /// Step between the axes about which the ball may turn as fast as about the best, rad. A mark that comes back after a turn tells how fast it goes
 /// round, whatever the axis; the first grids, which see it move by a little, may have led to a wrong one.
 const AXIS_STEP: f64 = 0.1;
-
-/// Cells that are looked up together.
-const AT_ONCE: usize = 16;
 
 /// A number of 24 bits has no places behind the point: added to a small one and taken away again, it rounds that to the nearest whole number.
 const WHOLE: f32 = 8_388_608.0;
