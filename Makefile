@@ -21,7 +21,8 @@ export PATH := $(PATH):$(or $(CARGO_HOME),$(HOME)/.cargo)/bin
 # The dev profile is optimised (Cargo.toml), so demo and tests share one build; a release build takes 5 minutes more from
 # cold (two cores) and makes the demo hardly faster.
 CARGO_BUILD := cargo build --locked
-TRACK := cargo run --locked --quiet --bin track --
+# (`cargo run` looks through the sources once more, each time.)
+TRACK := $(or $(CARGO_TARGET_DIR),target)/debug/track
 
 SCENE := fixtures/scenes/steel_ball.scene.json
 DEMO := demo/steel_ball

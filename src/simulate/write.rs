@@ -11,6 +11,7 @@ use nalgebra::Matrix3;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
 use thiserror::Error;
 
 /// What can go wrong.
@@ -48,6 +49,9 @@ pub struct SimulatedFiles {
 /// Frames from one key frame to the next, and B-frames between references: what phones and cameras write.
 const KEY_FRAMES: u32 = 48;
 const B_FRAMES: u32 = 2;
+
+/// Pictures that wait for the encoder.
+const MADE_AHEAD: usize = 1;
 
 /// What [`write()`] calls the files of `recording` in `out_dir`, before it has written any.
 #[must_use]
@@ -114,22 +118,40 @@ pub fn write(
         options.chroma_siting = Some(camera.chroma_siting);
     }
     let mut video = VideoWriter::create_with(&written.video, camera.width_px, camera.height_px, &options)?;
-    let mut shown: Option<(usize, SimulatedPicture)> = None;
-    for (stored, done) in recording.stored_frames().into_iter().zip(1..) {
-        // Repeats are the same picture, made once.
-        let frame = match shown.take() {
-            Some((shows, frame)) if shows == stored.shows => frame,
-            _ => SimulatedPicture::of(recording, stored.shows),
-        };
-        match (&frame, is_cut) {
-            (SimulatedPicture::Grey(luma), true) => video.write_at(luma, stored.stamp_s)?,
-            (SimulatedPicture::Grey(luma), false) => video.write(luma)?,
-            (SimulatedPicture::Coloured(yuv), true) => video.write_yuv_at(yuv, stored.stamp_s)?,
-            (SimulatedPicture::Coloured(yuv), false) => video.write_yuv(yuv)?,
+    let stored = recording.stored_frames();
+    // Repeats are the same picture, made once.
+    let mut shows: Vec<usize> = stored.iter().map(|s| s.shows).collect();
+    shows.dedup();
+    std::thread::scope(|scope| {
+        // Pictures are made while others are encoded: neither keeps two cores busy alone.
+        let (made, pictures) = mpsc::sync_channel(MADE_AHEAD);
+        scope.spawn(move || {
+            let of = |index| (index, SimulatedPicture::of(recording, index));
+            // (Nobody receives any more after an encoder failed.)
+            shows
+                .into_iter()
+                .map(of)
+                .try_for_each(|picture| made.send(picture))
+        });
+        let mut shown: Option<(usize, SimulatedPicture)> = None;
+        for (frame, done) in stored.into_iter().zip(1..) {
+            if shown.as_ref().is_none_or(|(index, _)| *index != frame.shows) {
+                shown = pictures.recv().ok();
+            }
+            let Some((_, picture)) = &shown else {
+                // The thread that makes them panicked, and the scope will say so.
+                break;
+            };
+            match (picture, is_cut) {
+                (SimulatedPicture::Grey(luma), true) => video.write_at(luma, frame.stamp_s)?,
+                (SimulatedPicture::Grey(luma), false) => video.write(luma)?,
+                (SimulatedPicture::Coloured(yuv), true) => video.write_yuv_at(yuv, frame.stamp_s)?,
+                (SimulatedPicture::Coloured(yuv), false) => video.write_yuv(yuv)?,
+            }
+            on_frame(done);
         }
-        shown = Some((stored.shows, frame));
-        on_frame(done);
-    }
+        Ok::<(), SimulationWriteError>(())
+    })?;
     video.finish()?;
     let unwritten = |path: &Path, source: std::io::Error| SimulationWriteError::Io {
         path: path.to_owned(),
