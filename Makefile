@@ -40,10 +40,11 @@ test: setup
 test-cluster: build
 	scripts/test_cluster.sh
 
-# Also docs/demo.jpg: the picture of the demo's page.
+# Also docs/demo.svg: the picture of the demo's page, with what is drawn on it.
 figures: demo
 	scripts/figures.sh
-	grep -o 'data:image/jpeg;base64,[^"]*' $(DEMO).report.html | head -n 1 | cut -d , -f 2 | base64 -d > docs/demo.jpg
+	$(TRACK) $(DEMO).mp4 --calib $(DEMO).calib.json --out target/figures --formats svg
+	cp target/figures/steel_ball.picture.svg docs/demo.svg
 
 # After a change that is meant to move numbers; look at the difference before it is committed.
 golden: setup
