@@ -99,7 +99,7 @@ pub fn write(
     recording: &SimulatedRecording,
     stem: &str,
     out_dir: &Path,
-    mut on_frame: impl FnMut(usize),
+    on_frame: impl FnMut(usize),
 ) -> Result<SimulatedFiles, SimulationWriteError> {
     std::fs::create_dir_all(out_dir).map_err(|source| SimulationWriteError::Io {
         path: out_dir.to_owned(),
@@ -109,21 +109,42 @@ pub fn write(
     let camera = &recording.scene().camera;
     let clock = recording.clock.as_ref();
     let rate_hz = clock.map_or(camera.frame_rate_hz, |c| c.stamped_hz(camera.frame_rate_hz));
-    let is_cut = clock.is_some_and(|c| c.stamp_step_s.is_some());
     let mut options = VideoOptions::new(rate_hz, coding(recording));
-    if is_cut {
+    if clock.is_some_and(|c| c.stamp_step_s.is_some()) {
         options.timing = Timing::Stamped;
     }
     if recording.scene().look.is_coloured() {
         options.chroma_siting = Some(camera.chroma_siting);
     }
     let mut video = VideoWriter::create_with(&written.video, camera.width_px, camera.height_px, &options)?;
+    write_pictures(recording, &mut video, options.timing, on_frame)?;
+    video.finish()?;
+    let unwritten = |path: &Path, source: std::io::Error| SimulationWriteError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let digest = digest::of_file(&written.video).map_err(|e| unwritten(&written.video, e))?;
+    let name = written.video.file_name().unwrap_or_default().to_string_lossy();
+    let truth = serde_json::to_value(recording.truth()).map_err(|e| unwritten(&written.truth, e.into()))?;
+    let truth = made_by::signed(truth, &[(name.into_owned(), digest)]);
+    write_json(&written.truth, &truth).map_err(|e| unwritten(&written.truth, e))?;
+    let calib = made_by::signed(calibration(recording), &[]);
+    write_json(&written.calib, &calib).map_err(|e| unwritten(&written.calib, e))?;
+    Ok(written)
+}
+
+/// Renders the pictures while others are encoded: neither keeps two cores busy alone.
+fn write_pictures(
+    recording: &SimulatedRecording,
+    video: &mut VideoWriter,
+    timing: Timing,
+    mut on_frame: impl FnMut(usize),
+) -> Result<(), EncodeError> {
     let stored = recording.stored_frames();
     // Repeats are the same picture, made once.
     let mut shows: Vec<usize> = stored.iter().map(|s| s.shows).collect();
     shows.dedup();
     std::thread::scope(|scope| {
-        // Pictures are made while others are encoded: neither keeps two cores busy alone.
         let (made, pictures) = mpsc::sync_channel(MADE_AHEAD);
         scope.spawn(move || {
             let of = |index| (index, SimulatedPicture::of(recording, index));
@@ -142,29 +163,18 @@ pub fn write(
                 // The thread that makes them panicked, and the scope will say so.
                 break;
             };
-            match (picture, is_cut) {
-                (SimulatedPicture::Grey(luma), true) => video.write_at(luma, frame.stamp_s)?,
-                (SimulatedPicture::Grey(luma), false) => video.write(luma)?,
-                (SimulatedPicture::Coloured(yuv), true) => video.write_yuv_at(yuv, frame.stamp_s)?,
-                (SimulatedPicture::Coloured(yuv), false) => video.write_yuv(yuv)?,
+            match (picture, timing) {
+                (SimulatedPicture::Grey(luma), Timing::Stamped) => video.write_at(luma, frame.stamp_s)?,
+                (SimulatedPicture::Grey(luma), Timing::Constant) => video.write(luma)?,
+                (SimulatedPicture::Coloured(yuv), Timing::Stamped) => {
+                    video.write_yuv_at(yuv, frame.stamp_s)?
+                }
+                (SimulatedPicture::Coloured(yuv), Timing::Constant) => video.write_yuv(yuv)?,
             }
             on_frame(done);
         }
-        Ok::<(), SimulationWriteError>(())
-    })?;
-    video.finish()?;
-    let unwritten = |path: &Path, source: std::io::Error| SimulationWriteError::Io {
-        path: path.to_owned(),
-        source,
-    };
-    let digest = digest::of_file(&written.video).map_err(|e| unwritten(&written.video, e))?;
-    let name = written.video.file_name().unwrap_or_default().to_string_lossy();
-    let truth = serde_json::to_value(recording.truth()).map_err(|e| unwritten(&written.truth, e.into()))?;
-    let truth = made_by::signed(truth, &[(name.into_owned(), digest)]);
-    write_json(&written.truth, &truth).map_err(|e| unwritten(&written.truth, e))?;
-    let calib = made_by::signed(calibration(recording), &[]);
-    write_json(&written.calib, &calib).map_err(|e| unwritten(&written.calib, e))?;
-    Ok(written)
+        Ok(())
+    })
 }
 
 /// A frame as it is written.
