@@ -1,6 +1,6 @@
 //! Centres on synthetic balls drawn by brute force: 16 × 16 samples a pixel, nothing shared with the model.
 
-use super::centre::appearance::{AppearanceFrame, AppearanceSettings, RadiusSource, estimate};
+use super::centre::appearance::{AppearanceFrame, AppearanceSettings, Estimation, RadiusSource};
 use super::centre::edge_likelihood::{self, Appearance};
 use super::centre::{Accuracy, Centre, CentreInput, Disc, Patch, fine, outline, standard};
 use super::crop::Crop;
@@ -164,7 +164,9 @@ impl CentreTrial {
                 magnification: 1.0,
             })
             .collect();
-        estimate(&frames, 2.0 * EXPOSURE_S, settings, RadiusSource::Fitted).expect("an appearance")
+        Estimation::begun(frames, 2.0 * EXPOSURE_S, settings)
+            .and_then(|begun| begun.by(RadiusSource::Fitted))
+            .expect("an appearance")
     }
 
     fn errors(&self, settings: &AppearanceSettings) -> CentreErrors {

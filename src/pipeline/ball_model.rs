@@ -7,7 +7,7 @@ use super::track::Tracked;
 use crate::calibration::{Optics, Silhouette, Silhouettes};
 use crate::detect::Sighting;
 use crate::detect::centre::affine_patch::AffinePatch;
-use crate::detect::centre::appearance::{self, AppearanceFrame, AppearanceSettings, RadiusSource};
+use crate::detect::centre::appearance::{AppearanceFrame, AppearanceSettings, Estimation, RadiusSource};
 use crate::detect::centre::attached_shadow::{AttachedShadow, ShadowView};
 use crate::detect::centre::edge_likelihood::Appearance;
 use crate::detect::centre::{Accuracy, Disc, Patch, ball};
@@ -92,6 +92,11 @@ impl<'a> BallPictures<'a> {
     /// The same with what goes along beside the ball.
     pub fn with_shadow(self, shadow: Option<&'a AttachedShadow>) -> Self {
         Self { shadow, ..self }
+    }
+
+    /// What goes along beside the ball.
+    pub fn shadow(&self) -> Option<&'a AttachedShadow> {
+        self.shadow
     }
 
     /// What goes along beside the ball of a flight.
@@ -202,45 +207,53 @@ impl<'a> BallPictures<'a> {
     }
 }
 
-/// The ball's radius and appearance from some of the flight's used points, spread over it.
-pub fn learned(
-    pictures: &BallPictures<'_>,
-    tracked: &Tracked,
-    accuracy: Accuracy,
-    radius: RadiusSource,
-) -> Option<BallModel> {
-    let outlines = outline_radius(pictures, &tracked.flight)?;
-    let (appearance, behind_grey) = accuracy
-        .method()
-        .appearance()
-        .map(|settings| {
-            let examples = examples(pictures, tracked, settings);
-            if mostly_let_go(pictures, tracked) {
-                return Default::default();
-            }
-            let behind = examples.iter().filter_map(|e| e.patch.background.first());
-            let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
-            let longest_exposure_s = tracked.flight.interval_s;
-            (
-                appearance::estimate(&examples, longest_exposure_s, settings, radius),
-                behind_grey,
-            )
+/// What a ball's radius and appearance are learned from: some of the flight's used points, spread over it.
+#[derive(Debug)]
+pub struct BallLesson<'a> {
+    outlines: Quantity,
+    /// `None` where an appearance is not asked for, or the frames have no one.
+    estimation: Option<Estimation<'a>>,
+    /// What is behind the ball, grey levels.
+    behind_grey: Option<f64>,
+    shadowed: f64,
+}
+
+impl<'a> BallLesson<'a> {
+    /// Of what was tracked; `None` where there is no outline.
+    pub fn new(pictures: &BallPictures<'a>, tracked: &Tracked, accuracy: Accuracy) -> Option<Self> {
+        let outlines = outline_radius(pictures, &tracked.flight)?;
+        let settings = accuracy.method().appearance();
+        let settings = settings.filter(|_| !mostly_let_go(pictures, tracked));
+        let examples = settings.map_or(Vec::new(), |settings| examples(pictures, tracked, settings));
+        let behind = examples.iter().filter_map(|e| e.patch.background.first());
+        let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
+        let longest_exposure_s = tracked.flight.interval_s;
+        Some(Self {
+            outlines,
+            estimation: settings.and_then(|s| Estimation::begun(examples, longest_exposure_s, s)),
+            behind_grey,
+            shadowed: pictures.shadow.map_or(0.0, AttachedShadow::part_of_contrast),
         })
-        .unwrap_or_default();
-    let radius_px = match &appearance {
-        Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
-        None => outlines,
-    };
-    Some(BallModel {
-        radius_px,
-        outline_px: outlines.value,
-        faded: appearance
-            .as_ref()
-            .zip(behind_grey)
-            .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind)),
-        shadowed: pictures.shadow.map_or(0.0, AttachedShadow::part_of_contrast),
-        appearance,
-    })
+    }
+
+    /// The ball, with an appearance whose radius is from there, or by its outlines alone.
+    pub fn ball(&self, appearance: Option<RadiusSource>) -> Option<BallModel> {
+        let appearance = appearance.and_then(|radius| self.estimation.as_ref()?.by(radius));
+        let radius_px = match &appearance {
+            Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
+            None => self.outlines,
+        };
+        Some(BallModel {
+            radius_px,
+            outline_px: self.outlines.value,
+            faded: appearance
+                .as_ref()
+                .zip(self.behind_grey)
+                .map_or(0.0, |(a, behind)| faded_part(&a.terms, behind)),
+            shadowed: self.shadowed,
+            appearance,
+        })
+    }
 }
 
 /// Whether memory had no room for the pixels of most of the flight: its centres are those of the first look, and an appearance

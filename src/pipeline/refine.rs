@@ -5,7 +5,7 @@
 //! radius, which then tells the camera's angles and the drag. So they are found in turn ([`refinement`]), until nothing is left
 //! to gain.
 
-use super::ball_model::{self, BallModel, BallPictures};
+use super::ball_model::{BallLesson, BallModel, BallPictures};
 use super::camera::CalibratedCamera;
 use super::centres::BallSearch;
 use super::clock::Clocked;
@@ -71,23 +71,38 @@ pub struct Refinement<'a> {
 /// # Errors
 /// [`NoFlight`] where what was tracked shows to be no ball.
 pub fn refined(recording: &Refinement<'_>, first: Tracked) -> Result<Refined, NoFlight> {
+    let asked = recording.accuracy;
+    let pictures = BallPictures::new(recording.decoded, recording.camera, first.optics);
+    let shadow = pictures.shadow_of(&first);
+    let pictures = pictures.with_shadow(shadow.as_ref());
+    let start = RefinementStart {
+        first: &first,
+        pictures,
+        lesson: BallLesson::new(&pictures, &first, asked),
+    };
     // A radius that the pixels seem to tell may be a false one, and a ball that looks too different from frame to frame has no
     // one appearance: the outlines' radius has to do, or the outline itself.
-    let asked = recording.accuracy;
     let attempts = [
-        (asked, RadiusSource::Fitted),
-        (asked, RadiusSource::Outlines),
-        (asked.possible(false), RadiusSource::Outlines),
+        (asked, Some(RadiusSource::Fitted)),
+        (asked, Some(RadiusSource::Outlines)),
+        (asked.possible(false), None),
     ];
     let needs_appearance = asked.method().appearance().is_some();
     let attempts = &attempts[if needs_appearance { 0 } else { 2 }..];
     let mut stands = false;
     let mut refused = None;
+    let mut radius_fitted = true;
     for &(accuracy, radius) in attempts {
         if stands && accuracy != asked {
             break;
         }
-        match recording.refinement(&first, accuracy, radius) {
+        // Where no radius was fitted it has been the outlines' already.
+        if !radius_fitted && accuracy == asked {
+            continue;
+        }
+        let attempt = recording.refinement(&start, accuracy, radius);
+        radius_fitted = attempt.radius_fitted;
+        match attempt.found {
             Ok(Some((tracked, ball))) => return Ok(recording.with_warnings(tracked, Some(ball))),
             Ok(None) => stands = true,
             Err(reason) => refused = Some(reason),
@@ -99,39 +114,65 @@ pub fn refined(recording: &Refinement<'_>, first: Tracked) -> Result<Refined, No
     }
 }
 
+/// What each way of looking for the best centres starts from.
+struct RefinementStart<'a> {
+    first: &'a Tracked,
+    pictures: BallPictures<'a>,
+    /// `None` where the ball has no outline.
+    lesson: Option<BallLesson<'a>>,
+}
+
+/// What came of looking for the best centres in one way.
+struct Attempt {
+    /// Whether the pixels ever told the ball's radius.
+    radius_fitted: bool,
+    /// `None` where nothing is better than what it started from.
+    found: Result<Option<(Tracked, BallModel)>, NoFlight>,
+}
+
 impl Refinement<'_> {
-    /// Appearance, centres, scale and flight in turn, from those of `first`; `None` where nothing is better than that. It ends
-    /// after [`MOST_ROUNDS`], or where the ball cannot be learned, or is not found again in enough frames.
+    /// Appearance, whose radius is from there, centres, scale and flight in turn, from `start`. It ends after [`MOST_ROUNDS`], or
+    /// where the ball cannot be learned, or is not found again in enough frames.
     fn refinement(
         &self,
-        first: &Tracked,
+        start: &RefinementStart<'_>,
         accuracy: Accuracy,
-        radius: RadiusSource,
-    ) -> Result<Option<(Tracked, BallModel)>, NoFlight> {
+        radius: Option<RadiusSource>,
+    ) -> Attempt {
         let Self { camera, clocked, .. } = *self;
+        let RefinementStart { first, .. } = *start;
         // Seen from above, a better flight is a better size of the ball in every frame.
         let above = first.flight.fit.model.resolves_height();
         let learns_again = accuracy.method().appearance().is_some_and(|a| a.again) || above;
         let mut best: Option<(Tracked, BallModel)> = None;
-        let mut shadow = None;
+        let mut radius_fitted = false;
         for _ in 0..MOST_ROUNDS {
-            // First outlines are drawn towards a shadow beside the ball: it is learned once more of the centres that know of it.
-            let learns_again = learns_again || shadow.is_some();
-            let (now, ball) = match &best {
-                Some((now, ball)) => (now, Some(ball).filter(|_| !learns_again)),
-                None => (first, None),
+            let relearned;
+            let shadow = start.pictures.shadow();
+            let (now, ball, shadow) = match &best {
+                // First outlines are drawn towards a shadow beside the ball: it is learned once more of the centres that know of
+                // it.
+                Some((now, _)) if shadow.is_some() => {
+                    relearned = BallPictures::new(self.decoded, camera, now.optics).shadow_of(now);
+                    (now, None, relearned.as_ref())
+                }
+                Some((now, ball)) => (now, Some(ball).filter(|_| !learns_again), None),
+                None => (first, None, shadow),
             };
-            if best.is_none() || shadow.is_some() {
-                shadow = BallPictures::new(self.decoded, camera, now.optics).shadow_of(now);
-            }
-            let shadow = shadow.as_ref();
             // What was found with the same appearance stays; a new one is a new measurement.
             let known = ball.map_or(&[][..], |_| &now.centres);
             let pictures = BallPictures::new(self.decoded, camera, now.optics).with_shadow(shadow);
-            let learned = || ball_model::learned(&pictures, now, accuracy, radius);
-            let Some(ball) = ball.cloned().or_else(learned) else {
+            let ball = match (ball, &best) {
+                (Some(ball), _) => Some(ball.clone()),
+                (None, None) => start.lesson.as_ref().and_then(|lesson| lesson.ball(radius)),
+                (None, Some(_)) => {
+                    BallLesson::new(&pictures, now, accuracy).and_then(|lesson| lesson.ball(radius))
+                }
+            };
+            let Some(ball) = ball else {
                 break;
             };
+            radius_fitted |= ball.appearance.as_ref().is_some_and(|a| a.radius_fitted);
             let centres = self.search(&pictures, &ball, accuracy).along(&now.flight, known);
             let scale = camera.metres_per_unit(&now.flight, Some(ball.radius_px)).ok();
             let optics = camera.optics(scale);
@@ -162,12 +203,14 @@ impl Refinement<'_> {
                 // without the outline of a ball is no ball.
                 flight if ball.radius_px.value > SMALL_BALL_PX && (flight.is_none() || kept < BALL_PART) => {
                     let longest = first.flight.points.len();
-                    return Err(NoFlight::NothingFalls { longest });
+                    let found = Err(NoFlight::NothingFalls { longest });
+                    return Attempt { radius_fitted, found };
                 }
                 _ => break,
             }
         }
-        Ok(best)
+        let found = Ok(best);
+        Attempt { radius_fitted, found }
     }
 
     fn search<'s>(

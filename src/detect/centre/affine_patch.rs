@@ -83,7 +83,7 @@ impl AffinePatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detect::centre::appearance::{AppearanceFrame, RadiusSource, estimate};
+    use crate::detect::centre::appearance::{AppearanceFrame, Estimation, RadiusSource};
     use crate::detect::centre::{Patch, edge_likelihood, standard};
     use crate::detect::crop::Crop;
     use crate::frames::Luma;
@@ -152,7 +152,9 @@ mod tests {
                 magnification: balls[i].1,
             })
             .collect();
-        let ball = estimate(&frames, 0.01, &standard::METHOD.appearance, RadiusSource::Fitted).unwrap();
+        let ball = Estimation::begun(frames, 0.01, &standard::METHOD.appearance)
+            .and_then(|begun| begun.by(RadiusSource::Fitted))
+            .unwrap();
         assert!((ball.radius_px - radius_px).abs() < 0.05, "{}", ball.radius_px);
         let mut squares = 0.0;
         for (i, &(at, m)) in balls.iter().enumerate() {

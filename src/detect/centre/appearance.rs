@@ -39,6 +39,9 @@ const LEAST_SWEEP_PX: f64 = 0.7;
 /// An exposure is real when the fit with it is better by this many noise variances.
 const EXPOSURE_GAIN: f64 = 30.0;
 
+/// A shutter may be open longer than is thought by what a clock is off, as a factor.
+const LONGEST_EXPOSURE: f64 = 1.1;
+
 /// A first guess of the blur, px: a lens in focus and the pixel's own square.
 const USUAL_BLUR_PX: f64 = 0.9;
 
@@ -53,80 +56,107 @@ const LOOSE_TILT_GREY: f64 = 30.0;
 /// And of the radius by this part.
 const LOOSE_SIZE: f64 = 0.03;
 
-/// What the ball looks like in all of `frames`; no shutter is open longer than `longest_exposure_s`. `None` where they have
-/// no one appearance.
-#[must_use]
-pub fn estimate(
-    frames: &[AppearanceFrame<'_>],
-    longest_exposure_s: f64,
-    settings: &AppearanceSettings,
-    radius: RadiusSource,
-) -> Option<Appearance> {
-    if frames.len() < LEAST_FRAMES {
-        return None;
-    }
-    let mut radii: Vec<f64> = frames
-        .iter()
-        .map(|f| f.disc.radius_px / f.magnification)
-        .collect();
-    let outline_px = median(&mut radii)?;
-    // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
-    // its radius is then the better one.
-    let near = |a: &Appearance| {
-        (a.radius_px - outline_px).abs() < FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * outline_px)
-    };
-    let with = |radius| estimate_with(frames, &radii, longest_exposure_s, settings, radius);
-    let fitted = || with(RadiusSource::Fitted).filter(near);
-    let fitted = (radius == RadiusSource::Fitted).then(fitted).flatten();
-    fitted.or_else(|| with(RadiusSource::Outlines))
+/// An estimate of what the ball looks like, begun: what all that is fitted later starts from.
+#[derive(Debug)]
+pub struct Estimation<'a> {
+    frames: Vec<AppearanceFrame<'a>>,
+    settings: AppearanceSettings,
+    /// Blur, exposure and light, by the radius of the outlines, which is held.
+    start: SharedParameters,
+    nuisance_std: [f64; NUISANCES],
+    /// The outlines' median radius, px.
+    outline_px: f64,
 }
 
-/// The same with this source of the radius; `radii` are those of the outlines.
-fn estimate_with(
-    inputs: &[AppearanceFrame<'_>],
-    radii: &[f64],
-    longest_exposure_s: f64,
-    settings: &AppearanceSettings,
-    radius: RadiusSource,
-) -> Option<Appearance> {
-    // Radius and blur of a small ball in noise have false local minima; with the outline's radius held, blur and light lead
-    // into the right one.
-    let start = SharedParameters {
-        radius_px: median(&mut radii.to_vec())?,
-        radius_held: true,
-        blur_px: USUAL_BLUR_PX,
-        exposure_s: 0.0,
-        terms: vec![0.0; TERM_LEVELS[1]],
-    };
-    let mut offs: Vec<f64> = radii.iter().map(|r| (r - start.radius_px).abs()).collect();
-    let size_std_px = STD_OF_MEDIAN * median(&mut offs).unwrap_or(0.0);
-    let mut nuisance_std = [
-        LOOSE_STRENGTH,
-        LOOSE_TILT_GREY,
-        LOOSE_TILT_GREY,
-        size_std_px.max(LOOSE_SIZE * start.radius_px),
-    ];
-    let mut frames: Vec<FrameEstimate> = inputs.iter().map(FrameEstimate::new).collect();
-    let mut shared = with_or_without_smear(&frames, &start, longest_exposure_s, settings)?;
-    shared.radius_held = radius == RadiusSource::Outlines;
-    let mut best = None;
-    for round in 0..settings.rounds {
-        let mut joint = JointFit::of_frames(&frames, &shared, settings)?;
-        if round > 0 {
-            joint = with_needed_terms(&frames, &joint.shared, settings)?;
+impl<'a> Estimation<'a> {
+    /// Of the ball in all of `frames`; no shutter is open longer than `longest_exposure_s`. `None` where they have no one
+    /// appearance.
+    #[must_use]
+    pub fn begun(
+        frames: Vec<AppearanceFrame<'a>>,
+        longest_exposure_s: f64,
+        settings: &AppearanceSettings,
+    ) -> Option<Self> {
+        if frames.len() < LEAST_FRAMES {
+            return None;
         }
-        for f in &mut frames {
-            f.disc.centre.u_px += joint.shift[0];
-            f.disc.centre.v_px += joint.shift[1];
-        }
-        let ball = appearance(&joint, nuisance_std, settings);
-        let spread = fit_frames(&mut frames, &ball, settings);
-        nuisance_std = spread.std;
-        shared = joint.shared;
-        shared.absorb(&mut frames, spread.median);
-        best = Some(Appearance { nuisance_std, ..ball });
+        let mut radii: Vec<f64> = frames
+            .iter()
+            .map(|f| f.disc.radius_px / f.magnification)
+            .collect();
+        let outline_px = median(&mut radii)?;
+        let mut offs: Vec<f64> = radii.iter().map(|r| (r - outline_px).abs()).collect();
+        let size_std_px = STD_OF_MEDIAN * median(&mut offs).unwrap_or(0.0);
+        // Radius and blur of a small ball in noise have false local minima; with the outline's radius held, blur and light
+        // lead into the right one.
+        let still = SharedParameters {
+            radius_px: outline_px,
+            radius_held: true,
+            blur_px: USUAL_BLUR_PX,
+            exposure_s: 0.0,
+            longest_exposure_s: LONGEST_EXPOSURE * longest_exposure_s,
+            terms: vec![0.0; TERM_LEVELS[1]],
+        };
+        let start = {
+            let frames: Vec<FrameEstimate> = frames.iter().map(FrameEstimate::new).collect();
+            with_or_without_smear(&frames, &still, longest_exposure_s, settings)?
+        };
+        Some(Self {
+            frames,
+            settings: *settings,
+            start,
+            nuisance_std: [
+                LOOSE_STRENGTH,
+                LOOSE_TILT_GREY,
+                LOOSE_TILT_GREY,
+                size_std_px.max(LOOSE_SIZE * outline_px),
+            ],
+            outline_px,
+        })
     }
-    best
+
+    /// The appearance, with the radius from there where that is possible.
+    #[must_use]
+    pub fn by(&self, radius: RadiusSource) -> Option<Appearance> {
+        // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
+        // its radius is then the better one.
+        let near = |a: &Appearance| {
+            let far_px = FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * self.outline_px);
+            (a.radius_px - self.outline_px).abs() < far_px
+        };
+        let fitted = || self.ended(RadiusSource::Fitted).filter(near);
+        let fitted = (radius == RadiusSource::Fitted).then(fitted).flatten();
+        fitted.or_else(|| self.ended(RadiusSource::Outlines))
+    }
+
+    /// The appearance with the radius from there.
+    fn ended(&self, radius: RadiusSource) -> Option<Appearance> {
+        let settings = &self.settings;
+        let mut nuisance_std = self.nuisance_std;
+        let mut frames: Vec<FrameEstimate> = self.frames.iter().map(FrameEstimate::new).collect();
+        let mut shared = SharedParameters {
+            radius_held: radius == RadiusSource::Outlines,
+            ..self.start.clone()
+        };
+        let mut best = None;
+        for round in 0..settings.rounds {
+            let mut joint = JointFit::of_frames(&frames, &shared, settings)?;
+            if round > 0 {
+                joint = with_needed_terms(&frames, &joint.shared, settings)?;
+            }
+            for f in &mut frames {
+                f.disc.centre.u_px += joint.shift[0];
+                f.disc.centre.v_px += joint.shift[1];
+            }
+            let ball = appearance(&joint, nuisance_std, settings);
+            let spread = fit_frames(&mut frames, &ball, settings);
+            nuisance_std = spread.std;
+            shared = joint.shared;
+            shared.absorb(&mut frames, spread.median);
+            best = Some(Appearance { nuisance_std, ..ball });
+        }
+        best
+    }
 }
 
 /// The appearance that a joint fit found.
@@ -135,6 +165,7 @@ fn appearance(joint: &JointFit, nuisance_std: [f64; NUISANCES], settings: &Appea
     let profiles = settings.fit.profiles(shared.radius_px, shared.blur_px);
     Appearance {
         radius_px: shared.radius_px,
+        radius_fitted: !shared.radius_held,
         radius_std_px: joint.radius_std_px,
         shift_std_px: joint.shift_std_px,
         blur_px: shared.blur_px,
@@ -177,7 +208,7 @@ fn with_or_without_smear(
         .into_iter()
         .min_by(|a, b| a.residual_std_grey.total_cmp(&b.residual_std_grey));
     let moving = best.map(|joint| joint.shared).filter(|s| {
-        let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s <= 1.1 * longest_exposure_s;
+        let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s < s.longest_exposure_s;
         in_reach && gain(frames, &still, s, settings).is_some_and(|g| g > EXPOSURE_GAIN)
     });
     Some(moving.unwrap_or(still))

@@ -24,6 +24,8 @@ use std::borrow::Cow;
 pub struct Appearance {
     /// Radius, px.
     pub radius_px: f64,
+    /// Whether the pixels told it; else it is that of the outlines.
+    pub radius_fitted: bool,
     /// Standard uncertainty of the radius, px.
     pub radius_std_px: Option<f64>,
     /// Standard uncertainty of a shift that all centres found with it share, root mean square of the two coordinates, px.

@@ -98,6 +98,7 @@ impl JointParameters {
         s.blur_px = (s.blur_px + clip(change[BLUR], 0.5 * s.blur_px))
             .clamp(ball::BLUR_RANGE_PX.0, ball::BLUR_RANGE_PX.1);
         s.exposure_s += clip(change[EXPOSURE], 0.5 * s.exposure_s);
+        s.exposure_s = s.exposure_s.min(s.longest_exposure_s);
         for (t, c) in s.terms.iter_mut().zip(change.iter().skip(TERMS)) {
             *t += c;
         }
@@ -105,6 +106,25 @@ impl JointParameters {
             && s.radius_px < 2.0 * begin_radius_px
             && norm(to.shift[0], to.shift[1]) < 0.7 * begin_radius_px;
         plausible.then_some(to)
+    }
+
+    /// The unknowns that are at an end of their range and would leave it downhill: they stay there, and the others find their minimum with them.
+    fn at_their_ends(&self, downhill: &DVector<f64>) -> Vec<usize> {
+        let SharedParameters {
+            blur_px,
+            exposure_s,
+            longest_exposure_s,
+            ..
+        } = self.shared;
+        let (least, most) = ball::BLUR_RANGE_PX;
+        let ends = [
+            (BLUR, blur_px, least, most),
+            (EXPOSURE, exposure_s, 0.0, longest_exposure_s),
+        ];
+        let leaves = |&(unknown, value, least, most): &(usize, f64, f64, f64)| {
+            (value >= most && downhill[unknown] > 0.0) || (value <= least && downhill[unknown] < 0.0)
+        };
+        ends.iter().filter(|end| leaves(end)).map(|end| end.0).collect()
     }
 }
 
@@ -194,8 +214,14 @@ impl Problem for JointProblem<'_> {
     type State = (JointParameters, JointEquations);
     type Step = DVector<f64>;
 
-    fn step(&mut self, (_, equations): &Self::State, damping: f64) -> Option<DVector<f64>> {
-        equations.solve(damping)
+    fn step(&mut self, (here, equations): &Self::State, damping: f64) -> Option<DVector<f64>> {
+        let held = here.at_their_ends(&equations.sums.right);
+        if held.is_empty() {
+            return equations.sums.solve(damping);
+        }
+        let mut sums = equations.sums.clone();
+        sums.hold(&held);
+        sums.solve(damping)
     }
 
     fn moved(&mut self, (here, equations): &Self::State, step: &DVector<f64>) -> Option<Self::State> {
@@ -209,7 +235,7 @@ impl Problem for JointProblem<'_> {
     }
 
     fn outlook(&self, (_, here): &Self::State, step: &DVector<f64>, _damping: f64) -> Outlook {
-        let promised = step.dot(&here.right) / here.weighed_at.powi(2);
+        let promised = step.dot(&here.sums.right) / here.weighed_at.powi(2);
         if promised < CONVERGED_CHI2 {
             Outlook::Settled
         } else {
@@ -243,8 +269,8 @@ fn descend(
     if start.shared.terms.iter().all(|&t| t == 0.0) {
         // Without a brightness the edge has no sign: the first step finds the light alone.
         let mut light = JointEquations::build(bands, &start, settings, f64::INFINITY);
-        light.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
-        start = start.moved(&light.solve(DAMPING.least)?, begin_radius_px)?;
+        light.sums.hold(&[0, 1, RADIUS, BLUR, EXPOSURE]);
+        start = start.moved(&light.sums.solve(DAMPING.least)?, begin_radius_px)?;
     }
     // Weights of the first step by the root mean square: what the median would call outliers is what leads there.
     let residuals = residuals(bands, &start, settings);
@@ -323,12 +349,18 @@ impl ProfileTables {
     }
 }
 
-/// The normal equations of one step.
-struct JointEquations {
+/// Normal equations.
+#[derive(Clone)]
+struct NormalEquations {
     /// Jᵀ W J.
     normal: DMatrix<f64>,
     /// Jᵀ W r.
     right: DVector<f64>,
+}
+
+/// Those of one step, with what else is known there.
+struct JointEquations {
+    sums: NormalEquations,
     residuals: Vec<f64>,
     /// The standard deviation of residuals that the weights are for.
     weighed_at: f64,
@@ -468,6 +500,36 @@ impl FrameEquations {
     }
 }
 
+impl NormalEquations {
+    /// Keeps these unknowns as they are.
+    fn hold(&mut self, unknowns: &[usize]) {
+        for &i in unknowns {
+            self.normal.row_mut(i).fill(0.0);
+            self.normal.column_mut(i).fill(0.0);
+            self.normal[(i, i)] = 1.0;
+            self.right[i] = 0.0;
+        }
+    }
+
+    /// Of the normal equations with columns scaled to one, damped.
+    fn inverse(&self, damping: f64) -> Option<DMatrix<f64>> {
+        let n = self.normal.nrows();
+        let scale: Vec<f64> = (0..n).map(|i| self.normal[(i, i)].max(1e-30).sqrt()).collect();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            self.normal[(i, j)] / (scale[i] * scale[j]) + if i == j { damping } else { 0.0 }
+        });
+        let inverse = scaled.cholesky()?.inverse();
+        Some(DMatrix::from_fn(n, n, |i, j| {
+            inverse[(i, j)] / (scale[i] * scale[j])
+        }))
+    }
+
+    fn solve(&self, damping: f64) -> Option<DVector<f64>> {
+        let change = self.inverse(damping)? * &self.right;
+        change.iter().all(|x| x.is_finite()).then_some(change)
+    }
+}
+
 impl JointEquations {
     /// The equations at `parameters`, weighed for residuals of this standard deviation; what is not fitted is held.
     fn build(
@@ -501,8 +563,7 @@ impl JointEquations {
         let mut magnitudes: Vec<f32> = residuals.iter().map(|r: &f64| r.abs() as f32).collect();
         let residual_std_grey = STD_OF_MEDIAN * f64::from(lower_median(&mut magnitudes));
         let mut equations = Self {
-            normal,
-            right,
+            sums: NormalEquations { normal, right },
             residuals,
             weighed_at: std_grey,
             residual_std_grey: residual_std_grey.max(ROUNDING_STD_GREY),
@@ -510,11 +571,11 @@ impl JointEquations {
             radius_column: None,
         };
         if parameters.shared.exposure_s == 0.0 {
-            equations.hold(&[EXPOSURE]);
+            equations.sums.hold(&[EXPOSURE]);
         }
         if parameters.shared.radius_held {
-            equations.radius_column = Some(equations.normal.column(RADIUS).clone_owned());
-            equations.hold(&[RADIUS]);
+            equations.radius_column = Some(equations.sums.normal.column(RADIUS).clone_owned());
+            equations.sums.hold(&[RADIUS]);
         }
         equations
     }
@@ -527,50 +588,22 @@ impl JointEquations {
         };
         let mut column = column.clone();
         column[RADIUS] = 0.0;
-        let response = self.inverse(DAMPING.least).map(|inverse| inverse * column);
+        let response = self.sums.inverse(DAMPING.least).map(|inverse| inverse * column);
         response.map_or(UNKNOWN_SHIFT_STD_PX, |r| {
             OUTLINE_STD_PX * (0.5 * (r[0] * r[0] + r[1] * r[1])).sqrt()
         })
     }
 
-    /// Keeps these unknowns as they are.
-    fn hold(&mut self, unknowns: &[usize]) {
-        for &i in unknowns {
-            self.normal.row_mut(i).fill(0.0);
-            self.normal.column_mut(i).fill(0.0);
-            self.normal[(i, i)] = 1.0;
-            self.right[i] = 0.0;
-        }
-    }
-
-    /// Of the normal equations with columns scaled to one, damped.
-    fn inverse(&self, damping: f64) -> Option<DMatrix<f64>> {
-        let n = self.normal.nrows();
-        let scale: Vec<f64> = (0..n).map(|i| self.normal[(i, i)].max(1e-30).sqrt()).collect();
-        let scaled = DMatrix::from_fn(n, n, |i, j| {
-            self.normal[(i, j)] / (scale[i] * scale[j]) + if i == j { damping } else { 0.0 }
-        });
-        let inverse = scaled.cholesky()?.inverse();
-        Some(DMatrix::from_fn(n, n, |i, j| {
-            inverse[(i, j)] / (scale[i] * scale[j])
-        }))
-    }
-
-    fn solve(&self, damping: f64) -> Option<DVector<f64>> {
-        let change = self.inverse(damping)? * &self.right;
-        change.iter().all(|x| x.is_finite()).then_some(change)
-    }
-
     /// Covariance of the light's terms, the residuals taken for independent.
     fn light_covariance(&self) -> Option<DMatrix<f64>> {
-        let inverse = self.inverse(DAMPING.least)?;
+        let inverse = self.sums.inverse(DAMPING.least)?;
         let n = inverse.nrows() - TERMS;
         Some(inverse.view((TERMS, TERMS), (n, n)) * self.residual_std_grey.powi(2))
     }
 
     /// Standard uncertainty of an unknown, allowing for residuals of a frame that are correlated.
     fn std(&self, unknown: usize) -> Option<f64> {
-        let inverse = self.inverse(DAMPING.least)?;
+        let inverse = self.sums.inverse(DAMPING.least)?;
         let row = inverse.row(unknown);
         let n = self.right_of_frames.len() as f64;
         let squares = self

@@ -84,6 +84,8 @@ pub struct SharedParameters {
     pub radius_held: bool,
     pub blur_px: f64,
     pub exposure_s: f64,
+    /// No shutter is open longer.
+    pub longest_exposure_s: f64,
     /// Of the ball's light, see [`super::super::ball`].
     pub terms: Vec<f64>,
 }
