@@ -71,10 +71,10 @@ impl BallSearch<'_> {
 
     /// Everything that has the ball's outline, near the time of the flight and not `within` it: looked for with its size known,
     /// which finds a faint or spoilt ball better than the first look did.
-    pub fn around(&self, flight: &Flight, within: impl Fn(f64) -> bool) -> Vec<BallCentre> {
+    pub fn around(&self, flight: &Flight, within: impl Fn(f64) -> bool + Sync) -> Vec<BallCentre> {
         let FrameTimes { times_s, duplicates } = self.frames;
         let (from, to) = reach(flight);
-        let sightings = self.pictures.decoded.sightings.iter().enumerate();
+        let sightings = self.pictures.decoded.sightings.par_iter().enumerate();
         sightings
             .filter(|(_, s)| {
                 let t = times_s[s.frame];

@@ -13,6 +13,7 @@ use super::track::Tracked;
 use crate::flight::linking::Spot;
 use crate::flight::{Flight, NoFlight, row_delays};
 use crate::quantity::Quantity;
+use rayon::prelude::*;
 
 /// Odds, as a logarithm, from which a readout is taken for real: what else bends all arcs alike (drag that is not quite its
 /// law, a lens) may look a little like it.
@@ -39,7 +40,7 @@ pub fn found<'a>(
     camera: &CalibratedCamera<'a>,
     first: Option<&Refined>,
     interval_s: Option<f64>,
-    follow: impl Fn(&CalibratedCamera<'a>) -> Result<Refined, NoFlight>,
+    follow: impl Fn(&CalibratedCamera<'a>) -> Result<Refined, NoFlight> + Sync,
 ) -> Option<CalibratedCamera<'a>> {
     let interval_s = interval_s?;
     if camera.calibration.readout_s.is_some() || !camera.falls() {
@@ -60,7 +61,7 @@ pub fn found<'a>(
         }
         None => {
             // What they settle at is the same, from wherever they find the flight.
-            TRIED_PARTS.iter().find_map(|part| {
+            TRIED_PARTS.par_iter().find_map_first(|part| {
                 let start = Quantity::undetermined(part * interval_s)?;
                 settled(camera, start, interval_s, &follow).map(|(rolling, _)| rolling)
             })

@@ -171,7 +171,8 @@ fn edges_along_rays(
             profile.push(value);
         }
         for i in first - begin..profile.len().min(last.saturating_add(1) - begin) {
-            if profile[i] >= profile[i - 1] {
+            // (What falls from less than half of what a fall has to be at least falls too little, whatever is around it.)
+            if profile[i] >= profile[i - 1] || profile[i - 1] <= 0.5 * least {
                 continue;
             }
             let inner = profile[i.saturating_sub(REACH)..i]
