@@ -614,3 +614,83 @@ impl JointEquations {
         (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detect::centre::appearance::{AppearanceFrame, USUAL_BLUR_PX};
+    use crate::detect::centre::{Disc, Patch, standard};
+    use crate::detect::crop::Crop;
+    use crate::frames::Luma;
+
+    const RADIUS_PX: f64 = 30.0;
+
+    /// A ball brighter on one side, out of focus by `blur_px`, on a grey ground.
+    fn picture(centre: PixelPoint, blur_px: f64) -> Crop {
+        let (width, height) = (140, 140);
+        let pixel = |i: usize| {
+            let (x, y) = ((i % width) as f64 - centre.u_px, (i / width) as f64 - centre.v_px);
+            let cover = 0.5 * libm::erfc((norm(x, y) - RADIUS_PX) / (blur_px * std::f64::consts::SQRT_2));
+            (60.0 + cover * (120.0 + 40.0 * x / RADIUS_PX)).round() as u8
+        };
+        Crop {
+            u: 0,
+            v: 0,
+            luma: Luma {
+                width,
+                height,
+                data: (0..width * height).map(pixel).collect(),
+            },
+        }
+    }
+
+    #[test]
+    fn a_blur_beyond_its_range_stays_at_its_end_and_the_others_find_their_minimum() {
+        let most_px = ball::BLUR_RANGE_PX.1;
+        let centres: Vec<PixelPoint> = (0..5)
+            .map(|i| PixelPoint::new(70.0 + 0.23 * f64::from(i), 69.0 + 0.31 * f64::from(i)))
+            .collect();
+        let crops: Vec<Crop> = centres.iter().map(|&c| picture(c, 1.5 * most_px)).collect();
+        let seen: Vec<AppearanceFrame<'_>> = crops
+            .iter()
+            .zip(&centres)
+            .map(|(crop, c)| AppearanceFrame {
+                patch: Patch {
+                    crop,
+                    background: vec![60.0; crop.luma.data.len()],
+                    noise_grey: 0.5,
+                    affine: None,
+                },
+                disc: Disc {
+                    centre: PixelPoint::new(c.u_px + 0.4, c.v_px - 0.3),
+                    radius_px: RADIUS_PX,
+                    swept_px: [0.0; 2],
+                    bent_px: [0.0; 2],
+                },
+                velocity_px_s: [0.0; 2],
+                acceleration_px_s2: [0.0; 2],
+                gain: 1.0,
+                magnification: 1.0,
+            })
+            .collect();
+        let frames: Vec<FrameEstimate> = seen.iter().map(FrameEstimate::new).collect();
+        let start = SharedParameters {
+            radius_px: RADIUS_PX,
+            radius_held: true,
+            blur_px: USUAL_BLUR_PX,
+            exposure_s: 0.0,
+            longest_exposure_s: 0.01,
+            terms: vec![0.0; 4],
+        };
+        let settings = &standard::METHOD.appearance;
+        let bands = gather_bands(&frames, &start, settings);
+        let (found, equations) = descend(&bands, JointParameters::new(&start), settings, STEPS).unwrap();
+        assert_eq!(found.shared.blur_px, most_px);
+        // What χ² could still fall by along each of the other unknowns.
+        let NormalEquations { normal, right } = &equations.sums;
+        for i in (0..right.len()).filter(|&i| i != BLUR) {
+            let left = right[i].powi(2) / (normal[(i, i)] * equations.residual_std_grey.powi(2));
+            assert!(left < 0.05, "unknown {i}: {left}");
+        }
+    }
+}
