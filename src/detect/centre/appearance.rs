@@ -204,13 +204,15 @@ fn with_or_without_smear(
         || sweeps.collect::<Vec<JointFit>>(),
     );
     let still = still?.shared;
+    // (A sweep that has vanished is none, and one of the longest exposure would be longer still.)
+    let in_reach =
+        |s: &SharedParameters| top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s < s.longest_exposure_s;
     let best = found
         .into_iter()
+        .filter(|joint| in_reach(&joint.shared))
         .min_by(|a, b| a.residual_std_grey.total_cmp(&b.residual_std_grey));
-    let moving = best.map(|joint| joint.shared).filter(|s| {
-        let in_reach = top * s.exposure_s > LEAST_SWEEP_PX && s.exposure_s < s.longest_exposure_s;
-        in_reach && gain(frames, &still, s, settings).is_some_and(|g| g > EXPOSURE_GAIN)
-    });
+    let gains = |s: &SharedParameters| gain(frames, &still, s, settings).is_some_and(|g| g > EXPOSURE_GAIN);
+    let moving = best.map(|joint| joint.shared).filter(gains);
     Some(moving.unwrap_or(still))
 }
 
