@@ -349,9 +349,9 @@ impl ProfileTables {
     }
 }
 
-/// Normal equations.
+/// Sums over all pixels: the normal equations.
 #[derive(Clone)]
-struct NormalEquations {
+struct JointSums {
     /// Jᵀ W J.
     normal: DMatrix<f64>,
     /// Jᵀ W r.
@@ -360,7 +360,7 @@ struct NormalEquations {
 
 /// Those of one step, with what else is known there.
 struct JointEquations {
-    sums: NormalEquations,
+    sums: JointSums,
     residuals: Vec<f64>,
     /// The standard deviation of residuals that the weights are for.
     weighed_at: f64,
@@ -500,7 +500,7 @@ impl FrameEquations {
     }
 }
 
-impl NormalEquations {
+impl JointSums {
     /// Keeps these unknowns as they are.
     fn hold(&mut self, unknowns: &[usize]) {
         for &i in unknowns {
@@ -563,7 +563,7 @@ impl JointEquations {
         let mut magnitudes: Vec<f32> = residuals.iter().map(|r: &f64| r.abs() as f32).collect();
         let residual_std_grey = STD_OF_MEDIAN * f64::from(lower_median(&mut magnitudes));
         let mut equations = Self {
-            sums: NormalEquations { normal, right },
+            sums: JointSums { normal, right },
             residuals,
             weighed_at: std_grey,
             residual_std_grey: residual_std_grey.max(ROUNDING_STD_GREY),
@@ -687,7 +687,7 @@ mod tests {
         let (found, equations) = descend(&bands, JointParameters::new(&start), settings, STEPS).unwrap();
         assert_eq!(found.shared.blur_px, most_px);
         // What χ² could still fall by along each of the other unknowns.
-        let NormalEquations { normal, right } = &equations.sums;
+        let JointSums { normal, right } = &equations.sums;
         for i in (0..right.len()).filter(|&i| i != BLUR) {
             let left = right[i].powi(2) / (normal[(i, i)] * equations.residual_std_grey.powi(2));
             assert!(left < 0.05, "unknown {i}: {left}");
