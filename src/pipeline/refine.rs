@@ -148,27 +148,26 @@ impl Refinement<'_> {
         let mut radius_fitted = false;
         for _ in 0..MOST_ROUNDS {
             let relearned;
-            let shadow = start.pictures.shadow();
-            let (now, ball, shadow) = match &best {
-                // First outlines are drawn towards a shadow beside the ball: it is learned once more of the centres that know of
-                // it.
-                Some((now, _)) if shadow.is_some() => {
-                    relearned = BallPictures::new(self.decoded, camera, now.optics).shadow_of(now);
-                    (now, None, relearned.as_ref())
-                }
-                Some((now, ball)) => (now, Some(ball).filter(|_| !learns_again), None),
-                None => (first, None, shadow),
-            };
             // What was found with the same appearance stays; a new one is a new measurement.
-            let known = ball.map_or(&[][..], |_| &now.centres);
-            let pictures = BallPictures::new(self.decoded, camera, now.optics).with_shadow(shadow);
-            let ball = match (ball, &best) {
-                (Some(ball), _) => Some(ball.clone()),
-                (None, None) => start.lesson.as_ref().and_then(|lesson| lesson.ball(radius)),
-                (None, Some(_)) => {
-                    BallLesson::new(&pictures, now, accuracy).and_then(|lesson| lesson.ball(radius))
+            let (now, pictures, known) = match &best {
+                None => (first, start.pictures, None),
+                Some((now, ball)) => {
+                    let pictures = BallPictures::new(self.decoded, camera, now.optics);
+                    // First outlines are drawn towards a shadow beside the ball: it is learned once more of the centres that
+                    // know of it, and the ball with it.
+                    let shaded = start.pictures.shadow().is_some();
+                    relearned = shaded.then(|| pictures.shadow_of(now)).flatten();
+                    let known = Some(ball).filter(|_| !shaded && !learns_again);
+                    (now, pictures.with_shadow(relearned.as_ref()), known)
                 }
             };
+            let relearn = || BallLesson::new(&pictures, now, accuracy)?.ball(radius);
+            let ball = match (&best, known) {
+                (None, _) => start.lesson.as_ref().and_then(|lesson| lesson.ball(radius)),
+                (_, Some(ball)) => Some(ball.clone()),
+                (_, None) => relearn(),
+            };
+            let known = known.map_or(&[][..], |_| &now.centres);
             let Some(ball) = ball else {
                 break;
             };
@@ -195,7 +194,7 @@ impl Refinement<'_> {
                     let found = if above {
                         found
                     } else {
-                        self.extended(found, &ball, &*model, accuracy, shadow)
+                        self.extended(found, &ball, &*model, accuracy, pictures.shadow())
                     };
                     best = Some((found, ball));
                 }

@@ -42,6 +42,9 @@ const EXPOSURE_GAIN: f64 = 30.0;
 /// A shutter may be open longer than is thought by what a clock is off, as a factor.
 const LONGEST_EXPOSURE: f64 = 1.1;
 
+/// Exposures that the search for a sweep starts from, as parts of the time from frame to frame.
+const SWEEPS_TRIED: [f64; 4] = [0.08, 0.25, 0.6, 1.0];
+
 /// A first guess of the blur, px: a lens in focus and the pixel's own square.
 const USUAL_BLUR_PX: f64 = 0.9;
 
@@ -99,7 +102,7 @@ impl<'a> Estimation<'a> {
         };
         let start = {
             let frames: Vec<FrameEstimate> = frames.iter().map(FrameEstimate::new).collect();
-            with_or_without_smear(&frames, &still, longest_exposure_s, settings)?
+            with_or_without_smear(&frames, &still, settings)?
         };
         Some(Self {
             frames,
@@ -181,13 +184,12 @@ fn appearance(joint: &JointFit, nuisance_std: [f64; NUISANCES], settings: &Appea
 fn with_or_without_smear(
     frames: &[FrameEstimate<'_>],
     start: &SharedParameters,
-    longest_exposure_s: f64,
     settings: &AppearanceSettings,
 ) -> Option<SharedParameters> {
     let top = frames.iter().map(FrameEstimate::speed_px_s).fold(0.0, f64::max);
     // Each length of the sweep has a local minimum of its own, which is found only from a start near it.
     let from = |part: f64| {
-        let exposure_s = part * longest_exposure_s;
+        let exposure_s = part / LONGEST_EXPOSURE * start.longest_exposure_s;
         let sweep_px = top * exposure_s;
         if sweep_px < LEAST_SWEEP_PX || sweep_px > 4.0 * start.radius_px {
             return None;
@@ -198,7 +200,7 @@ fn with_or_without_smear(
         };
         JointFit::of_frames(frames, &start, settings)
     };
-    let sweeps = [0.08, 0.25, 0.6, 1.0].into_par_iter().filter_map(from);
+    let sweeps = SWEEPS_TRIED.into_par_iter().filter_map(from);
     let (still, found) = rayon::join(
         || JointFit::of_frames(frames, start, settings),
         || sweeps.collect::<Vec<JointFit>>(),
