@@ -8,9 +8,8 @@
 //!
 //! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
 //!
-//! Assumed: the picture shifts as a whole (no turn, no zoom), and what moves has gradients in few places. A direction along which
-//! only few places have gradients is not followed, and the shift along it stays what it was: before a plain wall a floor line
-//! tells the rows, and nothing but the ball and its shadow the columns.
+//! Assumed: the picture shifts as a whole (no turn, no zoom). Where the scene has no gradient in a direction, the shift along
+//! it stays what it was.
 
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
@@ -59,8 +58,6 @@ pub struct Registrar {
     samples: Vec<ReferencePixel>,
     /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
     sees_shift: bool,
-    /// The direction along which too few places carry gradient to tell one from the other.
-    unseen: Option<Vector2<f64>>,
     /// The scene has contrast enough to determine an offset of the brightness beside its gain.
     fits_offset: bool,
     noise_grey: f64,
@@ -89,8 +86,7 @@ const GOOD_STD_PX: f64 = 0.05;
 /// A gradient must exceed this many standard deviations of the noise to be one: by chance one pixel in 1e4 exceeds 4.
 const GRADIENT_SIGMAS: f64 = 4.0;
 
-/// A shift is determined where at least so many cells of the grid carry gradient, along a direction where so many carry gradient along it; a ball, its
-/// shadow and a hand fill fewer.
+/// A shift is determined where at least so many cells of the grid carry gradient; a ball, its shadow and a hand fill fewer.
 const LEAST_CELLS: usize = 16;
 
 /// Gauss-Newton steps; from a start within a pixel, four suffice.
@@ -192,7 +188,7 @@ impl Registrar {
             .sum();
         let least = information.symmetric_eigenvalues().min();
         // With less a direction is held.
-        if self.sees_shift && self.unseen.is_none() && least >= LEAST_INFORMATION {
+        if self.sees_shift && least >= LEAST_INFORMATION {
             self.factor as f64 * self.noise_at_grey(self.factor) / least.sqrt()
         } else {
             f64::INFINITY
@@ -215,13 +211,12 @@ impl Registrar {
     }
 
     fn at_full_size_of(reference: &Luma, noise_grey: f64, noise_part: f64, least_gradient_grey: f64) -> Self {
-        let chosen = choose_samples(reference, noise_part * noise_grey, least_gradient_grey, 1);
+        let (samples, cells) = choose_samples(reference, noise_part * noise_grey, least_gradient_grey, 1);
         Self {
-            fits_offset: determines_offset(&chosen.samples, noise_grey),
-            samples: chosen.samples,
+            fits_offset: determines_offset(&samples, noise_grey),
+            samples,
             factor: 1,
-            sees_shift: chosen.cells >= LEAST_CELLS,
-            unseen: chosen.unseen,
+            sees_shift: cells >= LEAST_CELLS,
             noise_grey,
             noise_part,
             least_gradient_grey,
@@ -263,18 +258,17 @@ impl Registrar {
     fn at(&self, factor: usize) -> Option<Self> {
         let small = reduced(&self.reference, factor)?;
         let noise_grey = self.noise_at_grey(factor);
-        let chosen = choose_samples(
+        let (samples, cells) = choose_samples(
             &small,
             self.noise_part * noise_grey,
             self.least_gradient_grey,
             factor,
         );
         let reduced = Self {
-            fits_offset: determines_offset(&chosen.samples, noise_grey),
-            samples: chosen.samples,
+            fits_offset: determines_offset(&samples, noise_grey),
+            samples,
             factor,
-            sees_shift: chosen.cells >= LEAST_CELLS,
-            unseen: chosen.unseen,
+            sees_shift: cells >= LEAST_CELLS,
             ..self.clone()
         };
         Some(if self.smooths {
@@ -389,9 +383,7 @@ impl Registrar {
                 })
             });
             let (step, information) = local_light::step(&lit.collect::<Vec<_>>(), CELLS * CELLS)?;
-            let seen =
-                self.unseen.is_none() && information.symmetric_eigenvalues().min() >= LEAST_INFORMATION;
-            seen.then_some(step)
+            (information.symmetric_eigenvalues().min() >= LEAST_INFORMATION).then_some(step)
         };
         let moved = |now: &Registration, step: &Vector2<f64>| Registration {
             shift_u_px: now.shift_u_px + step[0],
@@ -534,9 +526,6 @@ impl Registrar {
                 self.restrain_offset(3, &mut equations);
                 if moving {
                     hold_unseen(&mut equations);
-                    if let Some(unseen) = &self.unseen {
-                        hold_along(unseen, &mut equations);
-                    }
                 } else {
                     equations.hold(0);
                     equations.hold(1);
@@ -617,15 +606,10 @@ fn hold_unseen(equations: &mut NormalEquations<4>) {
         .zip(information.eigenvectors.column_iter())
     {
         if *along < LEAST_INFORMATION {
-            hold_along(&axis.into_owned(), equations);
+            for (row, column) in [(0, 0), (1, 0), (1, 1)] {
+                equations.matrix[(row, column)] += HELD * axis[row] * axis[column];
+            }
         }
-    }
-}
-
-/// Holds the shift along `axis`.
-fn hold_along(axis: &Vector2<f64>, equations: &mut NormalEquations<4>) {
-    for (row, column) in [(0, 0), (1, 0), (1, 1)] {
-        equations.matrix[(row, column)] += HELD * axis[row] * axis[column];
     }
 }
 
@@ -665,7 +649,8 @@ fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
 
 /// The pixels of strongest gradient in each cell of a coarse grid, so that they spread over the picture.
 ///
-/// Gradients within the noise are set to zero: such pixels tell the brightness only.
+/// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value counts the
+/// cells that hold real gradients.
 ///
 /// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
 fn choose_samples(
@@ -673,7 +658,7 @@ fn choose_samples(
     noise_grey: f64,
     least_gradient_grey: f64,
     factor: usize,
-) -> ChosenSamples {
+) -> (Vec<ReferencePixel>, usize) {
     let least_grey = (GRADIENT_SIGMAS * noise_grey).max(least_gradient_grey / factor as f64);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
@@ -701,48 +686,19 @@ fn choose_samples(
             .iter()
             .map(|&(_, at)| ReferencePixel::of(reference, at as usize % w, at as usize / w))
             .collect();
+        let mut strong = 0;
         for s in &mut here {
             if s.gradient.norm() < least_grey {
                 s.gradient = Vector2::zeros();
+            } else {
+                strong += 1;
             }
         }
-        here
+        (here, strong >= if factor > 4 { 2 } else { 4 })
     };
-    let cells: Vec<Vec<ReferencePixel>> = (0..CELLS * CELLS).into_par_iter().map(of_cell).collect();
-    let least = if factor > 4 { 2 } else { 4 };
-    let carrying = |strong: &dyn Fn(&Vector2<f64>) -> bool| {
-        let carries =
-            |cell: &&Vec<ReferencePixel>| cell.iter().filter(|s| strong(&s.gradient)).count() >= least;
-        cells.iter().filter(carries).count()
-    };
-    // Each cell has one voice in what the directions are.
-    let directions: Matrix2<f64> = cells
-        .iter()
-        .map(|cell| {
-            let all = cell.iter().map(|s| s.gradient * s.gradient.transpose());
-            let all: Matrix2<f64> = all.sum();
-            all / all.trace().max(f64::MIN_POSITIVE)
-        })
-        .sum();
-    let directions = SymmetricEigen::new(directions);
-    let along: Vector2<f64> = directions
-        .eigenvectors
-        .column(directions.eigenvalues.imin())
-        .into();
-    ChosenSamples {
-        cells: carrying(&|g| *g != Vector2::zeros()),
-        unseen: (carrying(&|g| g.dot(&along).abs() >= least_grey) < LEAST_CELLS).then_some(along),
-        samples: cells.concat(),
-    }
-}
-
-/// Pixels of a reference that frames are compared with.
-struct ChosenSamples {
-    samples: Vec<ReferencePixel>,
-    /// Cells of the grid that hold real gradients.
-    cells: usize,
-    /// The direction along which less than [`LEAST_CELLS`] of them do.
-    unseen: Option<Vector2<f64>>,
+    let (samples, strong): (Vec<Vec<ReferencePixel>>, Vec<bool>) =
+        (0..CELLS * CELLS).into_par_iter().map(of_cell).unzip();
+    (samples.concat(), strong.into_iter().filter(|&s| s).count())
 }
 
 /// A shift below this is found from no shift on, in pixels of the size compared.
