@@ -60,12 +60,6 @@ pub const BEND_POWERS: [i32; 2] = [2, 3];
 /// Steps of an integration from an arc's mean time.
 const PARTS: usize = 8;
 
-/// A time found by repeating has settled where a step changes it by less, s: a ball goes less than an atom's width in it.
-const SETTLED_S: f64 = 1e-12;
-
-/// Most steps to such a time; each squares what it is off.
-const MOST_STEPS: usize = 6;
-
 /// Parameters of an arc's bend: the coefficients of [`BEND_POWERS`] along r, then along h.
 pub const BENDS: usize = 2 * BEND_POWERS.len();
 
@@ -287,16 +281,13 @@ impl PlanarArcs<'_> {
         let rounds = if self.parameters[DRAG] == 0.0 && !self.bent {
             1
         } else {
-            MOST_STEPS
+            6
         };
         let mut gap = f64::NAN;
         for _ in 0..rounds {
             let (step, apart) = closest_approach(&self.motion(a, t), &self.motion(b, t))?;
             gap = apart;
             t += step;
-            if step.abs() < SETTLED_S {
-                break;
-            }
         }
         (t.is_finite() && gap.is_finite()).then_some((t, gap))
     }
@@ -311,13 +302,9 @@ impl PlanarArcs<'_> {
         }
         let mut duration = 2.0 * start.vh / g;
         if self.parameters[DRAG] != 0.0 || self.bent {
-            for _ in 0..MOST_STEPS {
+            for _ in 0..6 {
                 let m = self.motion(k, t + duration);
-                let step = (m.h - start.h) / m.vh;
-                duration -= step;
-                if step.abs() < SETTLED_S {
-                    break;
-                }
+                duration -= (m.h - start.h) / m.vh;
             }
         }
         duration
