@@ -10,8 +10,8 @@
 //! std of the shift along an axis = std of dc/ds over the surface / −d²c/ds² at the peak
 //! ```
 //!
-//! Assumed: the picture shifts as a whole, by less than a quarter of its sides. Where nothing stands out of the correlation's noise the camera's
-//! motion cannot be seen, and is not told.
+//! Assumed: the picture shifts as a whole, by less than a quarter of its sides. Where nothing stands out of the correlation's noise, or along one axis
+//! only, as before a plain wall with a floor line, the camera's motion cannot be seen, and is not told.
 
 use super::registration::Registration;
 use super::resample::reduced;
@@ -41,7 +41,8 @@ const LEAST_CHANGE_GREY: f32 = 1.0;
 /// What is left of a pixel at most, in deviations of a frame from the median: the rest of a thing tells no shift.
 const CLIPPED_SIGMAS: f32 = 4.0;
 
-/// A correlation stands out where its peak is so many standard deviations of the surface: noise has 5 in a picture of a million pixels.
+/// A correlation stands out where its peak is so many standard deviations of the surface: noise has 5 in a picture of a million pixels. It also has to rise
+/// above its surroundings along each axis by so many times what other places of the line through it do.
 const STANDS_OUT: f64 = 6.0;
 
 /// Part of the frames in which it has to.
@@ -297,7 +298,14 @@ fn peak(surface: &[f32], (columns, rows): (usize, usize)) -> Option<([f64; 2], f
     for (axis, (du, dv)) in [(1, 0), (0, 1)].into_iter().enumerate() {
         let slope = |u: i64, v: i64| 0.5 * (at(u + du, v + dv) - at(u - du, v - dv));
         let curvature = 2.0 * at(u, v) - at(u + du, v + dv) - at(u - du, v - dv);
-        if curvature <= 0.0 {
+        // A floor line is a ridge of the surface, along which any place is as good.
+        let bend = |k: i64| {
+            let at = |k: i64| at(u + k * du, v + k * dv);
+            at(k) - 0.5 * (at(k - i64::from(LIGHT_PX)) + at(k + i64::from(LIGHT_PX)))
+        };
+        let mut along: Vec<f64> = (0..[columns, rows][axis] as i64).map(|k| bend(k).abs()).collect();
+        let stands_out = bend(0) > STANDS_OUT * STD_OF_MEDIAN * median(&mut along)?;
+        if !stands_out || curvature <= 0.0 {
             return None;
         }
         shift_px[axis] += (slope(u, v) / curvature).clamp(-0.5, 0.5);
@@ -391,5 +399,24 @@ mod tests {
         let frames: Vec<&Luma> = frames.iter().collect();
         let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
         assert!(scene.shifts().is_none_or(|s| scene.by_quarters(s).std_px > 1.0));
+    }
+
+    #[test]
+    fn a_plain_wall_with_a_floor_line_tells_nothing_beside_a_ball_that_moves() {
+        let mut random = TestNoise(7);
+        let noise = |random: &mut TestNoise| 2.0 * random.normal();
+        let picture = |u: f64, random: &mut TestNoise| {
+            Luma::from_fn(SIZE, SIZE, |x, y| {
+                let wall = if y < 120 { 120.0 } else { 140.0 };
+                let ball = (x as f64 - u).hypot(y as f64 - 60.0) < 12.0;
+                (if ball { 30.0 } else { wall } + noise(random)).round() as u8
+            })
+        };
+        let frames: Vec<Luma> = (0..9)
+            .map(|i| picture(20.0 + 14.0 * f64::from(i), &mut random))
+            .collect();
+        let frames: Vec<&Luma> = frames.iter().collect();
+        let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
+        assert!(scene.shifts().is_none());
     }
 }
