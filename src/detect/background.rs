@@ -246,8 +246,14 @@ impl BlockChanges<'_> {
 /// Where the frames of a survey with this median look, and whether the camera stands still.
 fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Registration>, bool) {
     let found = first.locate(survey);
-    let by_gradients = first.sees_shift().then(|| by_gradients(first, survey, &found));
     // A floor's edge, say, shows nothing along it.
+    let first = first.clone().holding_unseen();
+    let located = if first.holds() {
+        &first.locate(survey)
+    } else {
+        &found
+    };
+    let by_gradients = first.sees_shift().then(|| by_gradients(&first, survey, located));
     let in_all_directions = first.expected_std_px().is_finite();
     if let Some(moved) = by_gradients.iter().flatten().next().filter(|_| in_all_directions) {
         return (moved.clone(), false);

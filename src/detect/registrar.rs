@@ -8,8 +8,9 @@
 //!
 //! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
 //!
-//! Assumed: the picture shifts as a whole (no turn, no zoom). Where the scene has no gradient in a direction, the shift along
-//! it stays what it was.
+//! Assumed: the picture shifts as a whole (no turn, no zoom), and what moves has gradients in few places. Where the scene has no gradient in a
+//! direction, the shift along it stays what it was. So it does along a direction that few places tell of ([`Registrar::holding_unseen`]): before a plain
+//! wall a floor line tells the rows, and nothing but the ball and its shadow the columns.
 
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
@@ -58,6 +59,8 @@ pub struct Registrar {
     samples: Vec<ReferencePixel>,
     /// Enough of the scene carries gradient, in enough places, to tell a shift of the camera from a thing that moves.
     sees_shift: bool,
+    /// The direction that is held because too few places carry gradient along it.
+    held: Option<Vector2<f64>>,
     /// The scene has contrast enough to determine an offset of the brightness beside its gain.
     fits_offset: bool,
     noise_grey: f64,
@@ -86,7 +89,7 @@ const GOOD_STD_PX: f64 = 0.05;
 /// A gradient must exceed this many standard deviations of the noise to be one: by chance one pixel in 1e4 exceeds 4.
 const GRADIENT_SIGMAS: f64 = 4.0;
 
-/// A shift is determined where at least so many cells of the grid carry gradient; a ball, its shadow and a hand fill fewer.
+/// A shift is determined where at least so many cells of the grid carry gradient; a ball, its shadow and a hand fill fewer. So it is along a direction.
 const LEAST_CELLS: usize = 16;
 
 /// Gauss-Newton steps; from a start within a pixel, four suffice.
@@ -134,7 +137,9 @@ impl Registrar {
     }
 
     fn of_mean_as_it_is(reference: &Luma, noise_grey: f64, noise_part: f64) -> Self {
-        let full_size = |least_grey| Self::at_full_size_of(reference, noise_grey, noise_part, least_grey);
+        let full_size = |least_grey| {
+            Self::at_full_size_of(reference, noise_grey, noise_part, least_grey).holding_unseen()
+        };
         let full = full_size(LEAST_GRADIENT_GREY);
         if full.sees_shift_well() {
             return full;
@@ -188,7 +193,7 @@ impl Registrar {
             .sum();
         let least = information.symmetric_eigenvalues().min();
         // With less a direction is held.
-        if self.sees_shift && least >= LEAST_INFORMATION {
+        if self.sees_shift && self.held.is_none() && least >= LEAST_INFORMATION {
             self.factor as f64 * self.noise_at_grey(self.factor) / least.sqrt()
         } else {
             f64::INFINITY
@@ -217,6 +222,7 @@ impl Registrar {
             samples,
             factor: 1,
             sees_shift: cells >= LEAST_CELLS,
+            held: None,
             noise_grey,
             noise_part,
             least_gradient_grey,
@@ -269,13 +275,54 @@ impl Registrar {
             samples,
             factor,
             sees_shift: cells >= LEAST_CELLS,
+            held: None,
             ..self.clone()
+        };
+        let reduced = if self.held.is_some() {
+            reduced.holding_unseen()
+        } else {
+            reduced
         };
         Some(if self.smooths {
             reduced.smoothing()
         } else {
             reduced
         })
+    }
+
+    /// The same that holds the direction along which fewest places of the scene carry gradient, if those are so few that they may be a thing that moves.
+    #[must_use]
+    pub fn holding_unseen(self) -> Self {
+        let mut fields: Vec<Vec<Vector2<f64>>> = vec![Vec::new(); CELLS * CELLS];
+        for s in &self.samples {
+            fields[self.field_index(s)].push(s.gradient);
+        }
+        // Each field has one voice in what the directions are.
+        let voice = |field: &Vec<Vector2<f64>>| {
+            let all: Matrix2<f64> = field.iter().map(|g| g * g.transpose()).sum();
+            all / all.trace().max(f64::MIN_POSITIVE)
+        };
+        let directions = SymmetricEigen::new(fields.iter().map(voice).sum::<Matrix2<f64>>());
+        let least = directions.eigenvalues.imin();
+        let along: Vector2<f64> = directions.eigenvectors.column(least).into();
+        let strong = |g: &&Vector2<f64>| g.dot(&along).abs() >= self.least_sample_gradient_grey();
+        let tells = |field: &&Vec<Vector2<f64>>| {
+            field.iter().filter(strong).count() >= least_strong_samples(self.factor)
+        };
+        let held = (fields.iter().filter(tells).count() < LEAST_CELLS).then_some(along);
+        Self { held, ..self }
+    }
+
+    /// Whether a direction is held.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.held.is_some()
+    }
+
+    /// Gradients below this are none, grey levels a pixel of the size compared.
+    fn least_sample_gradient_grey(&self) -> f64 {
+        let noise_grey = self.noise_part * self.noise_at_grey(self.factor);
+        least_sample_gradient_grey(noise_grey, self.least_gradient_grey, self.factor)
     }
 
     /// Where each of `frames` looks, with no idea of it beforehand (within a quarter of the picture).
@@ -339,6 +386,12 @@ impl Registrar {
         (field(s.u, w), field(s.v, h))
     }
 
+    /// The number of that field, row by row.
+    fn field_index(&self, s: &ReferencePixel) -> usize {
+        let (column, row) = self.field(s);
+        row.min(CELLS - 1) * CELLS + column.min(CELLS - 1)
+    }
+
     /// Where each of `frames` looks by the scene's edges alone, whatever the light does from field to field; `found` is what one
     /// light for the whole scene found. A far shift is believed only where the edges are better explained by it than by none.
     #[must_use]
@@ -368,22 +421,19 @@ impl Registrar {
         } else {
             found
         };
-        let field_of = |s: &ReferencePixel| {
-            let (column, row) = self.field(s);
-            (row.min(CELLS - 1)) * CELLS + column.min(CELLS - 1)
-        };
         let step = |now: &Registration| {
             let value = self.value_in(frame, now);
             let lit = self.samples.iter().filter_map(|s| {
                 let grey = value(s)?;
                 Some(LitPixel {
-                    field: field_of(s),
+                    field: self.field_index(s),
                     residual: grey - now.gain * s.value,
                     gradient: now.gain * s.gradient,
                 })
             });
             let (step, information) = local_light::step(&lit.collect::<Vec<_>>(), CELLS * CELLS)?;
-            (information.symmetric_eigenvalues().min() >= LEAST_INFORMATION).then_some(step)
+            let seen = self.held.is_none() && information.symmetric_eigenvalues().min() >= LEAST_INFORMATION;
+            seen.then_some(step)
         };
         let moved = |now: &Registration, step: &Vector2<f64>| Registration {
             shift_u_px: now.shift_u_px + step[0],
@@ -406,9 +456,7 @@ impl Registrar {
                 inside.then(|| f64::from(frame.row(v as usize)[u as usize]))
             };
             if let (Some(here), Some(there)) = (at(s.u, s.v), at(s.u + du, s.v + dv)) {
-                let (column, row) = self.field(s);
-                let field = row.min(CELLS - 1) * CELLS + column.min(CELLS - 1);
-                fields[field].push([s.value, here, there]);
+                fields[self.field_index(s)].push([s.value, here, there]);
             }
         }
         local_light::ln_likelihood_ratio(&fields, self.noise_at_grey(self.factor)) > 0.0
@@ -526,6 +574,9 @@ impl Registrar {
                 self.restrain_offset(3, &mut equations);
                 if moving {
                     hold_unseen(&mut equations);
+                    if let Some(held) = &self.held {
+                        hold_along(held, &mut equations);
+                    }
                 } else {
                     equations.hold(0);
                     equations.hold(1);
@@ -606,10 +657,15 @@ fn hold_unseen(equations: &mut NormalEquations<4>) {
         .zip(information.eigenvectors.column_iter())
     {
         if *along < LEAST_INFORMATION {
-            for (row, column) in [(0, 0), (1, 0), (1, 1)] {
-                equations.matrix[(row, column)] += HELD * axis[row] * axis[column];
-            }
+            hold_along(&axis.into_owned(), equations);
         }
+    }
+}
+
+/// Holds the shift along `axis`.
+fn hold_along(axis: &Vector2<f64>, equations: &mut NormalEquations<4>) {
+    for (row, column) in [(0, 0), (1, 0), (1, 1)] {
+        equations.matrix[(row, column)] += HELD * axis[row] * axis[column];
     }
 }
 
@@ -647,6 +703,16 @@ fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
     found
 }
 
+/// Gradients below this are within the noise or a codec's ringing, grey levels a pixel, in a picture that was reduced by `factor`.
+fn least_sample_gradient_grey(noise_grey: f64, least_gradient_grey: f64, factor: usize) -> f64 {
+    (GRADIENT_SIGMAS * noise_grey).max(least_gradient_grey / factor as f64)
+}
+
+/// Samples with a gradient that a cell of the grid needs to count.
+fn least_strong_samples(factor: usize) -> usize {
+    if factor > 4 { 2 } else { 4 }
+}
+
 /// The pixels of strongest gradient in each cell of a coarse grid, so that they spread over the picture.
 ///
 /// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value counts the
@@ -659,7 +725,7 @@ fn choose_samples(
     least_gradient_grey: f64,
     factor: usize,
 ) -> (Vec<ReferencePixel>, usize) {
-    let least_grey = (GRADIENT_SIGMAS * noise_grey).max(least_gradient_grey / factor as f64);
+    let least_grey = least_sample_gradient_grey(noise_grey, least_gradient_grey, factor);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
     let of_cell = |cell: usize| {
@@ -694,7 +760,7 @@ fn choose_samples(
                 strong += 1;
             }
         }
-        (here, strong >= if factor > 4 { 2 } else { 4 })
+        (here, strong >= least_strong_samples(factor))
     };
     let (samples, strong): (Vec<Vec<ReferencePixel>>, Vec<bool>) =
         (0..CELLS * CELLS).into_par_iter().map(of_cell).unzip();
