@@ -364,3 +364,35 @@ fn a_shadow_on_the_wall_is_not_taken_for_the_ball() {
         },
     );
 }
+
+#[test]
+fn a_fixed_camera_before_a_plain_wall_has_not_moved() {
+    // A floor line tells the rows; nothing but the ball, its shadow and the codec's artefacts tells the columns.
+    let dir = tempfile::tempdir().unwrap();
+    for (seed, radius_m, mass_kg, metres_per_pixel, noise_grey, crf, floor_grey) in [
+        (5, 0.033, 0.0602, 0.0012, 1, 14, 140),
+        (58, 0.033, 0.1656, 0.0012, 2, 20, 140),
+        (39, 0.0125, 0.0638, 0.0008, 4, 20, 95),
+    ] {
+        let plain = json!({
+            "schema": "track.scene/1",
+            "seed": seed,
+            "ball": {"radius_m": radius_m, "mass_kg": mass_kg},
+            "contact": {"model": "mu_e", "restitution": 0.8, "friction": 0.2},
+            "launch": {"drop_height_m": 0.4, "speed_m_s": 0.7},
+            "camera": {"image_size_px": [1280, 720], "frame_rate_hz": 60, "exposure_s": 0.0008, "origin_px": [100, 680],
+                "metres_per_pixel": metres_per_pixel, "noise_grey": noise_grey, "codec": "h264", "crf": crf},
+            "look": {"background_grey": 120, "floor_grey": floor_grey, "ball_grey": 30, "shading": 0.3, "texture_grey": 0,
+                "shadow": 0.4},
+            "stop": {"bounces": 3, "tail_s": 0.15},
+        });
+        let recording = SimulatedRecording::new(&Scene::from_json(&plain.to_string()).unwrap()).unwrap();
+        let written = write(&recording, &format!("plain{seed}"), dir.path(), |_| {}).unwrap();
+        let calibration = Calibration::read(&written.calib).unwrap();
+        let m = measure(&written.video, &calibration, "truth", Accuracy::Fast, &mut |_| {}).unwrap();
+        let moves = |code: &str| ["camera_moved", "camera_shaken"].contains(&code);
+        let told = m.warnings.iter().find(|w| moves(w.code));
+        assert!(told.is_none(), "seed {seed}: {told:?}");
+        assert_eq!(m.bounces.len(), 3, "seed {seed}");
+    }
+}
