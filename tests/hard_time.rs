@@ -150,11 +150,12 @@ fn a_clip_that_begins_at_the_impact_has_no_x0_and_no_spin() {
         assert_eq!(
             (
                 m.distances.x0_m,
+                m.distances.x_m,
                 b.spin_in_m_s,
                 b.spin_out_m_s,
                 b.tangential_restitution
             ),
-            (None, None, None, None)
+            (None, None, None, None, None)
         );
     }
     for frames in [4, 6] {

@@ -27,6 +27,10 @@ impl MeasuredMotion<'_> {
         let Some(&(first, _)) = floors.next() else {
             return Distances::default();
         };
+        // Not the first after the edge: x from it is not the one meant.
+        if !self.launch_seen {
+            return Distances::default();
+        }
         // Where the ball touches, as the time is when it does.
         let place = |p: &InputValues<'_>, k: usize| self.impact(p, k).1.r;
         let x0_m = self.edge_distance(first, &place);

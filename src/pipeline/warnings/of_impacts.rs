@@ -65,7 +65,7 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     if x0_missing && !impacts.bounces.is_empty() {
         out.push(warning!(
             "first_impact_unsure",
-            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 is left out, and so are spins and e_x, which need the spin at the launch."
+            "the first impact seen cannot be the first after the launch edge: followed back to \"launch.edge_x_m\", its arc runs below the floor. An impact before it was missed, or the edge or \"origin_px\" is wrong; x0 and x are left out, and so are spins and e_x, which need the spin at the launch."
         ));
     }
     let gains = j.motion.impossible(&impacts.bounces);
