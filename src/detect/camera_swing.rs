@@ -8,6 +8,10 @@
 //! How well s is known follows from Σ g gᵀ/σ²: a floor line tells the rows alone. Along a direction in which the scene has no
 //! edges nothing is followed, and the shift there is left at 0.
 //!
+//! A codec draws the scene anew in each key frame: a faint artefact that passed for an edge is gone, and a floor line has another profile, the same all along
+//! it. So a shift has to make the frame more likely than none does, by what a shift of its size would, and its uncertainty is that of residuals that
+//! are alike along a row or a column (a cluster-robust one: Liang and Zeger 1986).
+//!
 //! Assumed: the picture shifts as a whole (a swing of a degree's hundredth does), and by less than five pixels.
 
 use super::registration::Registration;
@@ -17,6 +21,7 @@ use crate::numeric::least_squares::{NormalEquations, Termination, gauss_newton};
 use crate::numeric::robust::{TUKEY, median, std_from_magnitudes, tukey_weight};
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// How far the whole picture may be shifted, px.
 const REACH_PX: i32 = 5;
@@ -62,6 +67,9 @@ impl ShiftThreshold {
 
 /// A codec's errors are correlated from pixel to pixel: the shift's standard uncertainty is so many times that of white noise.
 const NOISE_CORRELATION: f64 = 2.0;
+
+/// A shift makes a frame more likely by at least this part of what one of its size is expected to.
+const LEAST_EXPLAINED: f64 = 0.5;
 
 /// Gauss-Newton steps at most.
 const STEPS: usize = 8;
@@ -185,21 +193,35 @@ impl SceneEdges {
         }
         let start = self.best_whole(&pixels, whole);
         let start = Vector2::new(f64::from(start.0), f64::from(start.1));
-        let mut last = None;
+        let between = |shift: &Vector2<f64>| {
+            let (du, dv) = (shift.x, shift.y);
+            move |e: &EdgePixel| cubic(frame, f64::from(e.u) + du, f64::from(e.v) + dv) - expected(e)
+        };
         let step = |shift: &Vector2<f64>| {
-            let between = |e: &EdgePixel| {
-                cubic(frame, f64::from(e.u) + shift.x, f64::from(e.v) + shift.y) - expected(e)
-            };
-            let (step, information, spread) = self.step(&pixels, light.gain, between)?;
-            last = Some(ObservableAxes::new(&information, spread));
+            let (step, _, _) = self.step(&pixels, light.gain, between(shift))?;
             Some(axes.project(&step))
         };
         let moved = |shift: &Vector2<f64>, step: &Vector2<f64>| shift + step;
         let (shift, end) = gauss_newton(start, STEPS, step, moved, |step| step.norm() < 1e-4);
         let shift = axes.project(&shift);
-        let sane = end != Termination::Singular && shift.amax() < f64::from(REACH_PX);
-        let sure = last.is_some_and(|axes| axes.exceeds(&shift, least));
-        (sane && sure).then_some([shift.x, shift.y])
+        if end == Termination::Singular || shift.amax() >= f64::from(REACH_PX) {
+            return None;
+        }
+        let (_, information, spread) = self.step(&pixels, light.gain, between(&shift))?;
+        let at = |shift: &Vector2<f64>| -> Vec<f64> { pixels.iter().map(between(shift)).collect() };
+        let found = at(&shift);
+        let axes = ObservableAxes::new(&information, spread).with_alike(&pixels, &found, spread);
+        let chi_square = |residuals: &[f64]| -> f64 {
+            let bounded = |r: &f64| (r / spread).powi(2).min(TUKEY * TUKEY);
+            residuals.iter().map(bounded).sum()
+        };
+        let best = chi_square(&found);
+        let explains = |part: &Vector2<f64>, sigmas: f64| {
+            let expected = (NOISE_CORRELATION * sigmas.min(ShiftThreshold::ONSET.sigmas)).powi(2);
+            chi_square(&at(&(shift - part))) - best > LEAST_EXPLAINED * expected
+        };
+        let shift = axes.parts_that(&shift, explains);
+        axes.exceeds(&shift, least).then_some([shift.x, shift.y])
     }
 
     /// A step of Gauss-Newton by `residual`s in grey levels, Σ w g gᵀ, and the residuals' standard deviation.
@@ -258,6 +280,38 @@ impl ObservableAxes {
         Self {
             axes: [axis(0), axis(1)],
         }
+    }
+
+    /// The same with uncertainties that allow for `residuals` of `pixels` that are alike along the edges that tell of an axis, those of a row or of a column.
+    fn with_alike(mut self, pixels: &[EdgePixel], residuals: &[f64], spread: f64) -> Self {
+        for (axis, std) in &mut self.axes {
+            let by_rows = axis.y.abs() > axis.x.abs();
+            let mut scores: BTreeMap<i32, f64> = BTreeMap::new();
+            let mut information = 0.0;
+            for (e, &r) in pixels.iter().zip(residuals) {
+                let (along, weight) = (e.gradient.dot(axis), tukey_weight(r, TUKEY * spread));
+                *scores.entry(if by_rows { e.v } else { e.u }).or_default() += weight * r * along;
+                information += weight * along * along;
+            }
+            let lines = scores.len() as f64;
+            let squares: f64 = scores.values().map(|s| s * s).sum();
+            if lines > 1.0 && information > 0.0 {
+                *std = std.max((squares * lines / (lines - 1.0)).sqrt() / information);
+            }
+        }
+        self
+    }
+
+    /// The parts of `v` along the axes for which `is_so` (part, standard deviations).
+    fn parts_that(&self, v: &Vector2<f64>, is_so: impl Fn(&Vector2<f64>, f64) -> bool) -> Vector2<f64> {
+        let parts = self.axes.iter().map(|(axis, std)| {
+            let along = axis.dot(v);
+            (axis * along, along.abs() / std)
+        });
+        parts
+            .filter(|(part, sigmas)| is_so(part, *sigmas))
+            .map(|(part, _)| part)
+            .sum()
     }
 
     /// The part of `v` along the directions in which a shift is determined.
@@ -372,5 +426,43 @@ mod tests {
             edges.shift(&frame, &Registration::IDENTITY, &[ball], ShiftThreshold::ONSET),
             None
         );
+    }
+
+    #[test]
+    fn a_line_that_a_codec_draws_anew_is_no_swing() {
+        let edges = edges(false);
+        let mut frame = scene([0.0; 2], false, 0.4, 6);
+        for (row, change) in [(198, 1), (199, -2), (200, -3), (201, 2), (202, 3), (203, 1)] {
+            for p in &mut frame.data[row * SIZE.0..(row + 1) * SIZE.0] {
+                *p = p.saturating_add_signed(change);
+            }
+        }
+        assert_eq!(
+            edges.shift(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET),
+            None
+        );
+    }
+
+    #[test]
+    fn artefacts_of_a_codec_that_are_gone_are_no_swing() {
+        // Faint upright edges at random places, of which the frame has none.
+        let mut random = TestNoise(8);
+        let mut grey = scene([0.0; 2], false, 0.0, 1);
+        for _ in 0..40 {
+            let at = |n: usize, x: f64| 20 + (x.abs() * 50.0) as usize % (n - 60);
+            let (u, v) = (at(SIZE.0, random.normal()), at(190, random.normal()));
+            for row in v..v + 8 {
+                grey.data[row * SIZE.0 + u..row * SIZE.0 + u + 8]
+                    .iter_mut()
+                    .for_each(|p| *p += 7);
+            }
+        }
+        let grey: Vec<f32> = grey.data.iter().map(|&p| f32::from(p)).collect();
+        let edges = SceneEdges::new(&grey, SIZE.0, 0.4);
+        for seed in 0..20 {
+            let frame = scene([0.0; 2], false, 0.4, 300 + seed);
+            let found = edges.shift(&frame, &Registration::IDENTITY, &[], ShiftThreshold::ONSET);
+            assert_eq!(found, None, "{seed}");
+        }
     }
 }
