@@ -13,6 +13,7 @@
 //! 6. What is no ball's flight is refused (`plausibility`), and so are points at the ends of arcs that may be another's
 //!    (`arc_ends`).
 //! 7. Two flights of one recording are parts of one launch, or two launches ([`continuation`]).
+//! 8. What centres err by for many frames on end enters the arcs' covariance (`slow_errors`).
 //!
 //! The same tracks show what is wrong with the clock: [`duplicate_frames`], [`dropped_frames`], [`clock`].
 //!
@@ -53,6 +54,7 @@ pub mod scale_change;
 pub mod segment;
 pub mod shake;
 pub mod side_view;
+mod slow_errors;
 
 use flight_search::{FlightSearch, TrackCandidate, flight_with_its_fall};
 pub use free_flight::{Flight, FlightPoint, NoFlight, OtherFlight, SpotUse};

@@ -74,7 +74,7 @@ pub fn impacts(
     let metres_per_unit = scaled.metres_per_unit;
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
-    let free = rolling_shutter::widened(free, camera, &refined.tracked);
+    let free = rolling_shutter::widened(free, camera, &refined.tracked).with_slow_errors();
     let mut motion = scaled.motion(&free, lift);
     let gravity_m_s2 = motion.gravity_m_s2();
     if let Some(part) = gravity_m_s2.and_then(|g| calibration.gravity_mismatch(g)) {
