@@ -565,6 +565,38 @@ fn frames_repeated_in_regular_places_are_left_out() {
 }
 
 #[test]
+fn b_frames_of_a_coarse_codec_lose_no_frames() {
+    // 480 Hz: a ball that a B frame leaves where it was, or is ahead, by a quarter of a step and more, in every third frame.
+    each(
+        [
+            (113, 24, 0.0033, 0.033),
+            (114, 28, 0.0033, 0.033),
+            (115, 28, 0.0024, 0.02),
+        ],
+        |(seed, crf, metres_per_pixel, radius_m)| {
+            let camera = json!({"image_size_px": [640, 480], "frame_rate_hz": 480, "exposure_s": 0.0006, "metres_per_pixel": metres_per_pixel,
+                                "origin_px": [77, 432], "noise_grey": 0.5});
+            let coarse = with(scene(seed), "camera", camera);
+            let coarse = with(
+                coarse,
+                "ball",
+                json!({"radius_m": radius_m, "mass_kg": 4000.0 * f64::powi(radius_m, 3)}),
+            );
+            let coarse = with(
+                coarse,
+                "look",
+                json!({"background_grey": 90, "floor_grey": 110, "ball_grey": 150, "shading": 0.4}),
+            );
+            let clip = Clip::of(&launched(coarse, 0.1, 1.9));
+            let found = clip.coded_to(crf);
+            let what = format!("seed {seed}, crf {crf}: {:?}", found.warnings());
+            assert!(found.is_measured(), "{what}");
+            assert!(!found.warns("frames_skipped"), "{what}");
+        },
+    );
+}
+
+#[test]
 fn a_dropped_ball_has_no_x0() {
     each([(1341, 0.2, 20), (1342, 0.12, 5)], |(seed, drop_m, held)| {
         let dropped = launched(scene(seed), drop_m, 0.0);

@@ -7,7 +7,10 @@
 //! | frames that show the one before left out, the others as stamped | which |
 //! | frames chosen from pictures of another rate ([`EvenStamps::resampled`]): repeats or gaps that come regularly | ratio, phase |
 //! | the first and the likeliest of the others, each with frames missing in single places | where, how many |
+//! | the stamps, with frames between two others (B frames) drawn late or early by a codec | by how much, for each place in a row of them |
 //!
+//! The last is asked where another beats the stamps: what a coarse codec draws in B frames is short of the ball's way by a part that comes back every third frame,
+//! as that of pictures chosen from another rate does. Where it is the likeliest the stamps stand.
 //! Where the first leaves no room for a better one other rates are not tried, and gaps only where a step shows one. Assumed: one clock for the whole recording. A piece that is
 //! cut out at an impact shows in its arcs alone, after they are fitted ([`Clocked::with_frames_missing_at_impacts`]).
 
@@ -21,6 +24,7 @@ use crate::flight::clock::{Explained, FrameTimes, MovingTracks};
 use crate::flight::dropped_frames::DroppedFrames;
 use crate::flight::linking::{LinkedSpots, Spot};
 use crate::flight::{self, Flight, dropped_frames};
+use crate::frames::Coded;
 use crate::frames::timebase::{EvenStamps, Resampling, TimeBase};
 use rayon::prelude::*;
 
@@ -80,11 +84,7 @@ pub fn clocked(
             price: MARGIN,
         });
     }
-    let as_stamped = ClockTrial {
-        base: as_stamped,
-        repeats: none,
-        price: 0.0,
-    };
+    let as_stamped = trials.stamped(as_stamped);
     let leaves_room = trials.explained(&as_stamped).room > WORTH_TRYING;
     if leaves_room || !trials.falling.contains(&true) {
         rivals.extend(trials.resampled());
@@ -109,6 +109,15 @@ pub fn clocked(
         let rival = trials.with_single_gaps(trials.numbered_anew(rival, camera), &linked.spots);
         if rival.score() > best.score() {
             (best, jittered) = (rival, even);
+        }
+    }
+    let other = best.clock.base.skipped > 0 || best.clock.repeats.contains(&true) || best.clock.base.evened;
+    if let Some(late) = other.then(|| trials.drawn_late(&linked.spots)).flatten() {
+        let late = trials.with_single_gaps(trials.tried(late), &linked.spots);
+        if late.score() + MARGIN > best.score() {
+            let base = TimeBase::new(stamps_s, &[], rate_hz).with_skips(&pairs(&late.gaps));
+            best.clock = trials.stamped(base);
+            jittered = None;
         }
     }
     let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
@@ -148,6 +157,14 @@ const MOST_GAPS: usize = 24;
 /// A frame stored in another place is not further from it than this.
 const MOST_MISPLACED: usize = 30;
 
+/// Places in a row of B frames that are told apart; those behind are as the last.
+const MOST_PLACES: usize = 3;
+
+/// A B frame is not later or earlier than this part of an interval, in so many steps to each side, and rounds over all places.
+const MOST_LATE: f64 = 0.45;
+const LATE_STEPS: i32 = 9;
+const LATE_ROUNDS: usize = 3;
+
 /// What clocks are tried on.
 struct ClockTrials<'a> {
     moving: MovingTracks<'a>,
@@ -178,6 +195,8 @@ impl ClockTrial {
 struct Tried {
     clock: ClockTrial,
     explained: Explained,
+    /// The gaps in single places that were put into it.
+    gaps: Vec<DroppedFrames>,
 }
 
 impl Tried {
@@ -193,7 +212,68 @@ impl ClockTrials<'_> {
 
     fn tried(&self, clock: ClockTrial) -> Tried {
         let explained = self.explained(&clock);
-        Tried { clock, explained }
+        Tried {
+            clock,
+            explained,
+            gaps: Vec::new(),
+        }
+    }
+
+    /// A clock without free numbers.
+    fn stamped(&self, base: TimeBase) -> ClockTrial {
+        ClockTrial {
+            base,
+            repeats: vec![false; self.stamps_s.len()],
+            price: 0.0,
+        }
+    }
+
+    /// The stamps, with the frames at each place in a row of B frames late or early by the part of an interval that suits the steps of what moves best; `None`
+    /// where there are no such frames.
+    fn drawn_late(&self, spots: &[Spot]) -> Option<ClockTrial> {
+        let base = TimeBase::new(self.stamps_s, &[], self.rate_hz);
+        let interval_s = base.interval_s?;
+        let mut between = vec![false; self.stamps_s.len()];
+        for s in spots {
+            between[s.frame] = s.coded == Coded::Interpolated;
+        }
+        // Which in a row of B frames, from 1; 0 of the others.
+        let mut row = 0;
+        let places = between.iter().map(|&between| {
+            row = if between { (row + 1).min(MOST_PLACES) } else { 0 };
+            row
+        });
+        let places: Vec<usize> = places.collect();
+        let most = *places.iter().max()?;
+        let duplicates = vec![false; places.len()];
+        let late = |parts: &[f64]| -> Vec<f64> {
+            let times = base.times_s.iter().zip(&places);
+            times.map(|(t, &place)| t + parts[place] * interval_s).collect()
+        };
+        let misfit = |parts: &[f64]| {
+            let times_s = &late(parts);
+            let duplicates = &duplicates;
+            self.moving.step_misfit(FrameTimes { times_s, duplicates })
+        };
+        let mut parts = vec![0.0; most + 1];
+        for _ in 0..LATE_ROUNDS {
+            for place in 1..=most {
+                let trial = |k: i32| {
+                    let mut with = parts.clone();
+                    with[place] = MOST_LATE * f64::from(k) / f64::from(LATE_STEPS);
+                    (misfit(&with), with)
+                };
+                let steps = (-LATE_STEPS..=LATE_STEPS).map(trial);
+                parts = steps.min_by(|a, b| a.0.total_cmp(&b.0))?.1;
+            }
+        }
+        let times_s = late(&parts);
+        let price = 2.0 * most as f64 * f64::from(2 * LATE_STEPS + 1).ln();
+        (most > 0).then(|| ClockTrial {
+            base: TimeBase { times_s, ..base },
+            repeats: duplicates,
+            price,
+        })
     }
 
     /// The price of naming these frames among all: twice the logarithm of the number of such choices.
@@ -286,8 +366,9 @@ impl ClockTrials<'_> {
                 repeats: best.clock.repeats.clone(),
                 price: best.clock.price + price,
             };
-            let more = self.tried(more);
+            let mut more = self.tried(more);
             if more.score() > best.score() && more.score() > self.score_of_misplaced(&best, gap) {
+                more.gaps.extend(best.gaps.iter().copied().chain([gap]));
                 best = more;
             }
         }

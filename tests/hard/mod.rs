@@ -201,10 +201,15 @@ impl Clip {
 
     /// Stored as phones and cameras do, with loss, and measured.
     pub fn coded(&self) -> Judged {
+        self.coded_to(14)
+    }
+
+    /// The same with this constant rate factor.
+    pub fn coded_to(&self, crf: u8) -> Judged {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("clip.mp4");
         let coding = Coding::H264 {
-            crf: 14,
+            crf,
             gop: 48,
             b_frames: 2,
         };
