@@ -244,7 +244,7 @@ impl ClockTrials<'_> {
             row
         });
         let places: Vec<usize> = places.collect();
-        let most = *places.iter().max()?;
+        let most = places.iter().copied().max().filter(|&most| most > 0)?;
         let duplicates = vec![false; places.len()];
         let late = |parts: &[f64]| -> Vec<f64> {
             let times = base.times_s.iter().zip(&places);
@@ -269,7 +269,7 @@ impl ClockTrials<'_> {
         }
         let times_s = late(&parts);
         let price = 2.0 * most as f64 * f64::from(2 * LATE_STEPS + 1).ln();
-        (most > 0).then(|| ClockTrial {
+        Some(ClockTrial {
             base: TimeBase { times_s, ..base },
             repeats: duplicates,
             price,
