@@ -312,7 +312,7 @@ fn a_top_view_gives_the_azimuth() {
 }
 
 #[test]
-fn an_edge_that_the_flight_cannot_come_from_gives_no_x0() {
+fn an_edge_that_the_flight_cannot_come_from_gives_no_x0_and_no_x() {
     let slides = json!({"model": "mu_e", "restitution": 0.78, "friction": 0.07});
     let r = Rendered::new(&scene(51, &slides, 0.2, 1.0, 0.0));
     let mut far = r.calibration.clone();
@@ -320,5 +320,6 @@ fn an_edge_that_the_flight_cannot_come_from_gives_no_x0() {
     let m = measured(&r.video, &far);
     assert_eq!(m.distances.x0_m, None);
     assert!(m.warnings.iter().any(|w| w.code == "first_impact_unsure"));
-    assert!(m.distances.x_m.is_some());
+    // Then the next impact may be the third.
+    assert_eq!(m.distances.x_m, None);
 }
