@@ -13,6 +13,9 @@
 //! as that of pictures chosen from another rate does. Where it is the likeliest the stamps stand.
 //! Where the first leaves no room for a better one other rates are not tried, and gaps only where a step shows one. Assumed: one clock for the whole recording. A piece that is
 //! cut out at an impact shows in its arcs alone, after they are fitted ([`Clocked::with_frames_missing_at_impacts`]).
+//!
+//! First centres may stand still and leap where a codec draws a ball that hardly moves, and a leap looks like a gap. So where the stamps do not stand they,
+//! the likeliest clock and each of its gaps compete once more by the best centres, when those are found ([`Clocked::by_best_centres`]).
 
 use super::camera::CalibratedCamera;
 use super::decode::Decoded;
@@ -37,6 +40,8 @@ pub struct Clocked {
     pub duplicates: Vec<bool>,
     /// What is odd about the clock.
     pub warnings: Vec<Warning>,
+    /// Those that stood against each other where the stamps did not stand.
+    rivals: Vec<GappedClock>,
 }
 
 /// The clock of `decoded`, whose things have the `centres`: the likeliest of those that are tried.
@@ -103,24 +108,35 @@ pub fn clocked(
     // A gap in a single place looks like frames chosen from another rate, whose other gaps fall where nothing tells: each has its gaps before they
     // are compared.
     let mut best = trials.with_single_gaps(stamped, &linked.spots);
+    let mut rivals = vec![best.gapped.clone()];
     let mut jittered = None;
     if let Some(rival) = likelier {
         let even = even_times.filter(|(times_s, _)| *times_s == rival.clock.base.times_s);
         let rival = trials.with_single_gaps(trials.numbered_anew(rival, camera), &linked.spots);
         if rival.score() > best.score() {
+            rivals.push(rival.gapped.clone());
             (best, jittered) = (rival, even);
         }
     }
-    let other = best.clock.base.skipped > 0 || best.clock.repeats.contains(&true) || best.clock.base.evened;
+    let other = best.is_another();
     if let Some(late) = other.then(|| trials.drawn_late(&linked.spots)).flatten() {
         let late = trials.with_single_gaps(trials.tried(late), &linked.spots);
         if late.score() + MARGIN > best.score() {
-            let base = TimeBase::new(stamps_s, &[], rate_hz).with_skips(&pairs(&late.gaps));
-            best.clock = trials.stamped(base);
+            let stamps = GappedClock {
+                clock: trials.stamped(TimeBase::new(stamps_s, &[], rate_hz)),
+                gaps: late.gapped.gaps,
+            };
+            best = trials.tried_with_gaps(stamps, |_| true);
+            // The others were likelier only as no frame was late.
+            rivals = vec![best.gapped.clone()];
             jittered = None;
         }
     }
+    let stamps_stand = !best.is_another();
     let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
+    if !stamps_stand {
+        clocked.rivals = rivals;
+    }
     clocked
         .warnings
         .extend(jittered.map(|(_, jitter_s)| of_clock::jitter(&clocked.base, jitter_s)));
@@ -175,6 +191,7 @@ struct ClockTrials<'a> {
 }
 
 /// A clock that may be the recording's.
+#[derive(Debug, Clone)]
 struct ClockTrial {
     base: TimeBase,
     repeats: Vec<bool>,
@@ -191,17 +208,30 @@ impl ClockTrial {
     }
 }
 
+/// A clock, and the gaps in single places that make it likelier.
+#[derive(Debug, Clone)]
+struct GappedClock {
+    clock: ClockTrial,
+    gaps: Vec<DroppedFrames>,
+}
+
 /// A clock and what it explains.
 struct Tried {
     clock: ClockTrial,
     explained: Explained,
-    /// The gaps in single places that were put into it.
-    gaps: Vec<DroppedFrames>,
+    /// The same as it was before gaps in single places were put into it, and those.
+    gapped: GappedClock,
 }
 
 impl Tried {
     fn score(&self) -> f64 {
         self.explained.gain - self.clock.price
+    }
+
+    /// Whether it is another clock than the stamps.
+    fn is_another(&self) -> bool {
+        let base = &self.clock.base;
+        base.skipped > 0 || base.evened || self.clock.repeats.contains(&true)
     }
 }
 
@@ -212,11 +242,39 @@ impl ClockTrials<'_> {
 
     fn tried(&self, clock: ClockTrial) -> Tried {
         let explained = self.explained(&clock);
+        let gapped = GappedClock {
+            clock: clock.clone(),
+            gaps: Vec::new(),
+        };
         Tried {
             clock,
             explained,
-            gaps: Vec::new(),
+            gapped,
         }
+    }
+
+    /// `best` with one more gap, where that makes it likelier.
+    fn with_gap(&self, best: &Tried, gap: DroppedFrames) -> Tried {
+        let mut more = self.tried(ClockTrial {
+            base: best.clock.base.clone().with_skips(&pairs(&[gap])),
+            repeats: best.clock.repeats.clone(),
+            price: best.clock.price + self.price_of_a_gap(),
+        });
+        more.gapped = best.gapped.clone();
+        more.gapped.gaps.push(gap);
+        more
+    }
+
+    /// The clock with those of its gaps that make it likelier, and with those that `must` be whatever they do.
+    fn tried_with_gaps(&self, gapped: GappedClock, must: impl Fn(&DroppedFrames) -> bool) -> Tried {
+        let mut best = self.tried(gapped.clock);
+        for gap in gapped.gaps {
+            let more = self.with_gap(&best, gap);
+            if must(&gap) || more.score() > best.score() {
+                best = more;
+            }
+        }
+        best
     }
 
     /// A clock without free numbers.
@@ -346,6 +404,7 @@ impl ClockTrials<'_> {
         let off = |fall: f64| (fall * metres / camera.calibration.gravity_m_s2).ln().abs();
         if off(fall / (slower * slower)) < off(fall) {
             best.clock.base = base.clone().stretched(slower);
+            best.gapped.clock.base = best.clock.base.clone();
         }
         best
     }
@@ -355,20 +414,13 @@ impl ClockTrials<'_> {
         let Some(interval_s) = best.clock.base.interval_s else {
             return best;
         };
-        let price = self.price_of_a_gap();
         let linked = LinkedSpots::new(best.clock.frames().distinct(spots));
         for gap in dropped_frames::proposed(&linked, interval_s)
             .into_iter()
             .take(MOST_GAPS)
         {
-            let more = ClockTrial {
-                base: best.clock.base.clone().with_skips(&pairs(&[gap])),
-                repeats: best.clock.repeats.clone(),
-                price: best.clock.price + price,
-            };
-            let mut more = self.tried(more);
+            let more = self.with_gap(&best, gap);
             if more.score() > best.score() && more.score() > self.score_of_misplaced(&best, gap) {
-                more.gaps.extend(best.gaps.iter().copied().chain([gap]));
                 best = more;
             }
         }
@@ -506,7 +558,60 @@ impl Clocked {
             base,
             duplicates,
             warnings,
+            rivals: Vec::new(),
         }
+    }
+
+    /// The clock of frames whose times are told.
+    pub fn given(times_s: &[f64]) -> Self {
+        Self {
+            duplicates: vec![false; times_s.len()],
+            base: TimeBase::new(times_s, &[], None),
+            warnings: Vec::new(),
+            rivals: Vec::new(),
+        }
+    }
+
+    /// The likeliest of the clocks that stood against each other by the `best` centres of the ball, and by the `first` ones in frames that this clock
+    /// takes for repeats, which have no others; `None` where it is this one. Gaps in frames that these centres do not reach stay.
+    pub fn by_best_centres(
+        &self,
+        camera: &CalibratedCamera<'_>,
+        decoded: &Decoded,
+        (best, first): (&[BallCentre], &[BallCentre]),
+        optics: Option<Optics>,
+    ) -> Option<Self> {
+        if self.rivals.is_empty() {
+            return None;
+        }
+        let seen = || best.iter().map(|c| c.frame);
+        let (from, to) = (seen().min()?, seen().max()?);
+        let repeats = first.iter().filter(|c| self.duplicates[c.frame]);
+        let mut centres: Vec<&BallCentre> = best.iter().chain(repeats).collect();
+        centres.sort_by_key(|c| c.frame);
+        let spots = centres
+            .into_iter()
+            .filter_map(|c| c.spot(camera, optics, &self.base.times_s));
+        let linked = LinkedSpots::new(spots.collect());
+        let mut trials = ClockTrials {
+            moving: MovingTracks::new(&linked),
+            falling: Vec::new(),
+            stamps_s: &decoded.stamps_s,
+            rate_hz: camera.calibration.frame_rate_hz,
+        };
+        let model = camera.motion_model(None, None);
+        trials.falling = trials.moving.falling(self.frames(), &*model);
+        for rival in &self.rivals {
+            let falling = trials.moving.falling(rival.clock.frames(), &*model);
+            trials.falling.iter_mut().zip(falling).for_each(|(a, b)| *a |= b);
+        }
+        let unseen = |gap: &DroppedFrames| !(from + 1..=to).contains(&gap.frame);
+        let rivals = self.rivals.iter().cloned();
+        let best = rivals
+            .map(|rival| trials.tried_with_gaps(rival, unseen))
+            .max_by(|a, b| a.score().total_cmp(&b.score()))?;
+        let other = best.clock.base.times_s != self.base.times_s || best.clock.repeats != self.duplicates;
+        other.then(|| Self::new(best.clock.base, best.clock.repeats, camera, decoded))
     }
 
     /// Times and duplicates.
@@ -569,6 +674,7 @@ mod tests {
             base: TimeBase::new(&stamps_s, &[], None).with_skips(skips),
             duplicates: vec![false; 60],
             warnings: Vec::new(),
+            rivals: Vec::new(),
         };
         let arcs_s = [(0.195, 0.395), (0.405, 0.8)];
         assert_eq!(clocked(&[]).unseen_gaps_std_s(&arcs_s, 0.4), 0.0);

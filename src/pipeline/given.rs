@@ -21,7 +21,6 @@ use super::warnings::{of_track, rejection};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::detect::centre::Centre;
 use crate::detect::registration::Registration;
-use crate::frames::timebase::TimeBase;
 use crate::frames::{Coded, RowOrder};
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::LEAST_CENTRE_STD_PX;
@@ -73,7 +72,7 @@ pub fn measure_points(
         .enumerate()
         .map(|(id, (point, &pixel))| ball_centre(id, point, pixel, radius_px))
         .collect();
-    let clocked = Clocked::given(times_s);
+    let clocked = Clocked::given(&times_s);
     let found = launches::tracked(camera, &clocked, &centres, None);
     let measured = found.map_err(NotMeasured::NoFlight).and_then(|found| {
         let each = |launch: &TrackedLaunch| -> Result<MeasuredLaunch, NotMeasured> {
@@ -224,16 +223,5 @@ fn ball_centre(id: usize, point: &GivenPoint, centre: PixelPoint, radius_px: f64
             100.0,
         ),
         is_chosen: false,
-    }
-}
-
-impl Clocked {
-    /// The clock of frames whose times are told.
-    fn given(times_s: Vec<f64>) -> Self {
-        Self {
-            duplicates: vec![false; times_s.len()],
-            base: TimeBase::new(&times_s, &[], None),
-            warnings: Vec::new(),
-        }
     }
 }

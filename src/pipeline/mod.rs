@@ -53,6 +53,7 @@ use crate::frames::FrameSource;
 use camera::CalibratedCamera;
 use launch::{LaunchMeasurement, MeasuredLaunch, MeasuredLaunches, NotMeasured};
 use result::RecordingFacts;
+use spots::BallCentre;
 use std::path::Path;
 use warnings::{of_file, of_launches, rejection};
 
@@ -155,8 +156,8 @@ pub fn measure_edited(
         clock = clock::clocked(camera, &decoded, &centres, optics);
     }
     edited::mark_chosen(&mut centres, edits, &clock.duplicates);
-    let interval_s = clock.base.interval_s;
-    let seen = LaunchMeasurement {
+    let better_centres: Vec<BallCentre>;
+    let mut seen = LaunchMeasurement {
         camera,
         decoded: &decoded,
         centres: &centres,
@@ -164,23 +165,32 @@ pub fn measure_edited(
         looks_at_marks: spin == SpinSearch::Auto,
         not_impacts_s: &edits.not_impacts_s,
     };
-    let launches_by = |camera: &CalibratedCamera<'_>| {
+    let launches_of = |seen: &LaunchMeasurement<'_>, clock: &clock::Clocked| {
         let mut clock = clock.clone();
-        let found = launches::tracked(camera, &clock, &centres, optics);
+        let found = launches::tracked(seen.camera, &clock, seen.centres, optics);
         let found = found.map_err(NotMeasured::NoFlight);
-        let measured = found.and_then(|found| seen.by(camera).each(&mut clock, &found));
+        let measured = found.and_then(|found| seen.each(&mut clock, &found));
         (clock, measured)
     };
-    let (mut clocked, mut measured) = launches_by(camera);
+    let (mut clocked, mut measured) = launches_of(&seen, &clock);
+    // The best centres may tell another clock than the first ones did: then once more by that and by them.
+    let best = measured.as_ref().map(|m| m.centres()).unwrap_or_default();
+    if let Some(better) = clock.by_best_centres(camera, &decoded, (&best, &centres), optics) {
+        clock = better;
+        better_centres = spots::with_better(&centres, &best);
+        seen.centres = &better_centres;
+        (clocked, measured) = launches_of(&seen, &clock);
+    }
     // The arcs may show that rows have times of their own: then once more by those.
     let rolling = {
+        let interval_s = clock.base.interval_s;
         let by_rows = |rolling: &CalibratedCamera<'_>| seen.by(rolling).most_evident(&clocked, optics);
         let first = measured.as_ref().ok().map(|m| &m.first.refined);
         rolling_shutter::found(camera, first, interval_s, by_rows)
     };
     let camera = rolling.as_ref().unwrap_or(camera);
     if rolling.is_some() {
-        (clocked, measured) = launches_by(camera);
+        (clocked, measured) = launches_of(&seen.by(camera), &clock);
     }
 
     let frames = decoded.health.frames_read;

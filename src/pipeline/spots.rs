@@ -10,6 +10,7 @@ use crate::flight::linking::Spot;
 use crate::frames::Coded;
 use crate::geometry::PixelPoint;
 use crate::impact::error_budget::{LEAST_CENTRE_STD_PX, OVAL_CENTRE_STD_RADII, SWING_PART, SWING_STD_PX};
+use std::collections::BTreeMap;
 
 /// Less than this part of an outline on one circle is no outline.
 const WHOLE_OUTLINE: f64 = 0.6;
@@ -111,6 +112,16 @@ pub fn first_centres(sightings: &[Sighting]) -> Vec<BallCentre> {
     let all = sightings.iter().enumerate();
     all.filter_map(|(i, s)| Some(BallCentre::new(i, s, s.centre?)))
         .collect()
+}
+
+/// The `first` centres, with the `better` ones of the same sightings in their places.
+pub fn with_better(first: &[BallCentre], better: &[BallCentre]) -> Vec<BallCentre> {
+    let by_id: BTreeMap<usize, &BallCentre> = better.iter().map(|c| (c.id, c)).collect();
+    let of = |c: &BallCentre| {
+        let centre = by_id.get(&c.id).map_or(c.centre, |better| better.centre);
+        BallCentre { centre, ..*c }
+    };
+    first.iter().map(of).collect()
 }
 
 /// The one of `centres` with this id.
