@@ -25,6 +25,7 @@ use super::warnings::of_clock;
 use crate::calibration::Optics;
 use crate::flight::clock::{Explained, FrameTimes, MovingTracks};
 use crate::flight::dropped_frames::DroppedFrames;
+use crate::flight::flight_search::FlightSearch;
 use crate::flight::linking::{LinkedSpots, Spot};
 use crate::flight::{self, Flight, dropped_frames};
 use crate::frames::Coded;
@@ -40,7 +41,7 @@ pub struct Clocked {
     pub duplicates: Vec<bool>,
     /// What is odd about the clock.
     pub warnings: Vec<Warning>,
-    /// Those that stood against each other where the stamps did not stand.
+    /// Those that stood against each other; none where the stamps stand.
     rivals: Vec<GappedClock>,
 }
 
@@ -60,14 +61,8 @@ pub fn clocked(
     };
     // Linked once, whatever the clock: all compete by the same tracks.
     let linked = LinkedSpots::new(first_spots(camera, centres, frames, optics));
-    let mut trials = ClockTrials {
-        moving: MovingTracks::new(&linked),
-        falling: Vec::new(),
-        stamps_s,
-        rate_hz,
-    };
     let model = camera.motion_model(None, None);
-    trials.falling = trials.moving.falling(frames, &*model);
+    let mut trials = ClockTrials::new(&linked, (stamps_s, rate_hz), frames, &*model);
     let mut rivals = Vec::new();
     let repeats = flight::duplicate_frames::find(&linked, &decoded.changes, camera.units_per_px()).frames;
     if repeats.contains(&true) {
@@ -94,10 +89,8 @@ pub fn clocked(
     if leaves_room || !trials.falling.contains(&true) {
         rivals.extend(trials.resampled());
     }
-    // What falls under any of them is asked under all.
     for rival in &rivals {
-        let falling = trials.moving.falling(rival.frames(), &*model);
-        trials.falling.iter_mut().zip(falling).for_each(|(a, b)| *a |= b);
+        trials.ask_what_falls_under(rival.frames(), &*model);
     }
     let stamped = trials.tried(as_stamped);
     let likelier = rivals
@@ -132,11 +125,11 @@ pub fn clocked(
             jittered = None;
         }
     }
-    let stamps_stand = !best.is_another();
-    let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
-    if !stamps_stand {
-        clocked.rivals = rivals;
+    if !best.is_another() {
+        rivals.clear();
     }
+    let mut clocked = Clocked::new(best.clock.base, best.clock.repeats, camera, decoded);
+    clocked.rivals = rivals;
     clocked
         .warnings
         .extend(jittered.map(|(_, jitter_s)| of_clock::jitter(&clocked.base, jitter_s)));
@@ -235,7 +228,30 @@ impl Tried {
     }
 }
 
-impl ClockTrials<'_> {
+impl<'a> ClockTrials<'a> {
+    /// Trials on what of `linked` falls under these `frames`, of a file with these stamps and the rate that its calibration tells.
+    fn new(
+        linked: &'a LinkedSpots,
+        (stamps_s, rate_hz): (&'a [f64], Option<f64>),
+        frames: FrameTimes<'_>,
+        model: &dyn FlightSearch,
+    ) -> Self {
+        let moving = MovingTracks::new(linked);
+        let falling = moving.falling(frames, model);
+        Self {
+            moving,
+            falling,
+            stamps_s,
+            rate_hz,
+        }
+    }
+
+    /// What falls under these `frames` is asked under all clocks.
+    fn ask_what_falls_under(&mut self, frames: FrameTimes<'_>, model: &dyn FlightSearch) {
+        let falling = self.moving.falling(frames, model);
+        self.falling.iter_mut().zip(falling).for_each(|(a, b)| *a |= b);
+    }
+
     fn explained(&self, clock: &ClockTrial) -> Explained {
         self.moving.explained(clock.frames(), &self.falling)
     }
@@ -253,7 +269,7 @@ impl ClockTrials<'_> {
         }
     }
 
-    /// `best` with one more gap, where that makes it likelier.
+    /// `best` with one more gap.
     fn with_gap(&self, best: &Tried, gap: DroppedFrames) -> Tried {
         let mut more = self.tried(ClockTrial {
             base: best.clock.base.clone().with_skips(&pairs(&[gap])),
@@ -593,17 +609,11 @@ impl Clocked {
             .into_iter()
             .filter_map(|c| c.spot(camera, optics, &self.base.times_s));
         let linked = LinkedSpots::new(spots.collect());
-        let mut trials = ClockTrials {
-            moving: MovingTracks::new(&linked),
-            falling: Vec::new(),
-            stamps_s: &decoded.stamps_s,
-            rate_hz: camera.calibration.frame_rate_hz,
-        };
+        let stamps = (&decoded.stamps_s[..], camera.calibration.frame_rate_hz);
         let model = camera.motion_model(None, None);
-        trials.falling = trials.moving.falling(self.frames(), &*model);
+        let mut trials = ClockTrials::new(&linked, stamps, self.frames(), &*model);
         for rival in &self.rivals {
-            let falling = trials.moving.falling(rival.clock.frames(), &*model);
-            trials.falling.iter_mut().zip(falling).for_each(|(a, b)| *a |= b);
+            trials.ask_what_falls_under(rival.clock.frames(), &*model);
         }
         let unseen = |gap: &DroppedFrames| !(from + 1..=to).contains(&gap.frame);
         let rivals = self.rivals.iter().cloned();

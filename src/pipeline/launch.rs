@@ -14,7 +14,6 @@ use crate::calibration::{CalibrationError, Optics};
 use crate::detect::centre::Accuracy;
 use crate::flight::continuation::is_same_ball;
 use crate::flight::{NoFlight, dropped_frames};
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// A recording whose launches are measured.
@@ -64,12 +63,11 @@ pub enum NotMeasured {
 }
 
 impl MeasuredLaunches {
-    /// The ball's best centres in all launches, in the order of their frames.
+    /// The ball's best centres in all launches, in the order of their ids: launches share no frame.
     pub fn centres(&self) -> Vec<BallCentre> {
         let launches = [&self.first].into_iter().chain(&self.later);
         let of_all = launches.flat_map(|l| l.refined.tracked.centres.iter().copied());
-        let by_frame: BTreeMap<usize, BallCentre> = of_all.map(|c| (c.frame, c)).collect();
-        by_frame.into_values().collect()
+        of_all.collect()
     }
 
     /// The one of `found` with the most evidence, as if nothing else moved in the recording, measured by `of`.

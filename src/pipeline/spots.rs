@@ -10,7 +10,6 @@ use crate::flight::linking::Spot;
 use crate::frames::Coded;
 use crate::geometry::PixelPoint;
 use crate::impact::error_budget::{LEAST_CENTRE_STD_PX, OVAL_CENTRE_STD_RADII, SWING_PART, SWING_STD_PX};
-use std::collections::BTreeMap;
 
 /// Less than this part of an outline on one circle is no outline.
 const WHOLE_OUTLINE: f64 = 0.6;
@@ -116,9 +115,8 @@ pub fn first_centres(sightings: &[Sighting]) -> Vec<BallCentre> {
 
 /// The `first` centres, with the `better` ones of the same sightings in their places.
 pub fn with_better(first: &[BallCentre], better: &[BallCentre]) -> Vec<BallCentre> {
-    let by_id: BTreeMap<usize, &BallCentre> = better.iter().map(|c| (c.id, c)).collect();
     let of = |c: &BallCentre| {
-        let centre = by_id.get(&c.id).map_or(c.centre, |better| better.centre);
+        let centre = with_id(better, c.id).map_or(c.centre, |better| better.centre);
         BallCentre { centre, ..*c }
     };
     first.iter().map(of).collect()
