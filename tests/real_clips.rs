@@ -395,7 +395,11 @@ fn a_clip_twice_in_one_file_is_two_launches() {
         };
         let mut fault = |why: String| faults.push(format!("{clip}: {why}"));
         let codes: Vec<&str> = twice.warnings.iter().map(|w| w.code).collect();
-        if !(codes.contains(&"several_launches") && codes.contains(&"piece_cut_out")) {
+        // (Between the copies the hand is back where it was.)
+        if !["several_launches", "piece_cut_out", "camera_moved"]
+            .iter()
+            .all(|code| codes.contains(code))
+        {
             fault(format!("warned of {codes:?}"));
         }
         if twice.each_launch().len() != 2 {

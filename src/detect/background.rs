@@ -262,7 +262,7 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Reg
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
     let seen = FaintScene::new(survey, median).and_then(|scene| {
         let whole = scene.shifts().filter(moves)?;
-        Some(scene.by_quarters(whole)).filter(moves)
+        scene.moves_everywhere(&whole).then_some(whole)
     });
     match (seen, by_gradients.flatten()) {
         (Some(shifts), _) => (shifts.registrations, false),

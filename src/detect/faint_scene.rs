@@ -10,11 +10,20 @@
 //! std of the shift along an axis = std of dc/ds over the surface / −d²c/ds² at the peak
 //! ```
 //!
+//! A thing that moves, or a codec that draws the scene anew, may shift a correlation, too; a camera shifts all of the scene. So the shifts that one half of
+//! the places finds (the colours of a chessboard) have to explain each place of the other half better than a scene at rest does
+//! ([`FaintScene::moves_everywhere`]): over all frames f together, a place tells what a single frame may not.
+//!
+//! ```text
+//! D(p) = Σ_f Σ_x [frame_f(x + p + s_f) − frame_f(x + p + s'_f)] reference(x)     evidence of a place: D(0) / std of D elsewhere
+//! s'_f    s_f without its part along one axis: a codec that holds a floor line, which tells the rows, says nothing of the columns
+//! ```
+//!
 //! Assumed: the picture shifts as a whole, by less than a quarter of its sides. Where nothing stands out of the correlation's noise, or along one axis
 //! only, as before a plain wall with a floor line, the camera's motion cannot be seen, and is not told.
 
 use super::registration::Registration;
-use super::resample::reduced;
+use super::resample::{bilinear, reduced};
 use crate::frames::Luma;
 use crate::numeric::robust::{STD_OF_MEDIAN, lower_median, median};
 use opencv::core::{
@@ -48,8 +57,21 @@ const STANDS_OUT: f64 = 6.0;
 /// Part of the frames in which it has to.
 const MOST_FRAMES: f64 = 0.75;
 
-/// Root mean square of a distance in two directions over its median, for normal errors.
-const DISTANCE_STD_OF_MEDIAN: f64 = 1.2011;
+/// Places along each side of the picture, each of which tells for itself whether it moves as the others do.
+const PLACES: usize = 4;
+
+/// So many of them may be a thing that moves, with its shadow: those that tell most of a motion do not count.
+const THING_PLACES: usize = 4;
+
+/// The others move where what they tell together is so many standard deviations.
+const EVERYWHERE_SIGMAS: f64 = 4.0;
+
+/// A half of the scene is so far from where the whole of it is found, at most, pixels of the size compared.
+const HALF_OFF_PX: i64 = 2;
+
+/// What a place tells by chance is read off shifts that are off by multiples of so many pixels, up to so many of them along each axis.
+const CHANCE_STEP_PX: isize = 8;
+const CHANCE_STEPS: isize = 4;
 
 /// Where the frames of a survey look, as their whole pictures say.
 #[derive(Debug, Clone)]
@@ -63,9 +85,9 @@ pub struct CorrelatedShifts {
 /// A survey whose pictures are compared as wholes.
 #[derive(Debug)]
 pub struct FaintScene {
-    /// The middle frame without its light and without what moves.
-    middle: Mat,
-    /// The spectra of all frames, cleaned like that.
+    /// The frames without their light and without what moves.
+    pictures: Vec<Mat>,
+    /// The spectra of these.
     spectra: Vec<Mat>,
     /// A pixel of them, px.
     factor: usize,
@@ -80,7 +102,7 @@ impl FaintScene {
         let first = survey.first()?;
         let factor = first.width.max(first.height).div_ceil(LONGEST_PX);
         let small: Vec<Luma>;
-        let mut pictures = if factor > 1 {
+        let pictures = if factor > 1 {
             small = survey
                 .par_iter()
                 .map(|f| reduced(f, factor))
@@ -93,30 +115,24 @@ impl FaintScene {
         let spectra = pictures.par_iter().map(spectrum).collect::<opencv::Result<_>>();
         Some(Self {
             spectra: spectra.ok()?,
-            middle: pictures.swap_remove(survey.len() / 2),
+            pictures,
             factor,
         })
     }
 
-    /// The shift of each frame against the picture with the spectrum `reference`.
-    fn against(&self, reference: &Mat) -> Vec<FoundShift> {
-        let px = self.factor as f64;
-        let in_px = |([u, v], std): ([f64; 2], f64)| ([px * u, px * v], px * std);
-        self.spectra
-            .par_iter()
-            .map(|of_frame| shift(of_frame, reference).ok().flatten().map(in_px))
-            .collect()
-    }
-
-    /// The same against a quarter of the middle frame: of its left or right half and its upper or lower one.
-    fn against_quarter(&self, right: bool, lower: bool) -> Vec<FoundShift> {
-        let quarter = quarter(&self.middle, right, lower).and_then(|q| spectrum(&q));
-        quarter.map_or_else(|_| vec![None; self.spectra.len()], |q| self.against(&q))
-    }
-
     /// The shifts of the frames against the middle one; `None` where the pictures do not tell.
     pub fn shifts(&self) -> Option<CorrelatedShifts> {
-        let found = self.against(self.spectra.get(self.spectra.len() / 2)?);
+        let px = self.factor as f64;
+        let in_px = |([u, v], std): ([f64; 2], f64)| ([px * u, px * v], px * std);
+        let reference = self.spectra.get(self.middle())?;
+        let found: Vec<FoundShift> = self
+            .spectra
+            .par_iter()
+            .map(|of_frame| {
+                let surface = CorrelationSurface::of(of_frame, reference).ok();
+                surface.and_then(|surface| surface.peak()).map(in_px)
+            })
+            .collect();
         let seen = found.iter().flatten().count();
         if (seen as f64) < MOST_FRAMES * found.len() as f64 {
             return None;
@@ -141,43 +157,95 @@ impl FaintScene {
         })
     }
 
-    /// The same with the standard uncertainty by what the quarters of the picture say by themselves: a camera's motion is the same in all, a
-    /// thing's is not. Infinite where fewer than three of them tell.
-    pub fn by_quarters(&self, shifts: CorrelatedShifts) -> CorrelatedShifts {
-        let quarters = [(false, false), (false, true), (true, false), (true, true)]
-            .map(|(right, lower)| self.against_quarter(right, lower));
-        let mut stds_px: Vec<f64> = shifts
-            .registrations
-            .iter()
-            .enumerate()
-            .map(|(i, r)| {
-                let found: Vec<[f64; 2]> = quarters.iter().filter_map(|q| q[i].map(|(at, _)| at)).collect();
-                if found.len() < 3 {
-                    return f64::INFINITY;
-                }
-                let off = |at: &[f64; 2]| (at[0] - r.shift_u_px).hypot(at[1] - r.shift_v_px);
-                let mut off_px: Vec<f64> = found.iter().map(off).collect();
-                let root = (off_px.len() as f64).sqrt();
-                median(&mut off_px).map_or(f64::INFINITY, |m| DISTANCE_STD_OF_MEDIAN * m / root)
+    /// Whether the scene shifts by `shifts` along one axis at least wherever it tells that, rather than resting: what does so is the camera, not a thing.
+    pub fn moves_everywhere(&self, shifts: &CorrelatedShifts) -> bool {
+        let evidence = [0, 1].map(|colour| self.evidence(colour, shifts).unwrap_or_default());
+        (0..AXES.len()).any(|axis| {
+            let places = evidence.iter().flatten();
+            let mut all: Vec<f64> = places.map(|by_axis| by_axis[axis]).collect();
+            all.sort_by(f64::total_cmp);
+            all.truncate(all.len().saturating_sub(THING_PLACES));
+            all.iter().sum::<f64>() > EVERYWHERE_SIGMAS * (all.len() as f64).sqrt()
+        })
+    }
+
+    /// What the places of one colour tell, along each axis, of a motion near `shifts` that the other colour finds, standard deviations each: above 0 where
+    /// they move so, below 0 where they rest.
+    fn evidence(&self, colour: usize, shifts: &CorrelatedShifts) -> opencv::Result<Vec<[f64; 2]>> {
+        let middle = &self.pictures[self.middle()];
+        let (columns, rows) = (middle.cols() as usize, middle.rows() as usize);
+        let is_other = |i: usize| {
+            let (a, b) = ((i % columns) * PLACES / columns, (i / columns) * PLACES / rows);
+            (a + b) % 2 != colour
+        };
+        let other = spectrum(&kept(middle, is_other)?)?;
+        let changes: Vec<[Vec<f32>; 2]> = self
+            .pictures
+            .par_iter()
+            .zip(&self.spectra)
+            .zip(&shifts.registrations)
+            .map(|((picture, of_frame), r)| {
+                let near = [r.shift_u_px, r.shift_v_px].map(|px| px / self.factor as f64);
+                let [u, v] = CorrelationSurface::of(of_frame, &other)?.peak_near(near);
+                let grey = picture.data_typed::<f32>()?;
+                let at = |i: usize, [u, v]: [f64; 2]| {
+                    let (x, y) = ((i % columns) as f64, (i / columns) as f64);
+                    bilinear(grey, (columns, rows), x + u, y + v)
+                };
+                let change = |without: [f64; 2]| {
+                    let of_pixel = |i| Some((at(i, [u, v])? - at(i, without)?) as f32);
+                    (0..grey.len()).map(|i| of_pixel(i).unwrap_or(0.0)).collect()
+                };
+                Ok([change([0.0, v]), change([u, 0.0])])
             })
-            .collect();
-        CorrelatedShifts {
-            std_px: median(&mut stds_px).map_or(f64::INFINITY, |std_px| std_px.max(shifts.std_px)),
-            ..shifts
-        }
+            .collect::<opencv::Result<_>>()?;
+        let sum = |axis: usize| {
+            let mut sum = vec![0.0_f32; columns * rows];
+            for of_frame in &changes {
+                sum.iter_mut().zip(&of_frame[axis]).for_each(|(sum, c)| *sum += c);
+            }
+            sum
+        };
+        let grey = middle.data_typed::<f32>()?;
+        let sums = [sum(0), sum(1)];
+        let places = (0..PLACES * PLACES).filter(|k| (k % PLACES + k / PLACES) % 2 == colour);
+        let tells = |k: usize| {
+            sums.each_ref()
+                .map(|sum| told_by_place(sum, grey, (columns, rows), k))
+        };
+        Ok(places.map(tells).collect())
+    }
+
+    /// Number of the frame that the others are compared with.
+    fn middle(&self) -> usize {
+        self.pictures.len() / 2
     }
 }
 
-/// A picture in which only a quarter is not 0.
-fn quarter(picture: &Mat, right: bool, lower: bool) -> opencv::Result<Mat> {
-    let (columns, rows) = (picture.cols() as usize, picture.rows() as usize);
-    let inside = |i: usize| ((i % columns) * 2 >= columns) == right && ((i / columns) * 2 >= rows) == lower;
-    let kept: Vec<f32> = picture
-        .data_typed::<f32>()?
-        .iter()
-        .enumerate()
-        .map(|(i, c)| if inside(i) { *c } else { 0.0 })
-        .collect();
+/// How well the `change` that a motion explains agrees with the scene `grey` at place `k` (row by row), in standard deviations of how well it does by chance.
+fn told_by_place(change: &[f32], grey: &[f32], (columns, rows): (usize, usize), k: usize) -> f64 {
+    let span = |k: usize, of: usize| (k * of).div_ceil(PLACES)..((k + 1) * of).div_ceil(PLACES);
+    let (us, vs) = (span(k % PLACES, columns), span(k / PLACES, rows));
+    let agrees = |(du, dv): (isize, isize)| {
+        let at = |x: usize, y: usize| {
+            let (x, y) = (x.checked_add_signed(du)?, y.checked_add_signed(dv)?);
+            (x < columns && y < rows).then(|| change[y * columns + x])
+        };
+        let all = vs.clone().flat_map(|y| us.clone().map(move |x| (x, y)));
+        let each = all.map(|(x, y)| f64::from(at(x, y).unwrap_or(0.0) * grey[y * columns + x]));
+        each.sum::<f64>()
+    };
+    let steps = || (-CHANCE_STEPS..=CHANCE_STEPS).map(|k| k * CHANCE_STEP_PX);
+    let off = steps().flat_map(|dv| steps().map(move |du| (du, dv)));
+    let by_chance = off.filter(|off| *off != (0, 0)).map(|off| agrees(off).abs());
+    let std = STD_OF_MEDIAN * median(&mut by_chance.collect::<Vec<_>>()).unwrap_or(0.0);
+    if std > 0.0 { agrees((0, 0)) / std } else { 0.0 }
+}
+
+/// A picture in which only the pixels that `stays` names by their number are not 0.
+fn kept(picture: &Mat, stays: impl Fn(usize) -> bool) -> opencv::Result<Mat> {
+    let pixels = picture.data_typed::<f32>()?.iter().enumerate();
+    let kept: Vec<f32> = pixels.map(|(i, c)| if stays(i) { *c } else { 0.0 }).collect();
     Mat::from_slice(&kept)?.reshape(1, picture.rows())?.try_clone()
 }
 
@@ -255,70 +323,119 @@ fn spectrum(picture: &Mat) -> opencv::Result<Mat> {
     Ok(out)
 }
 
-/// The shift of the picture with a spectrum against that with the spectrum `reference`, and its standard uncertainty, px; `None` where it does not
-/// stand out.
-fn shift(of_frame: &Mat, reference: &Mat) -> opencv::Result<Option<([f64; 2], f64)>> {
-    let mut product = Mat::default();
-    core::mul_spectrums(of_frame, reference, &mut product, 0, true)?;
-    let mut surface = Mat::default();
-    core::dft(
-        &product,
-        &mut surface,
-        DFT_INVERSE | DFT_SCALE | DFT_REAL_OUTPUT,
-        0,
-    )?;
-    let (columns, rows) = (surface.cols() as usize, surface.rows() as usize);
-    Ok(peak(surface.data_typed()?, (columns, rows)))
+/// The correlation of two pictures for every shift between them; it goes round at its ends.
+struct CorrelationSurface {
+    values: Vec<f32>,
+    columns: usize,
+    rows: usize,
 }
 
-/// The peak of a surface that goes round at its ends.
-fn peak(surface: &[f32], (columns, rows): (usize, usize)) -> Option<([f64; 2], f64)> {
-    let at = |u: i64, v: i64| {
-        let (u, v) = (
-            u.rem_euclid(columns as i64) as usize,
-            v.rem_euclid(rows as i64) as usize,
-        );
-        f64::from(surface[v * columns + u])
-    };
-    // A shift by half of a picture and one by minus that look alike.
-    let near = |k: usize, n: usize| 4 * k.min(n - k) <= n;
-    let (place, height) = surface
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| near(i % columns, columns) && near(i / columns, rows))
-        .max_by(|a, b| a.1.total_cmp(b.1))?;
-    let mean_square = surface.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>() / surface.len() as f64;
-    if f64::from(*height) < STANDS_OUT * mean_square.sqrt() {
-        return None;
+impl CorrelationSurface {
+    /// Of the picture with a spectrum and that with the spectrum `reference`.
+    fn of(of_frame: &Mat, reference: &Mat) -> opencv::Result<Self> {
+        let mut product = Mat::default();
+        core::mul_spectrums(of_frame, reference, &mut product, 0, true)?;
+        let mut surface = Mat::default();
+        core::dft(
+            &product,
+            &mut surface,
+            DFT_INVERSE | DFT_SCALE | DFT_REAL_OUTPUT,
+            0,
+        )?;
+        Ok(Self {
+            values: surface.data_typed()?.to_vec(),
+            columns: surface.cols() as usize,
+            rows: surface.rows() as usize,
+        })
     }
-    let (u, v) = ((place % columns) as i64, (place / columns) as i64);
-    let signed = |k: i64, n: usize| if 2 * k > n as i64 { k - n as i64 } else { k };
-    let mut shift_px = [signed(u, columns) as f64, signed(v, rows) as f64];
-    let mut std_px = 0.0;
-    for (axis, (du, dv)) in [(1, 0), (0, 1)].into_iter().enumerate() {
-        let slope = |u: i64, v: i64| 0.5 * (at(u + du, v + dv) - at(u - du, v - dv));
-        let curvature = 2.0 * at(u, v) - at(u + du, v + dv) - at(u - du, v - dv);
-        // A floor line is a ridge of the surface, along which any place is as good.
-        let bend = |k: i64| {
-            let at = |k: i64| at(u + k * du, v + k * dv);
-            at(k) - 0.5 * (at(k - i64::from(LIGHT_PX)) + at(k + i64::from(LIGHT_PX)))
+
+    fn at(&self, u: i64, v: i64) -> f64 {
+        let (u, v) = (
+            u.rem_euclid(self.columns as i64) as usize,
+            v.rem_euclid(self.rows as i64) as usize,
+        );
+        f64::from(self.values[v * self.columns + u])
+    }
+
+    /// Half the difference of the neighbours along one direction.
+    fn slope(&self, (u, v): (i64, i64), (du, dv): (i64, i64)) -> f64 {
+        0.5 * (self.at(u + du, v + dv) - self.at(u - du, v - dv))
+    }
+
+    /// How much lower the neighbours along one direction are.
+    fn curvature(&self, (u, v): (i64, i64), (du, dv): (i64, i64)) -> f64 {
+        2.0 * self.at(u, v) - self.at(u + du, v + dv) - self.at(u - du, v - dv)
+    }
+
+    /// A shift between pixels by the parabolas through a place that is higher than those around.
+    fn between_pixels(&self, place: (i64, i64)) -> [f64; 2] {
+        let along = |at: i64, axis| {
+            let curvature = self.curvature(place, axis);
+            let off = if curvature > 0.0 {
+                (self.slope(place, axis) / curvature).clamp(-0.5, 0.5)
+            } else {
+                0.0
+            };
+            at as f64 + off
         };
-        let mut along: Vec<f64> = (0..[columns, rows][axis] as i64).map(|k| bend(k).abs()).collect();
-        let stands_out = bend(0) > STANDS_OUT * STD_OF_MEDIAN * median(&mut along)?;
-        if !stands_out || curvature <= 0.0 {
+        [along(place.0, AXES[0]), along(place.1, AXES[1])]
+    }
+
+    /// Where it is highest within [`HALF_OFF_PX`] of a shift.
+    fn peak_near(&self, shift: [f64; 2]) -> [f64; 2] {
+        let [u, v] = shift.map(|s| s.round() as i64);
+        let around = |k: i64| k - HALF_OFF_PX..=k + HALF_OFF_PX;
+        let all = around(v).flat_map(|v| around(u).map(move |u| (u, v)));
+        let highest = all.max_by(|a, b| self.at(a.0, a.1).total_cmp(&self.at(b.0, b.1)));
+        self.between_pixels(highest.unwrap_or((u, v)))
+    }
+
+    /// The shift at which it is highest, and its standard uncertainty; `None` where it does not stand out.
+    fn peak(&self) -> FoundShift {
+        let (columns, rows) = (self.columns, self.rows);
+        // A shift by half of a picture and one by minus that look alike.
+        let near = |k: usize, n: usize| 4 * k.min(n - k) <= n;
+        let (place, height) = self
+            .values
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| near(i % columns, columns) && near(i / columns, rows))
+            .max_by(|a, b| a.1.total_cmp(b.1))?;
+        let sum: f64 = self.values.iter().map(|c| f64::from(*c).powi(2)).sum();
+        let mean_square = sum / self.values.len() as f64;
+        if f64::from(*height) < STANDS_OUT * mean_square.sqrt() {
             return None;
         }
-        shift_px[axis] += (slope(u, v) / curvature).clamp(-0.5, 0.5);
-        // Away from the peak slopes are noise alone.
-        let mut slopes: Vec<f64> = (0..surface.len())
-            .step_by(surface.len() / 5000 + 1)
-            .map(|i| slope((i % columns) as i64, (i / columns) as i64).abs())
-            .collect();
-        let noise = STD_OF_MEDIAN * median(&mut slopes)?;
-        std_px = f64::hypot(std_px, noise / curvature);
+        let signed = |k: usize, n: usize| {
+            if 2 * k > n { k as i64 - n as i64 } else { k as i64 }
+        };
+        let (u, v) = (signed(place % columns, columns), signed(place / columns, rows));
+        let mut std_px = 0.0;
+        for (axis, length) in AXES.into_iter().zip([columns, rows]) {
+            let curvature = self.curvature((u, v), axis);
+            // A floor line is a ridge of the surface, along which any place is as good.
+            let bend = |k: i64| {
+                let at = |k: i64| self.at(u + k * axis.0, v + k * axis.1);
+                at(k) - 0.5 * (at(k - i64::from(LIGHT_PX)) + at(k + i64::from(LIGHT_PX)))
+            };
+            let mut along: Vec<f64> = (0..length as i64).map(|k| bend(k).abs()).collect();
+            let stands_out = bend(0) > STANDS_OUT * STD_OF_MEDIAN * median(&mut along)?;
+            if !stands_out || curvature <= 0.0 {
+                return None;
+            }
+            // Away from the peak slopes are noise alone.
+            let place = |i: usize| ((i % columns) as i64, (i / columns) as i64);
+            let some = (0..self.values.len()).step_by(self.values.len() / 5000 + 1);
+            let mut slopes: Vec<f64> = some.map(|i| self.slope(place(i), axis).abs()).collect();
+            let noise = STD_OF_MEDIAN * median(&mut slopes)?;
+            std_px = f64::hypot(std_px, noise / curvature);
+        }
+        Some((self.between_pixels((u, v)), std_px))
     }
-    Some((shift_px, std_px))
 }
+
+/// Along the columns and along the rows.
+const AXES: [(i64, i64); 2] = [(1, 0), (0, 1)];
 
 #[cfg(test)]
 mod tests {
@@ -376,12 +493,65 @@ mod tests {
             .collect();
         let frames: Vec<&Luma> = frames.iter().collect();
         let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
-        let found = scene.by_quarters(scene.shifts().unwrap());
+        let found = scene.shifts().unwrap();
+        assert!(scene.moves_everywhere(&found));
         assert!(found.std_px < 0.2, "{}", found.std_px);
         for (i, r) in found.registrations.iter().enumerate() {
             let off = (r.shift_u_px - truth(i)[0]).hypot(r.shift_v_px - truth(i)[1]);
             assert!(off < 5.0 * found.std_px + 0.05, "{i}: {off} {}", found.std_px);
         }
+    }
+
+    /// Pictures of a wall with texture down to a row, in noise of 4, shifted by `shift`.
+    fn scene_shifted(lowest: usize, seed: u64, shift: impl Fn(usize) -> [f64; 2]) -> Vec<Luma> {
+        let mut random = TestNoise(seed);
+        let texture = Texture::new(&mut random);
+        let mut picture = |shift: [f64; 2]| {
+            Luma::from_fn(SIZE, SIZE, |x, y| {
+                let (u, v) = (x as f64 - shift[0] + 8.0, y as f64 - shift[1] + 8.0);
+                let wall = 100.0 + if y < lowest { texture.at(u, v) } else { 0.0 };
+                (wall + 4.0 * random.normal()).round().clamp(0.0, 255.0) as u8
+            })
+        };
+        (0..9).map(|i| picture(shift(i))).collect()
+    }
+
+    #[test]
+    fn a_pan_is_told_where_half_of_the_scene_is_plain() {
+        let pan = |i: usize| [0.4 * (i as f64 - 4.0), -0.2 * (i as f64 - 4.0)];
+        let frames = scene_shifted(SIZE / 2, 11, pan);
+        let frames: Vec<&Luma> = frames.iter().collect();
+        let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
+        assert!(scene.moves_everywhere(&scene.shifts().unwrap()));
+    }
+
+    #[test]
+    fn a_scene_of_which_one_part_moves_rests() {
+        // A texture that stands still, and a quarter of the picture that does not.
+        let frames = scene_shifted(SIZE, 13, |_| [0.0, 0.0]);
+        let moving = scene_shifted(SIZE, 17, |i| [0.6 * (i as f64 - 4.0), 0.0]);
+        let part = SIZE / 4;
+        let mixed: Vec<Luma> = frames
+            .iter()
+            .zip(&moving)
+            .map(|(still, moving)| {
+                Luma::from_fn(SIZE, SIZE, |x, y| {
+                    let inside = (part..3 * part).contains(&x) && (part..2 * part).contains(&y);
+                    (if inside { moving } else { still }).row(y)[x]
+                })
+            })
+            .collect();
+        let mixed: Vec<&Luma> = mixed.iter().collect();
+        let scene = FaintScene::new(&mixed, &median_of(&mixed)).unwrap();
+        let shift = |i: usize| Registration {
+            shift_u_px: 0.6 * (i as f64 - 4.0),
+            ..Registration::IDENTITY
+        };
+        let as_the_part_moves = CorrelatedShifts {
+            registrations: (0..mixed.len()).map(shift).collect(),
+            std_px: 0.1,
+        };
+        assert!(!scene.moves_everywhere(&as_the_part_moves));
     }
 
     #[test]
@@ -398,7 +568,7 @@ mod tests {
             .collect();
         let frames: Vec<&Luma> = frames.iter().collect();
         let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
-        assert!(scene.shifts().is_none_or(|s| scene.by_quarters(s).std_px > 1.0));
+        assert!(scene.shifts().is_none_or(|s| !scene.moves_everywhere(&s)));
     }
 
     #[test]

@@ -27,6 +27,7 @@ use camera_swing::ShiftThreshold;
 use centre::{Centre, Disc, Patch, outline};
 use crop::Crop;
 use rayon::prelude::*;
+use registrar::Followed;
 use registration::Registration;
 
 /// A moving thing in one frame.
@@ -65,7 +66,8 @@ pub const LEAST_AGREEMENT: f64 = 0.45;
 pub struct Detector {
     /// The empty scene.
     pub background: Background,
-    last_registration: Registration,
+    /// Where the frame before looked.
+    last: Followed,
     last_sums: Option<Vec<u16>>,
     /// When the camera last surely swung, s.
     swung_s: Option<f64>,
@@ -84,7 +86,10 @@ impl Detector {
     pub fn new(background: Background) -> Self {
         Self {
             background,
-            last_registration: Registration::IDENTITY,
+            last: Followed {
+                registration: Registration::IDENTITY,
+                spread_grey: f64::INFINITY,
+            },
             last_sums: None,
             swung_s: None,
         }
@@ -96,23 +101,26 @@ impl Detector {
         let registrar = &self.background.registrar;
         // The first frame has none before it, and where the camera drifts it may be far from the reference.
         let first = self.last_sums.is_none() && !registrar.fixed;
-        let registration = if first {
+        let found = if first {
             registrar.locate_one(&frame.luma, &self.background.first_registration)
         } else {
-            registrar.follow(&frame.luma, &self.last_registration)
+            registrar.follow_from(&frame.luma, &self.last)
         };
         let sums = background::sum_blocks(&frame.luma, self.background.block_px);
         let change_grey = self
             .last_sums
             .as_ref()
             .map(|last| self.frame_change_grey(last, &sums));
-        let mut registration = registration;
+        let mut registration = found.registration;
         let mut sightings = self.sightings(frame, &sums, registration);
         if let Some(swung) = self.swing(frame, &registration, &sightings) {
             registration = swung;
             sightings = self.sightings(frame, &sums, registration);
         }
-        self.last_registration = registration;
+        self.last = Followed {
+            registration,
+            ..found
+        };
         self.last_sums = Some(sums);
         FrameReading {
             sightings,

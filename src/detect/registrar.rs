@@ -49,6 +49,15 @@ impl ReferencePixel {
     }
 }
 
+/// Where a frame looks, and how well the scene fits there.
+#[derive(Debug, Clone, Copy)]
+pub struct Followed {
+    /// The frame's shift and light.
+    pub registration: Registration,
+    /// The median absolute residual, grey levels; infinite where nothing was compared.
+    pub spread_grey: f64,
+}
+
 /// Compares frames with a reference picture.
 #[derive(Debug, Clone)]
 pub struct Registrar {
@@ -464,12 +473,30 @@ impl Registrar {
 
     /// Where `frame` looks: with no idea of it beforehand, or close to where another frame of its time looked, whatever fits better.
     #[must_use]
-    pub fn locate_one(&self, frame: &Luma, nearby: &Registration) -> Registration {
+    pub fn locate_one(&self, frame: &Luma, nearby: &Registration) -> Followed {
         let anywhere = self.locate(&[frame]);
         let starts = anywhere.iter().chain([nearby]);
         let found = starts.map(|start| self.refine(frame, *start, true));
         let best = found.min_by(|a, b| a.1.total_cmp(&b.1));
-        best.map_or(Registration::IDENTITY, |(found, _)| found)
+        let (registration, spread_grey) = best.unwrap_or((Registration::IDENTITY, f64::INFINITY));
+        Followed {
+            registration,
+            spread_grey,
+        }
+    }
+
+    /// Where `frame` looks, the one after a frame that looked as `last` says: close to that, or, where the scene does not fit there as it did before (the
+    /// camera was knocked, or clips were joined), wherever it fits better.
+    #[must_use]
+    pub fn follow_from(&self, frame: &Luma, last: &Followed) -> Followed {
+        let (registration, spread_grey) = self.follow_with_spread(frame, &last.registration);
+        if !self.fixed && MUCH_BETTER * spread_grey > last.spread_grey {
+            return self.locate_one(frame, &registration);
+        }
+        Followed {
+            registration,
+            spread_grey,
+        }
     }
 
     /// The shift found from none on, with the median absolute residual, grey levels.
@@ -513,15 +540,20 @@ impl Registrar {
     /// Where `frame` looks, close to where `previous` looked. A fixed camera's shift is exactly zero.
     #[must_use]
     pub fn follow(&self, frame: &Luma, previous: &Registration) -> Registration {
+        self.follow_with_spread(frame, previous).0
+    }
+
+    /// The same with the median absolute residual, grey levels.
+    fn follow_with_spread(&self, frame: &Luma, previous: &Registration) -> (Registration, f64) {
         if self.fixed {
             let start = Registration {
                 shift_u_px: 0.0,
                 shift_v_px: 0.0,
                 ..*previous
             };
-            return self.refine(frame, start, false).0;
+            return self.refine(frame, start, false);
         }
-        self.refine(frame, *previous, true).0
+        self.refine(frame, *previous, true)
     }
 
     /// Robust Gauss-Newton from `start`; the second value is the median absolute residual, grey levels.
@@ -814,6 +846,18 @@ mod tests {
                 "{r:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_camera_that_is_knocked_is_found_again() {
+        let registrar = Registrar::new(&textured((0.0, 0.0), 1.0), 0.3);
+        let before = registrar.locate_one(&textured((9.0, -7.0), 1.0), &Registration::IDENTITY);
+        let (jumped, at) = (textured((-20.0, 12.0), 1.0), (-20.0, 12.0));
+        let off = |r: &Registration| (r.shift_u_px - at.0).hypot(r.shift_v_px - at.1);
+        let nearby = registrar.follow(&jumped, &before.registration);
+        assert!(off(&nearby) > 1.0, "close by there would be nothing to show");
+        let found = registrar.follow_from(&jumped, &before);
+        assert!(off(&found.registration) < 0.05, "{found:?}");
     }
 
     #[test]
