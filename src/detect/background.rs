@@ -14,6 +14,7 @@ use super::registrar::Registrar;
 use super::registration::Registration;
 use crate::frames::Luma;
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_median, median};
+use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -53,8 +54,38 @@ pub struct Background {
     pub survey_registrations: Vec<Registration>,
     /// Standard uncertainty of where a frame looks, px; 0 where the camera is fixed.
     pub shift_std_px: f64,
+    /// How a camera that moves may move unseen; `None` where all of its motion is followed, and where it stands still.
+    pub unseen_drift: Option<UnseenDrift>,
     /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
     pub edges: Option<SceneEdges>,
+}
+
+/// How a camera that moves may move where nothing of the scene shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnseenDrift {
+    /// How far, px: as far as it is seen to move otherwise.
+    pub std_px: f64,
+    /// The one direction in which it is not seen, columns and rows; `None` where its motion is not followed at all.
+    pub along: Option<Vector2<f64>>,
+}
+
+impl UnseenDrift {
+    /// Of a camera whose frames look where `found` says, as far as `registrar` tells.
+    fn of(registrar: &Registrar, found: &[Registration]) -> Option<Self> {
+        let along = registrar.follows_shifts().then(|| registrar.held());
+        let all_seen = along == Some(None);
+        (!all_seen).then(|| Self {
+            std_px: drift_px(found),
+            along: along.flatten(),
+        })
+    }
+
+    /// The directions, columns and rows, in which it is not seen.
+    #[must_use]
+    pub fn directions(&self) -> Vec<Vector2<f64>> {
+        self.along
+            .map_or_else(|| vec![Vector2::x(), Vector2::y()], |along| vec![along])
+    }
 }
 
 /// A block is moving where its mean differs by this many standard deviations. 5 keeps false alarms of white noise
@@ -119,12 +150,16 @@ impl Background {
             0.0
         } else {
             let by_halves = registrar.shift_std_px(survey, &registrations);
-            if by_halves.is_finite() {
-                by_halves
-            } else {
-                registrar.expected_std_px()
-            }
+            let stds_px = [by_halves, registrar.expected_std_px()];
+            // Where both are infinite there is an unseen drift.
+            stds_px
+                .into_iter()
+                .find(|std_px| std_px.is_finite())
+                .unwrap_or(0.0)
         };
+        let unseen_drift = (!fixed)
+            .then(|| UnseenDrift::of(&registrar, &registrations))
+            .flatten();
         let block_px = block_side_px(luma.width, luma.height);
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
@@ -150,6 +185,7 @@ impl Background {
             registrar,
             first_registration: registrations.first().copied()?,
             shift_std_px,
+            unseen_drift,
             survey_registrations: Vec::new(),
         };
         background.block_threshold_grey = background.thresholds(survey, &registrations);
@@ -248,7 +284,7 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Reg
     let found = first.locate(survey);
     // A floor's edge, say, shows nothing along it.
     let first = first.clone().holding_unseen();
-    let located = if first.holds() {
+    let located = if first.held().is_some() {
         &first.locate(survey)
     } else {
         &found

@@ -322,10 +322,10 @@ impl Registrar {
         Self { held, ..self }
     }
 
-    /// Whether a direction is held.
+    /// The direction, columns and rows, along which too few places tell a shift, so that it is held.
     #[must_use]
-    pub fn holds(&self) -> bool {
-        self.held.is_some()
+    pub fn held(&self) -> Option<Vector2<f64>> {
+        self.held
     }
 
     /// Gradients below this are none, grey levels a pixel of the size compared.

@@ -9,6 +9,7 @@ use super::in_metres::{Impacts, WorldFrame};
 use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
 use super::rolling_shutter;
+use super::unseen_drift;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::flight::planar::DRAG;
@@ -74,7 +75,10 @@ pub fn impacts(
     let metres_per_unit = scaled.metres_per_unit;
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
-    let free = rolling_shutter::widened(free, camera, &refined.tracked).with_slow_errors();
+    let mut free = rolling_shutter::widened(free, camera, &refined.tracked).with_slow_errors();
+    if let (Some(drift), Some(&first_s)) = (&camera.unseen_drift, clocked.base.times_s.first()) {
+        free = unseen_drift::widened(free, drift, &camera.map, first_s);
+    }
     let mut motion = scaled.motion(&free, lift);
     let gravity_m_s2 = motion.gravity_m_s2();
     if let Some(part) = gravity_m_s2.and_then(|g| calibration.gravity_mismatch(g)) {

@@ -38,6 +38,7 @@ mod scene_colours;
 mod sighting_store;
 mod spots;
 mod track;
+mod unseen_drift;
 mod warnings;
 
 pub use decode::Progress;
@@ -143,8 +144,7 @@ pub fn measure_edited(
     let size_px = (decoded.info.width_px, decoded.info.height_px);
     let row_order = decoded.info.row_order;
     let camera = CalibratedCamera::new(&calibration, size_px, row_order, decoded.camera_stands_still());
-    let shift_std_px = decoded.detector.background.shift_std_px;
-    let camera = camera.map_err(misfit)?.with_shift_std(shift_std_px);
+    let camera = camera.map_err(misfit)?.seen_by(&decoded.detector.background);
     let camera = &camera.with_colour(decoded.colour.as_ref());
 
     let mut centres = spots::first_centres(&decoded.sightings);

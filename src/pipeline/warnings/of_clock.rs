@@ -2,6 +2,7 @@
 
 use super::warning;
 use crate::calibration::Calibration;
+use crate::detect::background::Background;
 use crate::detect::registration::Registration;
 use crate::frames::timebase::TimeBase;
 use crate::pipeline::decode::Decoded;
@@ -31,10 +32,7 @@ pub fn of_clock(
             base.skipped
         ));
     }
-    out.extend(moved_camera(
-        &seen.registrations,
-        seen.detector.background.registrar.fixed,
-    ));
+    out.extend(moved_camera(&seen.registrations, &seen.detector.background));
     out.extend(shaken_camera(seen, base));
     out
 }
@@ -117,15 +115,19 @@ fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
     ))
 }
 
-fn moved_camera(registrations: &[Registration], fixed: bool) -> Option<Warning> {
-    let most = registrations
-        .iter()
-        .map(Registration::shift_px)
-        .fold(0.0, f64::max);
-    (!fixed && most > WORTH_SAYING_PX).then(|| {
+fn moved_camera(registrations: &[Registration], background: &Background) -> Option<Warning> {
+    let shifts = registrations.iter().map(Registration::shift_px);
+    let unseen = background.unseen_drift;
+    let most = shifts.fold(unseen.map_or(0.0, |drift| drift.std_px), f64::max);
+    let unseen = if unseen.is_some() {
+        "centres were corrected by the scene behind the ball as far as that shows the motion; in at least one direction nothing does (a plain wall with a floor line shows none along the line), and places may be off by as much there, which the uncertainties hold"
+    } else {
+        "centres were corrected by the scene behind the ball, but nearer and farther things move differently"
+    };
+    (!background.registrar.fixed && most > WORTH_SAYING_PX).then(|| {
         warning!(
             "camera_moved",
-            "the camera moved by up to {most:.1} px; centres were corrected by the scene behind the ball, but nearer and farther things move differently. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
+            "the camera moved by up to {most:.1} px; {unseen}. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
         )
     })
 }
