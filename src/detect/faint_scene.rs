@@ -208,7 +208,8 @@ impl FaintScene {
         };
         let grey = middle.data_typed::<f32>()?;
         let sums = [sum(0), sum(1)];
-        let places = (0..PLACES * PLACES).filter(|k| (k % PLACES + k / PLACES) % 2 == colour);
+        let places = (0..PLACES * PLACES).into_par_iter();
+        let places = places.filter(|k| (k % PLACES + k / PLACES) % 2 == colour);
         let tells = |k: usize| {
             sums.each_ref()
                 .map(|sum| told_by_place(sum, grey, (columns, rows), k))

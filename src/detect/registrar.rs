@@ -101,6 +101,9 @@ const GRADIENT_SIGMAS: f64 = 4.0;
 /// A shift is determined where at least so many cells of the grid carry gradient; a ball, its shadow and a hand fill fewer. So it is along a direction.
 const LEAST_CELLS: usize = 16;
 
+/// So it is where such cells stand in so many of the grid's columns, or of its rows: a floor line runs through the picture, and a thing does not.
+const LEAST_SPAN: usize = 10;
+
 /// Gauss-Newton steps; from a start within a pixel, four suffice.
 const STEPS: usize = 12;
 
@@ -225,12 +228,13 @@ impl Registrar {
     }
 
     fn at_full_size_of(reference: &Luma, noise_grey: f64, noise_part: f64, least_gradient_grey: f64) -> Self {
-        let (samples, cells) = choose_samples(reference, noise_part * noise_grey, least_gradient_grey, 1);
+        let (samples, sees_shift) =
+            choose_samples(reference, noise_part * noise_grey, least_gradient_grey, 1);
         Self {
             fits_offset: determines_offset(&samples, noise_grey),
             samples,
             factor: 1,
-            sees_shift: cells >= LEAST_CELLS,
+            sees_shift,
             held: None,
             noise_grey,
             noise_part,
@@ -273,7 +277,7 @@ impl Registrar {
     fn at(&self, factor: usize) -> Option<Self> {
         let small = reduced(&self.reference, factor)?;
         let noise_grey = self.noise_at_grey(factor);
-        let (samples, cells) = choose_samples(
+        let (samples, sees_shift) = choose_samples(
             &small,
             self.noise_part * noise_grey,
             self.least_gradient_grey,
@@ -283,7 +287,7 @@ impl Registrar {
             fits_offset: determines_offset(&samples, noise_grey),
             samples,
             factor,
-            sees_shift: cells >= LEAST_CELLS,
+            sees_shift,
             held: None,
             ..self.clone()
         };
@@ -318,7 +322,8 @@ impl Registrar {
         let tells = |field: &&Vec<Vector2<f64>>| {
             field.iter().filter(strong).count() >= least_strong_samples(self.factor)
         };
-        let held = (fields.iter().filter(tells).count() < LEAST_CELLS).then_some(along);
+        let telling = (0..fields.len()).filter(|&k| tells(&&fields[k]));
+        let held = (!scene_fills(telling)).then_some(along);
         Self { held, ..self }
     }
 
@@ -745,10 +750,22 @@ fn least_strong_samples(factor: usize) -> usize {
     if factor > 4 { 2 } else { 4 }
 }
 
+/// Whether these cells of the grid, row by row, are more than a thing that moves fills.
+fn scene_fills(cells: impl Iterator<Item = usize>) -> bool {
+    let (mut columns, mut rows) = ([false; CELLS], [false; CELLS]);
+    let mut count = 0;
+    for cell in cells {
+        (columns[cell % CELLS], rows[cell / CELLS]) = (true, true);
+        count += 1;
+    }
+    let span = |line: [bool; CELLS]| line.into_iter().filter(|&there| there).count();
+    count >= LEAST_CELLS || span(columns).max(span(rows)) >= LEAST_SPAN
+}
+
 /// The pixels of strongest gradient in each cell of a coarse grid, so that they spread over the picture.
 ///
-/// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value counts the
-/// cells that hold real gradients.
+/// Gradients within the noise are set to zero: such pixels tell the brightness only. The second value says whether real gradients are in as many
+/// places as a scene's are.
 ///
 /// `factor` is what the picture was reduced by: means of many pixels have less of the codec's ringing.
 fn choose_samples(
@@ -756,7 +773,7 @@ fn choose_samples(
     noise_grey: f64,
     least_gradient_grey: f64,
     factor: usize,
-) -> (Vec<ReferencePixel>, usize) {
+) -> (Vec<ReferencePixel>, bool) {
     let least_grey = least_sample_gradient_grey(noise_grey, least_gradient_grey, factor);
     let (w, h) = (reference.width, reference.height);
     let per_cell = SAMPLES / (CELLS * CELLS);
@@ -796,7 +813,10 @@ fn choose_samples(
     };
     let (samples, strong): (Vec<Vec<ReferencePixel>>, Vec<bool>) =
         (0..CELLS * CELLS).into_par_iter().map(of_cell).unzip();
-    (samples.concat(), strong.into_iter().filter(|&s| s).count())
+    (
+        samples.concat(),
+        scene_fills((0..strong.len()).filter(|&cell| strong[cell])),
+    )
 }
 
 /// A shift below this is found from no shift on, in pixels of the size compared.
@@ -846,6 +866,30 @@ mod tests {
                 "{r:?}"
             );
         }
+    }
+
+    /// A plain wall above a floor that begins at row `v`.
+    fn wall_and_floor(v: f64) -> Luma {
+        Luma::from_fn(480, 360, |_, row| {
+            let below = (row as f64 + 0.5 - v).clamp(0.0, 1.0);
+            (80.0 + 40.0 * below).round() as u8
+        })
+    }
+
+    #[test]
+    fn a_floor_line_in_one_row_of_cells_tells_the_rows_and_nothing_else() {
+        let registrar = Registrar::new(&wall_and_floor(315.0), 0.5).holding_unseen();
+        assert!(registrar.sees_shift());
+        assert!(registrar.held().is_some_and(|along| along.x.abs() > 0.99));
+    }
+
+    #[test]
+    fn a_ball_with_its_shadow_and_a_hand_do_not_fill_a_scene() {
+        let at =
+            |columns: std::ops::Range<usize>, row: usize| columns.map(move |column| row * CELLS + column);
+        assert!(!scene_fills(at(0..6, 3).chain(at(4..6, 4)).chain(at(3..6, 10))));
+        assert!(scene_fills(at(0..CELLS, 10)));
+        assert!(scene_fills((0..4).flat_map(|row| at(0..4, row))));
     }
 
     #[test]
