@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The first of these motions is a pan that dies away. Those of a random walk fall off as 1/(k − ½), those of a mass that is pushed at random as
-//! 1/(k − ½)²; a hand is taken to lie between. At the flight's end, after T, d has the standard deviation s. One path in one direction tells that badly, as a variance of two degrees of freedom does: s is by so much
-//! larger that 95 % of the paths in another direction lie within 1.96 s.
+//! 1/(k − ½)²; a hand is taken to lie between. At the flight's end, after T, d has the standard deviation s. One path in one direction tells that
+//! badly, as a variance of two degrees of freedom does: s is by so much larger that 95 % of the paths in another direction lie within 1.96 s.
 //!
 //! Each motion puts every point of the flight elsewhere. How the arcs follow is, to first order, the same least squares as their fit; the outer
 //! products of what the parameters change by add to their covariance.
