@@ -72,11 +72,11 @@ pub struct UnseenDrift {
 impl UnseenDrift {
     /// Of a camera whose frames look where `found` says, as far as `registrar` tells.
     fn of(registrar: &Registrar, found: &[Registration]) -> Option<Self> {
-        let along = registrar.follows_shifts().then(|| registrar.held());
-        let all_seen = along == Some(None);
-        (!all_seen).then(|| Self {
+        let follows = registrar.follows_shifts();
+        let along = registrar.held().filter(|_| follows);
+        (!follows || along.is_some()).then(|| Self {
             std_px: drift_px(found),
-            along: along.flatten(),
+            along,
         })
     }
 

@@ -173,48 +173,51 @@ impl FaintScene {
     /// they move so, below 0 where they rest.
     fn evidence(&self, colour: usize, shifts: &CorrelatedShifts) -> opencv::Result<Vec<[f64; 2]>> {
         let middle = &self.pictures[self.middle()];
-        let (columns, rows) = (middle.cols() as usize, middle.rows() as usize);
-        let is_other = |i: usize| {
-            let (a, b) = ((i % columns) * PLACES / columns, (i / columns) * PLACES / rows);
-            (a + b) % 2 != colour
+        let grid = PlaceGrid::of(middle);
+        let by_other = self.shifts_by(&grid.kept(middle, 1 - colour)?, shifts)?;
+        let changes = self.changes_by(&by_other)?;
+        let grey = middle.data_typed::<f32>()?;
+        let tells = |place: usize| changes.each_ref().map(|change| grid.told_by(place, change, grey));
+        let places: Vec<usize> = PlaceGrid::places(colour).collect();
+        Ok(places.into_par_iter().map(tells).collect())
+    }
+
+    /// Where each frame looks near `shifts`, as a `part` of the middle picture tells, pixels of the size compared.
+    fn shifts_by(&self, part: &Mat, shifts: &CorrelatedShifts) -> opencv::Result<Vec<[f64; 2]>> {
+        let part = spectrum(part)?;
+        let frames = self.spectra.par_iter().zip(&shifts.registrations);
+        let shift = |(of_frame, r): (&Mat, &Registration)| {
+            let near = [r.shift_u_px, r.shift_v_px].map(|px| px / self.factor as f64);
+            Ok(CorrelationSurface::of(of_frame, &part)?.peak_near(near))
         };
-        let other = spectrum(&kept(middle, is_other)?)?;
-        let changes: Vec<[Vec<f32>; 2]> = self
-            .pictures
-            .par_iter()
-            .zip(&self.spectra)
-            .zip(&shifts.registrations)
-            .map(|((picture, of_frame), r)| {
-                let near = [r.shift_u_px, r.shift_v_px].map(|px| px / self.factor as f64);
-                let [u, v] = CorrelationSurface::of(of_frame, &other)?.peak_near(near);
-                let grey = picture.data_typed::<f32>()?;
-                let at = |i: usize, [u, v]: [f64; 2]| {
-                    let (x, y) = ((i % columns) as f64, (i / columns) as f64);
-                    bilinear(grey, (columns, rows), x + u, y + v)
-                };
-                let change = |without: [f64; 2]| {
-                    let of_pixel = |i| Some((at(i, [u, v])? - at(i, without)?) as f32);
-                    (0..grey.len()).map(|i| of_pixel(i).unwrap_or(0.0)).collect()
-                };
-                Ok([change([0.0, v]), change([u, 0.0])])
-            })
-            .collect::<opencv::Result<_>>()?;
-        let sum = |axis: usize| {
-            let mut sum = vec![0.0_f32; columns * rows];
+        frames.map(shift).collect()
+    }
+
+    /// How the frames differ, pixel by pixel and all together, where they look as `shifts` say from where they look with no shift along the columns, and
+    /// with none along the rows.
+    fn changes_by(&self, shifts: &[[f64; 2]]) -> opencv::Result<[Vec<f32>; 2]> {
+        let changes = |(picture, &[u, v]): (&Mat, &[f64; 2])| -> opencv::Result<[Vec<f32>; 2]> {
+            let PlaceGrid { columns, rows } = PlaceGrid::of(picture);
+            let grey = picture.data_typed::<f32>()?;
+            let at = |i: usize, [u, v]: [f64; 2]| {
+                let (x, y) = ((i % columns) as f64, (i / columns) as f64);
+                bilinear(grey, (columns, rows), x + u, y + v)
+            };
+            let change = |without: [f64; 2]| {
+                let of_pixel = |i| Some((at(i, [u, v])? - at(i, without)?) as f32);
+                (0..grey.len()).map(|i| of_pixel(i).unwrap_or(0.0)).collect()
+            };
+            Ok([change([0.0, v]), change([u, 0.0])])
+        };
+        let frames = self.pictures.par_iter().zip(shifts);
+        let changes: Vec<[Vec<f32>; 2]> = frames.map(changes).collect::<opencv::Result<_>>()?;
+        Ok([0, 1].map(|axis| {
+            let mut sum = vec![0.0_f32; changes.first().map_or(0, |of_frame| of_frame[axis].len())];
             for of_frame in &changes {
                 sum.iter_mut().zip(&of_frame[axis]).for_each(|(sum, c)| *sum += c);
             }
             sum
-        };
-        let grey = middle.data_typed::<f32>()?;
-        let sums = [sum(0), sum(1)];
-        let places = (0..PLACES * PLACES).into_par_iter();
-        let places = places.filter(|k| (k % PLACES + k / PLACES) % 2 == colour);
-        let tells = |k: usize| {
-            sums.each_ref()
-                .map(|sum| told_by_place(sum, grey, (columns, rows), k))
-        };
-        Ok(places.map(tells).collect())
+        }))
     }
 
     /// Number of the frame that the others are compared with.
@@ -223,31 +226,59 @@ impl FaintScene {
     }
 }
 
-/// How well the `change` that a motion explains agrees with the scene `grey` at place `k` (row by row), in standard deviations of how well it does by chance.
-fn told_by_place(change: &[f32], grey: &[f32], (columns, rows): (usize, usize), k: usize) -> f64 {
-    let span = |k: usize, of: usize| (k * of).div_ceil(PLACES)..((k + 1) * of).div_ceil(PLACES);
-    let (us, vs) = (span(k % PLACES, columns), span(k / PLACES, rows));
-    let agrees = |(du, dv): (isize, isize)| {
-        let at = |x: usize, y: usize| {
-            let (x, y) = (x.checked_add_signed(du)?, y.checked_add_signed(dv)?);
-            (x < columns && y < rows).then(|| change[y * columns + x])
-        };
-        let all = vs.clone().flat_map(|y| us.clone().map(move |x| (x, y)));
-        let each = all.map(|(x, y)| f64::from(at(x, y).unwrap_or(0.0) * grey[y * columns + x]));
-        each.sum::<f64>()
-    };
-    let steps = || (-CHANCE_STEPS..=CHANCE_STEPS).map(|k| k * CHANCE_STEP_PX);
-    let off = steps().flat_map(|dv| steps().map(move |du| (du, dv)));
-    let by_chance = off.filter(|off| *off != (0, 0)).map(|off| agrees(off).abs());
-    let std = STD_OF_MEDIAN * median(&mut by_chance.collect::<Vec<_>>()).unwrap_or(0.0);
-    if std > 0.0 { agrees((0, 0)) / std } else { 0.0 }
+/// A picture's pixels in the places that tell each for itself, numbered row by row.
+#[derive(Debug, Clone, Copy)]
+struct PlaceGrid {
+    columns: usize,
+    rows: usize,
 }
 
-/// A picture in which only the pixels that `stays` names by their number are not 0.
-fn kept(picture: &Mat, stays: impl Fn(usize) -> bool) -> opencv::Result<Mat> {
-    let pixels = picture.data_typed::<f32>()?.iter().enumerate();
-    let kept: Vec<f32> = pixels.map(|(i, c)| if stays(i) { *c } else { 0.0 }).collect();
-    Mat::from_slice(&kept)?.reshape(1, picture.rows())?.try_clone()
+impl PlaceGrid {
+    fn of(picture: &Mat) -> Self {
+        Self {
+            columns: picture.cols() as usize,
+            rows: picture.rows() as usize,
+        }
+    }
+
+    /// The places of one colour of the chessboard.
+    fn places(colour: usize) -> impl Iterator<Item = usize> {
+        (0..PLACES * PLACES).filter(move |k| (k % PLACES + k / PLACES) % 2 == colour)
+    }
+
+    /// Column and row of each pixel of a place.
+    fn pixels(&self, place: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let span = |k: usize, of: usize| (k * of).div_ceil(PLACES)..((k + 1) * of).div_ceil(PLACES);
+        let us = span(place % PLACES, self.columns);
+        span(place / PLACES, self.rows).flat_map(move |y| us.clone().map(move |x| (x, y)))
+    }
+
+    /// A picture in which only the places of one colour are not 0.
+    fn kept(&self, picture: &Mat, colour: usize) -> opencv::Result<Mat> {
+        let grey = picture.data_typed::<f32>()?;
+        let mut kept = vec![0.0_f32; grey.len()];
+        for (x, y) in Self::places(colour).flat_map(|place| self.pixels(place)) {
+            kept[y * self.columns + x] = grey[y * self.columns + x];
+        }
+        Mat::from_slice(&kept)?.reshape(1, picture.rows())?.try_clone()
+    }
+
+    /// How well the `change` that a motion explains agrees with the scene `grey` at a place, in standard deviations of how well it does by chance.
+    fn told_by(&self, place: usize, change: &[f32], grey: &[f32]) -> f64 {
+        let agrees = |(du, dv): (isize, isize)| {
+            let at = |x: usize, y: usize| {
+                let (x, y) = (x.checked_add_signed(du)?, y.checked_add_signed(dv)?);
+                (x < self.columns && y < self.rows).then(|| change[y * self.columns + x])
+            };
+            let each = |(x, y)| f64::from(at(x, y).unwrap_or(0.0) * grey[y * self.columns + x]);
+            self.pixels(place).map(each).sum::<f64>()
+        };
+        let steps = || (-CHANCE_STEPS..=CHANCE_STEPS).map(|k| k * CHANCE_STEP_PX);
+        let off = steps().flat_map(|dv| steps().map(move |du| (du, dv)));
+        let by_chance = off.filter(|off| *off != (0, 0)).map(|off| agrees(off).abs());
+        let std = STD_OF_MEDIAN * median(&mut by_chance.collect::<Vec<_>>()).unwrap_or(0.0);
+        if std > 0.0 { agrees((0, 0)) / std } else { 0.0 }
+    }
 }
 
 /// The frames without their light and without what moves.

@@ -86,10 +86,7 @@ impl Detector {
     pub fn new(background: Background) -> Self {
         Self {
             background,
-            last: Followed {
-                registration: Registration::IDENTITY,
-                spread_grey: f64::INFINITY,
-            },
+            last: Followed::not_compared(Registration::IDENTITY),
             last_sums: None,
             swung_s: None,
         }

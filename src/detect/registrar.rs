@@ -58,6 +58,25 @@ pub struct Followed {
     pub spread_grey: f64,
 }
 
+impl Followed {
+    /// A frame of which nothing was compared, taken to look as `registration` says.
+    #[must_use]
+    pub fn not_compared(registration: Registration) -> Self {
+        Self {
+            registration,
+            spread_grey: f64::INFINITY,
+        }
+    }
+
+    /// Of pixels `times` as large.
+    fn scaled(self, times: f64) -> Self {
+        Self {
+            registration: self.registration.scaled(times),
+            ..self
+        }
+    }
+}
+
 /// Compares frames with a reference picture.
 #[derive(Debug, Clone)]
 pub struct Registrar {
@@ -342,9 +361,9 @@ impl Registrar {
     /// Where each of `frames` looks, with no idea of it beforehand (within a quarter of the picture).
     #[must_use]
     pub fn locate(&self, frames: &[&Luma]) -> Vec<Registration> {
-        let near: Vec<(Registration, f64)> = frames.par_iter().map(|f| self.located_near(f)).collect();
+        let near: Vec<Followed> = frames.par_iter().map(|f| self.located_near(f)).collect();
         if near.iter().all(|found| self.is_there(found)) {
-            return near.into_iter().map(|(r, _)| r).collect();
+            return near.into_iter().map(|found| found.registration).collect();
         }
         let coarser = self.coarser();
         let all = frames.par_iter().zip(near);
@@ -365,7 +384,7 @@ impl Registrar {
                 let near = r.shift_px() < NEAR_PX * self.factor as f64;
                 let start = if near { Registration::IDENTITY } else { *r };
                 let place = |half: &Self| {
-                    let at = half.refine(frame, start, true).0;
+                    let at = half.refine(frame, start, true).registration;
                     Vector2::new(at.shift_u_px, at.shift_v_px)
                 };
                 let [a, b] = halves.each_ref().map(place);
@@ -482,53 +501,43 @@ impl Registrar {
         let anywhere = self.locate(&[frame]);
         let starts = anywhere.iter().chain([nearby]);
         let found = starts.map(|start| self.refine(frame, *start, true));
-        let best = found.min_by(|a, b| a.1.total_cmp(&b.1));
-        let (registration, spread_grey) = best.unwrap_or((Registration::IDENTITY, f64::INFINITY));
-        Followed {
-            registration,
-            spread_grey,
-        }
+        let best = found.min_by(|a, b| a.spread_grey.total_cmp(&b.spread_grey));
+        best.expect("one start is that nearby")
     }
 
     /// Where `frame` looks, the one after a frame that looked as `last` says: close to that, or, where the scene does not fit there as it did before (the
     /// camera was knocked, or clips were joined), wherever it fits better.
     #[must_use]
     pub fn follow_from(&self, frame: &Luma, last: &Followed) -> Followed {
-        let (registration, spread_grey) = self.follow_with_spread(frame, &last.registration);
-        if !self.fixed && MUCH_BETTER * spread_grey > last.spread_grey {
-            return self.locate_one(frame, &registration);
+        let found = self.follow_closely(frame, &last.registration);
+        if !self.fixed && MUCH_BETTER * found.spread_grey > last.spread_grey {
+            return self.locate_one(frame, &found.registration);
         }
-        Followed {
-            registration,
-            spread_grey,
-        }
+        found
     }
 
-    /// The shift found from none on, with the median absolute residual, grey levels.
-    fn located_near(&self, frame: &Luma) -> (Registration, f64) {
+    /// The shift found from none on.
+    fn located_near(&self, frame: &Luma) -> Followed {
         self.refine(frame, Registration::IDENTITY, true)
     }
 
     /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
-    fn is_there(&self, (found, spread): &(Registration, f64)) -> bool {
+    fn is_there(&self, found: &Followed) -> bool {
         let of_two = NORMAL_MEDIAN * std::f64::consts::SQRT_2;
         let smoothed = if self.smooths { SMOOTH_NOISE_PART } else { 1.0 };
         let noise_grey = of_two * (smoothed * self.noise_at_grey(self.factor)).max(ROUNDING_STD_GREY);
-        *spread < noise_grey / MUCH_BETTER && found.shift_px() < CLOSE_PX
+        found.spread_grey < noise_grey / MUCH_BETTER && found.registration.shift_px() < CLOSE_PX
     }
 
     /// The shift found near none, or a large one where that fits much better.
-    fn located(&self, frame: &Luma, near: (Registration, f64), coarser: &[Self]) -> Registration {
+    fn located(&self, frame: &Luma, near: Followed, coarser: &[Self]) -> Registration {
         if coarser.is_empty() || self.is_there(&near) {
-            return near.0;
+            return near.registration;
         }
         let far = self.refine(frame, coarse_place(frame, coarser), true);
         // A moving hand can lead astray; the scene as a whole decides.
-        if far.1 < MUCH_BETTER * near.1 || !near.1.is_finite() {
-            far.0
-        } else {
-            near.0
-        }
+        let is_far = far.spread_grey < MUCH_BETTER * near.spread_grey || !near.spread_grey.is_finite();
+        if is_far { far } else { near }.registration
     }
 
     /// The same comparing at an eighth, a quarter and a half, where the scene shows shifts at all.
@@ -545,11 +554,10 @@ impl Registrar {
     /// Where `frame` looks, close to where `previous` looked. A fixed camera's shift is exactly zero.
     #[must_use]
     pub fn follow(&self, frame: &Luma, previous: &Registration) -> Registration {
-        self.follow_with_spread(frame, previous).0
+        self.follow_closely(frame, previous).registration
     }
 
-    /// The same with the median absolute residual, grey levels.
-    fn follow_with_spread(&self, frame: &Luma, previous: &Registration) -> (Registration, f64) {
+    fn follow_closely(&self, frame: &Luma, previous: &Registration) -> Followed {
         if self.fixed {
             let start = Registration {
                 shift_u_px: 0.0,
@@ -561,23 +569,23 @@ impl Registrar {
         self.refine(frame, *previous, true)
     }
 
-    /// Robust Gauss-Newton from `start`; the second value is the median absolute residual, grey levels.
-    fn refine(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
+    /// Robust Gauss-Newton from `start`.
+    fn refine(&self, frame: &Luma, start: Registration, moving: bool) -> Followed {
         if self.factor == 1 {
             return self.refine_at_size(frame, start, moving);
         }
         let Some(small) = reduced(frame, self.factor) else {
-            return (start, f64::INFINITY);
+            return Followed::not_compared(start);
         };
         let scale = self.factor as f64;
-        let (found, spread) = self.refine_at_size(&small, start.scaled(1.0 / scale), moving);
-        (found.scaled(scale), spread)
+        let found = self.refine_at_size(&small, start.scaled(1.0 / scale), moving);
+        found.scaled(scale)
     }
 
-    fn refine_at_size(&self, frame: &Luma, start: Registration, moving: bool) -> (Registration, f64) {
+    fn refine_at_size(&self, frame: &Luma, start: Registration, moving: bool) -> Followed {
         let moving = moving && self.sees_shift;
         if self.samples.len() < LEAST_SAMPLES {
-            return (start, f64::INFINITY);
+            return Followed::not_compared(start);
         }
         if !moving && start.is_still() {
             return self.refine_light(frame, start);
@@ -629,12 +637,12 @@ impl Registrar {
         let is_last = |step: &Vector4<f64>| step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5;
         let steps = if moving { STEPS } else { LIGHT_STEPS };
         let (found, _) = gauss_newton(start, steps, step, moved, is_last);
-        sane(found, spread, frame).unwrap_or((start, f64::INFINITY))
+        sane(found, spread, frame).unwrap_or(Followed::not_compared(start))
     }
 
     /// The light alone, of a frame that is not shifted: what [`refine_at_size`](Self::refine_at_size) finds then, for a
     /// tenth of its time, since every pixel is where the reference has it.
-    fn refine_light(&self, frame: &Luma, start: Registration) -> (Registration, f64) {
+    fn refine_light(&self, frame: &Luma, start: Registration) -> Followed {
         let seen: Vec<(f64, f64)> = self
             .samples
             .iter()
@@ -644,7 +652,7 @@ impl Registrar {
             })
             .collect();
         if seen.len() < LEAST_SAMPLES {
-            return (start, f64::INFINITY);
+            return Followed::not_compared(start);
         }
         let mut spread = f64::INFINITY;
         let mut magnitudes = vec![0.0; seen.len()];
@@ -670,7 +678,7 @@ impl Registrar {
         };
         let is_last = |step: &Vector2<f64>| step[0].abs() < 1e-5;
         let (found, _) = gauss_newton(start, LIGHT_STEPS, step, moved, is_last);
-        sane(found, spread, frame).unwrap_or((start, f64::INFINITY))
+        sane(found, spread, frame).unwrap_or(Followed::not_compared(start))
     }
 
     /// Holds the offset, at this place among the unknowns, where the scene does not determine it; damps it elsewhere, so that of
@@ -706,12 +714,15 @@ fn hold_along(axis: &Vector2<f64>, equations: &mut NormalEquations<4>) {
     }
 }
 
-/// `found` with its `spread` unless it cannot be: a shift beyond a quarter of the picture is a cut, and so is another light.
-fn sane(found: Registration, spread: f64, frame: &Luma) -> Option<(Registration, f64)> {
+/// `found`, which fits to `spread_grey`, unless it cannot be: a shift beyond a quarter of the picture is a cut, and so is another light.
+fn sane(found: Registration, spread_grey: f64, frame: &Luma) -> Option<Followed> {
     let sane = SANE_GAIN.contains(&found.gain)
         && found.shift_u_px.abs() < 0.25 * frame.width as f64
         && found.shift_v_px.abs() < 0.25 * frame.height as f64;
-    (sane && spread.is_finite()).then_some((found, spread))
+    (sane && spread_grey.is_finite()).then_some(Followed {
+        registration: found,
+        spread_grey,
+    })
 }
 
 /// Residuals beyond this have no weight, for those of the median magnitude `spread`, grey levels.
@@ -732,9 +743,9 @@ fn determines_offset(samples: &[ReferencePixel], noise_grey: f64) -> bool {
 fn coarse_place(frame: &Luma, coarser: &[Registrar]) -> Registration {
     let mut found = Registration::IDENTITY;
     for registrar in coarser {
-        let (r, spread) = registrar.refine(frame, found, true);
-        if spread.is_finite() {
-            found = r;
+        let refined = registrar.refine(frame, found, true);
+        if refined.spread_grey.is_finite() {
+            found = refined.registration;
         }
     }
     found
@@ -940,7 +951,7 @@ mod tests {
             shift_u_px: 1e-9,
             ..Registration::IDENTITY
         };
-        let by_all = registrar.refine(&frame, start, false).0;
+        let by_all = registrar.refine(&frame, start, false).registration;
         assert!((r.gain - by_all.gain).abs() < 1e-6, "{r:?} {by_all:?}");
         assert!(
             (r.offset_grey - by_all.offset_grey).abs() < 1e-4,

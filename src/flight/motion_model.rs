@@ -266,6 +266,14 @@ impl ArcFit {
         self.model.response(self, points, shifts)
     }
 
+    /// Adds to the covariance that the `points` may all be off together, by `shifts` times one normal number. Shifts that the points do not follow add
+    /// nothing.
+    pub fn widen(&mut self, points: &[FitPoint], shifts: &[(f64, f64)]) {
+        if let Some(change) = self.response(points, shifts) {
+            self.covariance += &change * change.transpose();
+        }
+    }
+
     /// Motion on arc `k` at time `t` with the fitted parameters, as the plane shows it: what spots are compared with.
     #[must_use]
     pub fn motion(&self, k: usize, t: f64) -> Motion {

@@ -78,19 +78,16 @@ pub fn estimate(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<Quantit
     Quantity::new(best[0], variance.sqrt())
 }
 
-/// How the parameters of the flight's arcs follow when each unit of `share` makes points later by a second.
+/// How far each of the flight's points is behind its place, plane units, where it is later by `delay_s`.
 #[must_use]
-pub fn response(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<DVector<f64>> {
+pub fn shifts(flight: &Flight, delay_s: impl Fn(&Spot) -> f64) -> Vec<(f64, f64)> {
     let points = flight.fit_points();
-    let shifts: Vec<(f64, f64)> = points
-        .iter()
-        .zip(flight.used_points())
-        .map(|(p, used)| {
-            let (r, h) = along_path(flight, p, share(&used.spot));
-            (-r, -h)
-        })
-        .collect();
-    flight.fit.response(&points, &shifts)
+    let delays_s = flight.used_points().map(|used| delay_s(&used.spot));
+    let behind = points.iter().zip(delays_s).map(|(p, delay_s)| {
+        let (r, h) = along_path(flight, p, delay_s);
+        (-r, -h)
+    });
+    behind.collect()
 }
 
 /// How far a point is further on its path, plane units, a second of readout.

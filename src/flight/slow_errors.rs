@@ -224,7 +224,6 @@ impl Flight {
         }
         let likely = candidates(&arcs, self.scatter_beyond_noise());
         let known = self.fit.reduced_chi.max(1.0).powi(2) * self.fit.autocorrelation_inflation;
-        let mut added = DMatrix::zeros(self.fit.covariance.nrows(), self.fit.covariance.ncols());
         for arc in &arcs {
             for order in 0..MOTION_ORDERS {
                 let variance: f64 = likely
@@ -241,13 +240,10 @@ impl Flight {
                         let shift = std * arc.orders[(row, order)] / points[i].sample.weight.sqrt();
                         shifts[i] = if along_r { (shift, 0.0) } else { (0.0, shift) };
                     }
-                    if let Some(change) = self.fit.response(&points, &shifts) {
-                        added += &change * change.transpose();
-                    }
+                    self.fit.widen(&points, &shifts);
                 }
             }
         }
-        self.fit.covariance += added;
         self
     }
 }

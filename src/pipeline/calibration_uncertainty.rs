@@ -15,13 +15,9 @@ pub fn widened(flight: &Flight, calibration: &Calibration, map: &Rectification) 
     let mut wide = flight.clone();
     let points = flight.fit_points();
     for off in calibration.deviated() {
-        let change = off
-            .rectification()
-            .ok()
-            .and_then(|there| shifts(&points, (calibration, map), (&off, &there)))
-            .and_then(|shifts| flight.fit.response(&points, &shifts));
-        if let Some(change) = change {
-            wide.fit.covariance += &change * change.transpose();
+        let there = off.rectification().ok();
+        if let Some(shifts) = there.and_then(|there| shifts(&points, (calibration, map), (&off, &there))) {
+            wide.fit.widen(&points, &shifts);
         }
     }
     wide

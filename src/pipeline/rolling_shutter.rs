@@ -135,11 +135,9 @@ fn ln_odds(readout: Quantity, interval_s: f64) -> f64 {
 /// `flight` with the uncertainty of the camera's readout in its covariance.
 pub fn widened(mut flight: Flight, camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Flight {
     let std_s = camera.readout.std_s;
-    if std_s > 0.0
-        && let Some(change) = row_delays::response(&flight, |spot| share(camera, tracked, spot))
-    {
-        let change = std_s * change;
-        flight.fit.covariance += &change * change.transpose();
+    if std_s > 0.0 {
+        let shifts = row_delays::shifts(&flight, |spot| std_s * share(camera, tracked, spot));
+        flight.fit.widen(&flight.fit_points(), &shifts);
     }
     flight
 }

@@ -47,9 +47,8 @@ pub fn widened(mut flight: Flight, drift: &UnseenDrift, map: &Rectification, fir
                 std_px * (number * PI * part).sin() * along
             };
             let shifts = points.iter().map(|p| shift(p, moved_px(p.sample.t), map));
-            let shifts: Option<Vec<(f64, f64)>> = shifts.collect();
-            if let Some(change) = shifts.and_then(|shifts| flight.fit.response(&points, &shifts)) {
-                flight.fit.covariance += &change * change.transpose();
+            if let Some(shifts) = shifts.collect::<Option<Vec<(f64, f64)>>>() {
+                flight.fit.widen(&points, &shifts);
             }
         }
     }

@@ -117,9 +117,9 @@ fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
 
 fn moved_camera(registrations: &[Registration], background: &Background) -> Option<Warning> {
     let shifts = registrations.iter().map(Registration::shift_px);
-    let unseen = background.unseen_drift;
-    let most = shifts.fold(unseen.map_or(0.0, |drift| drift.std_px), f64::max);
-    let unseen = if unseen.is_some() {
+    let drift = background.unseen_drift;
+    let most = shifts.fold(drift.map_or(0.0, |drift| drift.std_px), f64::max);
+    let followed = if drift.is_some() {
         "centres were corrected by the scene behind the ball as far as that shows the motion; in at least one direction nothing does (a plain wall with a floor line shows none along the line), and places may be off by as much there, which the uncertainties hold"
     } else {
         "centres were corrected by the scene behind the ball, but nearer and farther things move differently"
@@ -127,7 +127,7 @@ fn moved_camera(registrations: &[Registration], background: &Background) -> Opti
     (!background.registrar.fixed && most > WORTH_SAYING_PX).then(|| {
         warning!(
             "camera_moved",
-            "the camera moved by up to {most:.1} px; {unseen}. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
+            "the camera moved by up to {most:.1} px; {followed}. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
         )
     })
 }
