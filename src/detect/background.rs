@@ -54,37 +54,45 @@ pub struct Background {
     pub survey_registrations: Vec<Registration>,
     /// Standard uncertainty of where a frame looks, px; 0 where the camera is fixed.
     pub shift_std_px: f64,
-    /// How a camera that moves may move unseen; `None` where all of its motion is followed, and where it stands still.
-    pub unseen_drift: Option<UnseenDrift>,
+    /// How a camera that moves may move beyond what its frames were registered by; none where it stands still.
+    pub unseen_motions: Vec<UnseenMotion>,
     /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
     pub edges: Option<SceneEdges>,
 }
 
-/// How a camera that moves may move where nothing of the scene shows it.
+/// How a camera that moves may move along one direction, beyond what its frames were registered by.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UnseenDrift {
-    /// How far, px: as far as it is seen to move otherwise.
+pub struct UnseenMotion {
+    /// The direction, columns and rows.
+    pub along: Vector2<f64>,
+    /// How far by the end of the flight, px.
     pub std_px: f64,
-    /// The one direction in which it is not seen, columns and rows; `None` where its motion is not followed at all.
-    pub along: Option<Vector2<f64>>,
 }
 
-impl UnseenDrift {
-    /// Of a camera whose frames look where `found` says, as far as `registrar` tells.
-    fn of(registrar: &Registrar, found: &[Registration]) -> Option<Self> {
-        let follows = registrar.follows_shifts();
-        let along = registrar.held().filter(|_| follows);
-        (!follows || along.is_some()).then(|| Self {
-            std_px: drift_px(found),
-            along,
-        })
-    }
+/// The 95 % quantile of Student's distribution with two degrees of freedom over that of the normal one.
+const ONE_PATH: f64 = 4.303 / 1.960;
 
-    /// The directions, columns and rows, in which it is not seen.
-    #[must_use]
-    pub fn directions(&self) -> Vec<Vector2<f64>> {
-        self.along
-            .map_or_else(|| vec![Vector2::x(), Vector2::y()], |along| vec![along])
+impl UnseenMotion {
+    /// Of a camera whose frames of the `survey` look where `found` says, as far as `registrar` tells.
+    ///
+    /// Where nothing shows a motion it is about as far as the camera is seen to move otherwise; one path in one direction tells that badly, as a variance
+    /// of two degrees of freedom does: the standard deviation is by so much larger that 95 % of the paths in another direction lie within 1.96 of it.
+    /// Where the scene shows it, it is what the parts of the scene differ by.
+    fn each(registrar: &Registrar, survey: &[&Luma], found: &[Registration]) -> Vec<Self> {
+        let unseen_px = ONE_PATH * drift_px(found);
+        let motion = |along, std_px| Self { along, std_px };
+        let axes = [Vector2::x(), Vector2::y()];
+        if !registrar.follows_shifts() {
+            return axes.map(|along| motion(along, unseen_px)).to_vec();
+        }
+        let seen_px = registrar.parts_differ_px(survey, found);
+        match registrar.held() {
+            Some(held) => {
+                let across = Vector2::new(-held.y, held.x);
+                vec![motion(held, unseen_px), motion(across, seen_px)]
+            }
+            None => axes.map(|along| motion(along, seen_px)).to_vec(),
+        }
     }
 }
 
@@ -151,15 +159,17 @@ impl Background {
         } else {
             let by_halves = registrar.shift_std_px(survey, &registrations);
             let stds_px = [by_halves, registrar.expected_std_px()];
-            // Where both are infinite there is an unseen drift.
+            // Where both are infinite its motion is not seen.
             stds_px
                 .into_iter()
                 .find(|std_px| std_px.is_finite())
                 .unwrap_or(0.0)
         };
-        let unseen_drift = (!fixed)
-            .then(|| UnseenDrift::of(&registrar, &registrations))
-            .flatten();
+        let unseen_motions = if fixed {
+            Vec::new()
+        } else {
+            UnseenMotion::each(&registrar, survey, &registrations)
+        };
         let block_px = block_side_px(luma.width, luma.height);
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
@@ -185,12 +195,18 @@ impl Background {
             registrar,
             first_registration: registrations.first().copied()?,
             shift_std_px,
-            unseen_drift,
+            unseen_motions,
             survey_registrations: Vec::new(),
         };
         background.block_threshold_grey = background.thresholds(survey, &registrations);
         background.survey_registrations = registrations;
         Some(background)
+    }
+
+    /// How far the camera drifts over the survey's frames, px.
+    #[must_use]
+    pub fn drift_px(&self) -> f64 {
+        drift_px(&self.survey_registrations)
     }
 
     /// The same in which less than `least_grey` of a change is none.

@@ -10,7 +10,9 @@
 //!
 //! Assumed: the picture shifts as a whole (no turn, no zoom), and what moves has gradients in few places. Where the scene has no gradient in a
 //! direction, the shift along it stays what it was. So it does along a direction that few places tell of ([`Registrar::holding_unseen`]): before a plain
-//! wall a floor line tells the rows, and nothing but the ball and its shadow the columns.
+//! wall a floor line tells the rows, and nothing but the ball and its shadow the columns. Most samples are then plain wall, which fits whatever the shift: the
+//! median residual does not tell that a line is lost. So where a direction is held, and as many samples fit nowhere as a scene has, a second search competes
+//! in which samples keep their weight while the shift may still be off ([`Registrar::explains_more`]). In richer scenes the median tells.
 
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
@@ -18,9 +20,11 @@ use super::registration::Registration;
 use super::resample::{SMOOTH_NOISE_PART, SmoothShift, bilinear, reduced};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
-use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_weight};
+use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_cost, tukey_weight};
 use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector4};
 use rayon::prelude::*;
+use std::borrow::Cow;
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// A reference pixel with what is needed to compare it.
@@ -128,6 +132,12 @@ const STEPS: usize = 12;
 
 /// Steps where only the light changes, which is almost linear.
 const LIGHT_STEPS: usize = 3;
+
+/// What a shift may be off by before the first step, where the next local minimum is not it, pixels of the size compared.
+const FIRST_OFF_PX: f64 = 1.0;
+
+/// What it is off by where that does not tell in the weights.
+const SETTLED_PX: f64 = 0.02;
 
 /// Fewer samples than this say nothing.
 const LEAST_SAMPLES: usize = 50;
@@ -287,6 +297,12 @@ impl Registrar {
         self.sees_shift && !self.fixed
     }
 
+    /// Whether they are followed in all directions.
+    #[must_use]
+    pub fn follows_all_shifts(&self) -> bool {
+        self.follows_shifts() && self.held.is_none()
+    }
+
     /// The noise at one part in `factor` of the size: averaging lowers it by the side of what is averaged, down to that of rounding.
     fn noise_at_grey(&self, factor: usize) -> f64 {
         (self.noise_grey / factor as f64).max(ROUNDING_STD_GREY)
@@ -362,7 +378,7 @@ impl Registrar {
     #[must_use]
     pub fn locate(&self, frames: &[&Luma]) -> Vec<Registration> {
         let near: Vec<Followed> = frames.par_iter().map(|f| self.located_near(f)).collect();
-        if near.iter().all(|found| self.is_there(found)) {
+        if near.iter().zip(frames).all(|(found, f)| self.is_there(f, found)) {
             return near.into_iter().map(|found| found.registration).collect();
         }
         let coarser = self.coarser();
@@ -376,7 +392,7 @@ impl Registrar {
     /// half finds nothing.
     #[must_use]
     pub fn shift_std_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
-        let halves = [0, 1].map(|colour| self.half(colour));
+        let halves = [0, 1].map(|colour| self.part(|column, row| (column + row) % 2 == colour));
         let mut stds_px: Vec<f64> = frames
             .par_iter()
             .zip(found)
@@ -399,14 +415,45 @@ impl Registrar {
         median(&mut stds_px).unwrap_or(f64::INFINITY)
     }
 
-    /// The same on the fields of one colour.
-    fn half(&self, colour: usize) -> Self {
-        let mut half = self.clone();
-        half.samples.retain(|s| {
+    /// What the shifts of the scene's parts, left and right, above and below, are off from that of the whole, px: root mean square over the `frames`, which
+    /// look where `found` says. A camera that turns or nears, and a scene of near and far things, have no one shift. 0 where no two parts tell shifts.
+    #[must_use]
+    pub fn parts_differ_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
+        let middle = CELLS / 2;
+        let splits = [
+            [
+                self.part(|column, _| column < middle),
+                self.part(|column, _| column >= middle),
+            ],
+            [
+                self.part(|_, row| row < middle),
+                self.part(|_, row| row >= middle),
+            ],
+        ];
+        let square_px2 = |parts: &[Self; 2]| {
+            let each = frames.par_iter().zip(found).filter_map(|(frame, start)| {
+                let [a, b] = parts.each_ref().map(|part| part.refine(frame, *start, true));
+                let told = |of: &Followed| of.registration != *start;
+                let (u, v) = (
+                    a.registration.shift_u_px - b.registration.shift_u_px,
+                    a.registration.shift_v_px - b.registration.shift_v_px,
+                );
+                (told(&a) && told(&b)).then_some((u * u + v * v) / 4.0)
+            });
+            let each: Vec<f64> = each.collect();
+            each.iter().sum::<f64>() / each.len().max(1) as f64
+        };
+        splits.iter().map(square_px2).sum::<f64>().sqrt()
+    }
+
+    /// The same on some of the fields, of columns and rows.
+    fn part(&self, holds: impl Fn(usize, usize) -> bool) -> Self {
+        let mut part = self.clone();
+        part.samples.retain(|s| {
             let (column, row) = self.field(s);
-            (column + row) % 2 == colour
+            holds(column, row)
         });
-        half
+        part
     }
 
     /// Column and row of the field that a sample is in.
@@ -522,21 +569,30 @@ impl Registrar {
     }
 
     /// Whether the residuals are the noise of two frames, and the shift hardly one: then no other shift fits better.
-    fn is_there(&self, found: &Followed) -> bool {
+    fn is_there(&self, frame: &Luma, found: &Followed) -> bool {
         let of_two = NORMAL_MEDIAN * std::f64::consts::SQRT_2;
         let smoothed = if self.smooths { SMOOTH_NOISE_PART } else { 1.0 };
         let noise_grey = of_two * (smoothed * self.noise_at_grey(self.factor)).max(ROUNDING_STD_GREY);
-        found.spread_grey < noise_grey / MUCH_BETTER && found.registration.shift_px() < CLOSE_PX
+        let is_close =
+            found.spread_grey < noise_grey / MUCH_BETTER && found.registration.shift_px() < CLOSE_PX;
+        is_close
+            && !self.compares(frame, |compared, size| {
+                self.leaves_unexplained(compared, &found.scaled(size))
+            })
     }
 
     /// The shift found near none, or a large one where that fits much better.
     fn located(&self, frame: &Luma, near: Followed, coarser: &[Self]) -> Registration {
-        if coarser.is_empty() || self.is_there(&near) {
+        if coarser.is_empty() || self.is_there(frame, &near) {
             return near.registration;
         }
         let far = self.refine(frame, coarse_place(frame, coarser), true);
         // A moving hand can lead astray; the scene as a whole decides.
-        let is_far = far.spread_grey < MUCH_BETTER * near.spread_grey || !near.spread_grey.is_finite();
+        let is_far = far.spread_grey < MUCH_BETTER * near.spread_grey
+            || !near.spread_grey.is_finite()
+            || self.compares(frame, |compared, size| {
+                self.explains_more(compared, &far.scaled(size), &near.scaled(size))
+            });
         if is_far { far } else { near }.registration
     }
 
@@ -548,6 +604,10 @@ impl Registrar {
         [8, 4, 2]
             .into_iter()
             .filter_map(|factor| self.at(factor))
+            .map(|coarse| Self {
+                held: self.held,
+                ..coarse
+            })
             .collect()
     }
 
@@ -569,78 +629,175 @@ impl Registrar {
         self.refine(frame, *previous, true)
     }
 
-    /// Robust Gauss-Newton from `start`.
+    /// Robust Gauss-Newton from `start`: the local minimum next to it, or one further off that explains more of the scene.
     fn refine(&self, frame: &Luma, start: Registration, moving: bool) -> Followed {
-        if self.factor == 1 {
-            return self.refine_at_size(frame, start, moving);
-        }
-        let Some(small) = reduced(frame, self.factor) else {
+        let moving = moving && self.sees_shift;
+        let Some(compared) = self.at_its_size(frame) else {
             return Followed::not_compared(start);
         };
         let scale = self.factor as f64;
-        let found = self.refine_at_size(&small, start.scaled(1.0 / scale), moving);
-        found.scaled(scale)
+        let start_there = start.scaled(1.0 / scale);
+        let found = self.descend(&compared, start_there, moving.then_some(0.0));
+        if !moving || !self.leaves_unexplained(&compared, &found) {
+            return found.scaled(scale);
+        }
+        let further = self.descend(&compared, start_there, Some(FIRST_OFF_PX));
+        let best = if self.explains_more(&compared, &further, &found) {
+            further
+        } else {
+            found
+        };
+        best.scaled(scale)
     }
 
-    fn refine_at_size(&self, frame: &Luma, start: Registration, moving: bool) -> Followed {
-        let moving = moving && self.sees_shift;
+    /// A frame at the size that is compared; `None` where it cannot be reduced to that.
+    fn at_its_size<'a>(&self, frame: &'a Luma) -> Option<Cow<'a, Luma>> {
+        match self.factor {
+            1 => Some(Cow::Borrowed(frame)),
+            factor => reduced(frame, factor).map(Cow::Owned),
+        }
+    }
+
+    /// What `asked` says of a frame at the size that is compared, which is so many times as large; false where there is none.
+    fn compares(&self, frame: &Luma, asked: impl Fn(&Luma, f64) -> bool) -> bool {
+        let compared = self.at_its_size(frame);
+        compared.is_some_and(|compared| asked(&compared, 1.0 / self.factor as f64))
+    }
+
+    /// Residuals of the samples where `frame`, of the size compared, looks as `now` says, grey levels; not a number outside of it.
+    fn residuals<'a>(&'a self, frame: &'a Luma, now: &Registration) -> impl Iterator<Item = f32> + 'a {
+        let value = self.value_in(frame, now);
+        let (gain, offset_grey) = (now.gain, now.offset_grey);
+        self.samples
+            .iter()
+            .map(move |s| value(s).map_or(f32::NAN, |i| (i - gain * s.value - offset_grey) as f32))
+    }
+
+    /// Whether, with `frame` (of the size compared) looking as `found` says, samples with gradient fit nowhere in as many fields as a scene fills: not
+    /// a thing that moves, but a shift that was not found. Before a plain wall most samples fit whatever the shift, and a floor line does not.
+    fn leaves_unexplained(&self, frame: &Luma, found: &Followed) -> bool {
+        if self.held.is_none() {
+            return false;
+        }
+        let cut = tukey_cut(found.spread_grey);
+        let mut beyond = vec![0; CELLS * CELLS];
+        let residuals = self.residuals(frame, &found.registration);
+        for (s, _) in self
+            .telling()
+            .zip(residuals)
+            .filter(|(_, r)| f64::from(r.abs()) > cut)
+        {
+            if let Some(s) = s {
+                beyond[self.field_index(s)] += 1;
+            }
+        }
+        scene_fills((0..beyond.len()).filter(|&k| beyond[k] >= least_strong_samples(self.factor)))
+    }
+
+    /// Whether `one` explains the scene better than `other`, in as many fields as a scene fills.
+    fn explains_more(&self, frame: &Luma, one: &Followed, other: &Followed) -> bool {
+        if self.held.is_none() || !one.spread_grey.is_finite() {
+            return false;
+        }
+        let cut = tukey_cut(other.spread_grey);
+        let mut gained = vec![0.0; CELLS * CELLS];
+        let (mut cost_of_one, mut cost_of_other) = (0.0, 0.0);
+        let pairs = self
+            .residuals(frame, &one.registration)
+            .zip(self.residuals(frame, &other.registration));
+        for (s, (one, other)) in self.telling().zip(pairs) {
+            if let Some(s) = s.filter(|_| one.is_finite() && other.is_finite()) {
+                let [one, other] = [one, other].map(|r| tukey_cost(f64::from(r), cut));
+                gained[self.field_index(s)] += other - one;
+                cost_of_one += one;
+                cost_of_other += other;
+            }
+        }
+        let of_sample = tukey_cost(f64::INFINITY, cut);
+        cost_of_one < MUCH_BETTER * cost_of_other
+            && scene_fills((0..gained.len()).filter(|&k| gained[k] > of_sample))
+    }
+
+    /// The samples, without those that have no gradient.
+    fn telling(&self) -> impl Iterator<Item = Option<&ReferencePixel>> {
+        let telling = |s: &&ReferencePixel| s.gradient != Vector2::zeros();
+        self.samples.iter().map(move |s| Some(s).filter(telling))
+    }
+
+    /// The local minimum next to `start`, in a `frame` of the size compared. The shift is held where `off_px` is `None`; else it is what the shift may be
+    /// off by in the beginning, so that samples which it puts off by as much keep their weight.
+    fn descend(&self, frame: &Luma, start: Registration, off_px: Option<f64>) -> Followed {
+        let moving = off_px.is_some();
         if self.samples.len() < LEAST_SAMPLES {
             return Followed::not_compared(start);
         }
         if !moving && start.is_still() {
             return self.refine_light(frame, start);
         }
+        let graduated = off_px.is_some_and(|off_px| off_px > 0.0);
+        let off_px = Cell::new(off_px.unwrap_or(0.0));
         let mut spread = f64::INFINITY;
         let mut residuals = Vec::with_capacity(self.samples.len());
         let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
-        let step =
-            |now: &Registration| {
-                residuals.clear();
-                let value = self.value_in(frame, now);
-                residuals.extend(self.samples.iter().map(|s| {
-                    value(s).map_or(f32::NAN, |i| (i - now.gain * s.value - now.offset_grey) as f32)
-                }));
-                magnitudes.clear();
-                magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
-                if magnitudes.len() < LEAST_SAMPLES {
-                    spread = f64::INFINITY;
-                    return None;
+        let step = |now: &Registration| {
+            residuals.clear();
+            residuals.extend(self.residuals(frame, now));
+            magnitudes.clear();
+            magnitudes.extend(residuals.iter().filter(|r| r.is_finite()).map(|r| r.abs()));
+            if magnitudes.len() < LEAST_SAMPLES {
+                spread = f64::INFINITY;
+                return None;
+            }
+            spread = f64::from(lower_median(&mut magnitudes));
+            let mut equations = NormalEquations::default();
+            let cut = tukey_cut(spread);
+            for (s, &r) in self.samples.iter().zip(&residuals) {
+                let unsettled = TUKEY * now.gain * off_px.get() * s.gradient.norm();
+                let weight = tukey_weight(f64::from(r), cut.hypot(unsettled));
+                if weight > 0.0 {
+                    let g = -now.gain * s.gradient;
+                    equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
                 }
-                spread = f64::from(lower_median(&mut magnitudes));
-                let mut equations = NormalEquations::default();
-                let cut = tukey_cut(spread);
-                for (s, &r) in self.samples.iter().zip(&residuals) {
-                    let weight = tukey_weight(f64::from(r), cut);
-                    if weight > 0.0 {
-                        let g = -now.gain * s.gradient;
-                        equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
-                    }
-                }
+            }
+            if off_px.get() < SETTLED_PX {
                 self.restrain_offset(3, &mut equations);
-                if moving {
-                    hold_unseen(&mut equations);
-                    if let Some(held) = &self.held {
-                        hold_along(held, &mut equations);
-                    }
-                } else {
-                    equations.hold(0);
-                    equations.hold(1);
-                }
-                equations.step(0.0, 0.0)
-            };
+            } else {
+                // What is not yet where it belongs would pass for another light.
+                equations.hold(2);
+                equations.hold(3);
+            }
+            if moving {
+                hold_unseen(self.held, &mut equations);
+            } else {
+                equations.hold(0);
+                equations.hold(1);
+            }
+            equations.step(0.0, 0.0)
+        };
         let moved = |now: &Registration, step: &Vector4<f64>| Registration {
             shift_u_px: now.shift_u_px + step[0],
             shift_v_px: now.shift_v_px + step[1],
             gain: now.gain + step[2],
             offset_grey: now.offset_grey + step[3],
         };
-        let is_last = |step: &Vector4<f64>| step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5;
-        let steps = if moving { STEPS } else { LIGHT_STEPS };
+        let is_last = |step: &Vector4<f64>| {
+            let length_px = step[0].hypot(step[1]);
+            let settled = off_px.get() < SETTLED_PX;
+            if graduated {
+                off_px.set(length_px);
+            }
+            settled && length_px < 1e-3 && step[2].abs() < 1e-5
+        };
+        let steps = match (moving, graduated) {
+            (false, _) => LIGHT_STEPS,
+            (true, false) => STEPS,
+            (true, true) => 2 * STEPS,
+        };
         let (found, _) = gauss_newton(start, steps, step, moved, is_last);
         sane(found, spread, frame).unwrap_or(Followed::not_compared(start))
     }
 
-    /// The light alone, of a frame that is not shifted: what [`refine_at_size`](Self::refine_at_size) finds then, for a
+    /// The light alone, of a frame that is not shifted: what [`descend`](Self::descend) finds then, for a
     /// tenth of its time, since every pixel is where the reference has it.
     fn refine_light(&self, frame: &Luma, start: Registration) -> Followed {
         let seen: Vec<(f64, f64)> = self
@@ -692,17 +849,24 @@ impl Registrar {
     }
 }
 
-/// Holds the shift (the first two unknowns) along a direction in which the scene has no gradient: it stays what it was.
-fn hold_unseen(equations: &mut NormalEquations<4>) {
+/// Holds the shift (the first two unknowns) along a direction in which the scene has no gradient, it stays what it was, and along `held`. Of two directions
+/// that hardly differ to hold both would hold the shift across them, too: beside `held` only what is square to it is asked.
+fn hold_unseen(held: Option<Vector2<f64>>, equations: &mut NormalEquations<4>) {
     let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
-    let information = SymmetricEigen::new(Matrix2::new(uu, vu, vu, vv));
-    for (along, axis) in information
-        .eigenvalues
-        .iter()
-        .zip(information.eigenvectors.column_iter())
-    {
-        if *along < LEAST_INFORMATION {
-            hold_along(&axis.into_owned(), equations);
+    let information = Matrix2::new(uu, vu, vu, vv);
+    let axes = match held {
+        Some(held) => {
+            hold_along(&held, equations);
+            vec![Vector2::new(-held.y, held.x)]
+        }
+        None => {
+            let axes = SymmetricEigen::new(information).eigenvectors;
+            axes.column_iter().map(|axis| axis.into_owned()).collect()
+        }
+    };
+    for axis in axes {
+        if axis.dot(&(information * axis)) < LEAST_INFORMATION {
+            hold_along(&axis, equations);
         }
     }
 }
@@ -892,6 +1056,16 @@ mod tests {
         let registrar = Registrar::new(&wall_and_floor(315.0), 0.5).holding_unseen();
         assert!(registrar.sees_shift());
         assert!(registrar.held().is_some_and(|along| along.x.abs() > 0.99));
+    }
+
+    #[test]
+    fn a_floor_line_that_moves_further_than_the_noise_explains_is_followed() {
+        let registrar = Registrar::new(&wall_and_floor(315.0), 0.5).holding_unseen();
+        let r = registrar.follow(&wall_and_floor(316.4), &Registration::IDENTITY);
+        assert!((r.shift_v_px - 1.4).abs() < 0.1, "{r:?}");
+        assert!(r.shift_u_px.abs() < 1e-3, "{r:?}");
+        let r = registrar.locate(&[&wall_and_floor(322.4)])[0];
+        assert!((r.shift_v_px - 7.4).abs() < 0.1, "{r:?}");
     }
 
     #[test]

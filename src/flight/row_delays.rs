@@ -23,9 +23,13 @@ const SLANTS: [Shift; 2] = [|r, h| (r * h, h * h), |r, h| (r * r, r * h)];
 const PROBE: f64 = 1e-4;
 
 /// The time ρ, s, by which points are later for each unit of `share`, with its standard uncertainty; `None` where the flight's
-/// points do not determine it.
+/// points do not determine it. The points may be off by `shifts` as well, each times a number known to be 0 ± 1.
 #[must_use]
-pub fn estimate(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<Quantity> {
+pub fn estimate(
+    flight: &Flight,
+    share: impl Fn(&Spot) -> f64,
+    shifts: Vec<Vec<(f64, f64)>>,
+) -> Option<Quantity> {
     let points = flight.fit_points();
     let shares: Vec<f64> = flight.used_points().map(|p| share(&p.spot)).collect();
     let middle = |of: fn(&FitPoint) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
@@ -41,6 +45,8 @@ pub fn estimate(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<Quantit
         directions.push(points.iter().map(shift).collect());
     }
     directions.extend((0..flight.fit.arcs()).map(|k| points.iter().map(|p| lift(flight, p, k)).collect()));
+    let free = directions.len();
+    directions.extend(shifts);
     let residuals = whitened(
         &points,
         points.iter().map(|p| {
@@ -64,7 +70,11 @@ pub fn estimate(flight: &Flight, share: impl Fn(&Spot) -> f64) -> Option<Quantit
         columns.ncols(),
         (0..columns.ncols()).map(|i| columns.column(i).dot(&left_over.column(i)).max(0.0).sqrt()),
     );
-    let normal = (columns.transpose() * &left_over).component_div(&(&lengths * lengths.transpose()));
+    let mut normal = columns.transpose() * &left_over;
+    for known in free..normal.nrows() {
+        normal[(known, known)] += 1.0;
+    }
+    let normal = normal.component_div(&(&lengths * lengths.transpose()));
     let inverse = (0.5 * (&normal + normal.transpose())).cholesky()?.inverse();
     let inverse = inverse.component_div(&(&lengths * lengths.transpose()));
     let best = &inverse * (columns.transpose() * &residuals);

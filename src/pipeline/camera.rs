@@ -8,7 +8,7 @@ use super::warnings::warning;
 use crate::calibration::{
     Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
 };
-use crate::detect::background::{Background, UnseenDrift};
+use crate::detect::background::{Background, UnseenMotion};
 use crate::detect::colour::ColourChoice;
 use crate::flight::Flight;
 use crate::flight::bend::CameraFacts;
@@ -52,8 +52,8 @@ pub struct CalibratedCamera<'a> {
     pub stands_still: bool,
     /// How well it is known where a frame looks, the first one above all, whose pixels are those of the calibration, px; 0 where it stands still.
     pub shift_std_px: f64,
-    /// How it may move unseen.
-    pub unseen_drift: Option<UnseenDrift>,
+    /// How it may move beyond what its frames were registered by; none where it stands still.
+    pub unseen_motions: Vec<UnseenMotion>,
     /// How well it is known where chroma lies against luma, as far as the ball is seen by it, px; 0 where it is seen by luma alone.
     pub chroma_std_px: f64,
     /// Part of the ball's contrast that is chroma's.
@@ -79,7 +79,7 @@ impl<'a> CalibratedCamera<'a> {
             size_px,
             stands_still,
             shift_std_px: 0.0,
-            unseen_drift: None,
+            unseen_motions: Vec::new(),
             chroma_std_px: 0.0,
             chroma_share: 0.0,
             readout: Readout::global(size_px, row_order).of(calibration.readout_s.unwrap_or(0.0), 0.0),
@@ -91,7 +91,7 @@ impl<'a> CalibratedCamera<'a> {
     pub fn seen_by(self, background: &Background) -> Self {
         Self {
             shift_std_px: background.shift_std_px,
-            unseen_drift: background.unseen_drift,
+            unseen_motions: background.unseen_motions.clone(),
             ..self
         }
     }

@@ -9,7 +9,7 @@ use super::in_metres::{Impacts, WorldFrame};
 use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
 use super::rolling_shutter;
-use super::unseen_drift;
+use super::unseen_motion;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::flight::planar::DRAG;
@@ -76,8 +76,8 @@ pub fn impacts(
     flight.extra = free.extra;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
     let mut free = rolling_shutter::widened(free, camera, &refined.tracked).with_slow_errors();
-    if let (Some(drift), Some(&first_s)) = (&camera.unseen_drift, clocked.base.times_s.first()) {
-        free = unseen_drift::widened(free, drift, &camera.map, first_s);
+    if let Some(&first_s) = clocked.base.times_s.first() {
+        free = unseen_motion::widened(free, camera, first_s);
     }
     let mut motion = scaled.motion(&free, lift);
     let gravity_m_s2 = motion.gravity_m_s2();

@@ -38,7 +38,7 @@ mod scene_colours;
 mod sighting_store;
 mod spots;
 mod track;
-mod unseen_drift;
+mod unseen_motion;
 mod warnings;
 
 pub use decode::Progress;
@@ -183,10 +183,9 @@ pub fn measure_edited(
     }
     // The arcs may show that rows have times of their own: then once more by those.
     let rolling = {
-        let interval_s = clock.base.interval_s;
         let by_rows = |rolling: &CalibratedCamera<'_>| seen.by(rolling).most_evident(&clocked, optics);
         let first = measured.as_ref().ok().map(|m| &m.first.refined);
-        rolling_shutter::found(camera, first, interval_s, by_rows)
+        rolling_shutter::found(camera, first, &clock.base, by_rows)
     };
     let camera = rolling.as_ref().unwrap_or(camera);
     if rolling.is_some() {

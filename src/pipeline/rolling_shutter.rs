@@ -4,14 +4,17 @@
 //! frame, which no camera's readout exceeds. It is taken for real where the points say so by more than that number's price, as
 //! the odds of the two readings tell: exp(z²/2)·σ/τ for a value z standard uncertainties σ off 0, τ the width of what is known
 //! beforehand; a scale that changes across the picture bends arcs in much the same way, and must be less likely. Then the times
-//! of all points are those of their rows, the ball is looked for once more with them, and the number's uncertainty is carried through to all results. Where a flight was refused for its times, a few readouts are tried first.
+//! of all points are those of their rows, the ball is looked for once more with them, and the number's uncertainty is carried through to all results. What a camera moves by unseen
+//! ([`unseen_motion`]) is free beside it, since that, too, moves points on smooth ways that arcs do not follow. Where a flight was refused for its times, a few readouts are tried first.
 
 use super::camera::CalibratedCamera;
 use super::refine::Refined;
 use super::spots::with_id;
 use super::track::Tracked;
+use super::unseen_motion;
 use crate::flight::linking::Spot;
 use crate::flight::{Flight, NoFlight, row_delays};
+use crate::frames::timebase::TimeBase;
 use crate::quantity::Quantity;
 use rayon::prelude::*;
 
@@ -35,25 +38,25 @@ const SETTLED_PART: f64 = 0.2;
 const KEPT_PART: f64 = 0.9;
 
 /// The camera with the readout that the flight of a recording shows; `None` where it shows none. `follow` finds the flight by a camera;
-/// `first` is what was found without a readout, if anything; `interval_s` is the time from frame to frame.
+/// `first` is what was found without a readout, if anything; `base` are the times of the frames.
 pub fn found<'a>(
     camera: &CalibratedCamera<'a>,
     first: Option<&Refined>,
-    interval_s: Option<f64>,
+    base: &TimeBase,
     follow: impl Fn(&CalibratedCamera<'a>) -> Result<Refined, NoFlight> + Sync,
 ) -> Option<CalibratedCamera<'a>> {
-    let interval_s = interval_s?;
+    let interval_s = base.interval_s?;
     if camera.calibration.readout_s.is_some() || !camera.falls() {
         return None;
     }
     match first {
         Some(refined) => {
-            let readout = shown(camera, &refined.tracked)?;
+            let readout = shown(camera, &refined.tracked, base)?;
             let odds = ln_odds(readout, interval_s);
             let rival = || odds_of_scale_change(camera, &refined.tracked).unwrap_or(0.0);
             let stands = odds > LEAST_LN_ODDS && odds > rival();
             stands
-                .then(|| settled(camera, readout, interval_s, &follow))?
+                .then(|| settled(camera, readout, base, &follow))?
                 .filter(|(_, again)| {
                     again.tracked.flight.used() as f64 >= KEPT_PART * refined.tracked.flight.used() as f64
                 })
@@ -63,7 +66,7 @@ pub fn found<'a>(
             // What they settle at is the same, from wherever they find the flight.
             TRIED_PARTS.par_iter().find_map_first(|part| {
                 let start = Quantity::undetermined(part * interval_s)?;
-                settled(camera, start, interval_s, &follow).map(|(rolling, _)| rolling)
+                settled(camera, start, base, &follow).map(|(rolling, _)| rolling)
             })
         }
     }
@@ -73,9 +76,10 @@ pub fn found<'a>(
 fn settled<'a>(
     camera: &CalibratedCamera<'a>,
     start: Quantity,
-    interval_s: f64,
+    base: &TimeBase,
     follow: &impl Fn(&CalibratedCamera<'a>) -> Result<Refined, NoFlight>,
 ) -> Option<(CalibratedCamera<'a>, Refined)> {
+    let interval_s = base.interval_s?;
     let mut readout = start;
     let mut last = None;
     for _ in 0..MOST_ROUNDS {
@@ -85,7 +89,7 @@ fn settled<'a>(
         let std_s = readout.std_uncertainty.unwrap_or(0.0);
         let rolling = camera.with_readout(readout.value, std_s);
         let refined = follow(&rolling).ok()?;
-        let more = shown(&rolling, &refined.tracked)?;
+        let more = shown(&rolling, &refined.tracked, base)?;
         last = Some((rolling, refined));
         let std_s = more.std_uncertainty?;
         readout = Quantity::new(readout.value + more.value, std_s)?;
@@ -99,11 +103,12 @@ fn settled<'a>(
 }
 
 /// By how much the readout is more than the camera's, as the flight shows it, s.
-fn shown(camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Option<Quantity> {
+fn shown(camera: &CalibratedCamera<'_>, tracked: &Tracked, base: &TimeBase) -> Option<Quantity> {
     let open = tracked
         .flight
         .with_all_unknowns(camera.calibration.upright_std_rad());
-    let readout = row_delays::estimate(&open, |spot| share(camera, tracked, spot))?;
+    let unseen = unseen_motion::motions(&open.fit_points(), camera, *base.times_s.first()?);
+    let readout = row_delays::estimate(&open, |spot| share(camera, tracked, spot), unseen)?;
     readout.std_uncertainty.filter(|s| *s > 0.0).map(|_| readout)
 }
 

@@ -117,12 +117,11 @@ fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
 
 fn moved_camera(registrations: &[Registration], background: &Background) -> Option<Warning> {
     let shifts = registrations.iter().map(Registration::shift_px);
-    let drift = background.unseen_drift;
-    let most = shifts.fold(drift.map_or(0.0, |drift| drift.std_px), f64::max);
-    let followed = if drift.is_some() {
-        "centres were corrected by the scene behind the ball as far as that shows the motion; in at least one direction nothing does (a plain wall with a floor line shows none along the line), and places may be off by as much there, which the uncertainties hold"
-    } else {
+    let most = shifts.fold(background.drift_px(), f64::max);
+    let followed = if background.registrar.follows_all_shifts() {
         "centres were corrected by the scene behind the ball, but nearer and farther things move differently"
+    } else {
+        "centres were corrected by the scene behind the ball as far as that shows the motion; in at least one direction nothing does (a plain wall with a floor line shows none along the line), and places may be off by as much there, which the uncertainties hold"
     };
     (!background.registrar.fixed && most > WORTH_SAYING_PX).then(|| {
         warning!(

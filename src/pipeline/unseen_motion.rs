@@ -1,4 +1,4 @@
-//! The share of a result's uncertainty that comes from a camera whose motion the scene does not show.
+//! The share of a result's uncertainty that comes from a camera's motion beyond what its frames are registered by.
 //!
 //! Before a plain wall with a floor line a camera that is held by hand is followed across the line, and along it nothing tells where it looks. It moves
 //! there about as far as it is seen to move across, smoothly, from where it looked in the first frame, whose pixels are those of the calibration:
@@ -8,16 +8,17 @@
 //! ```
 //!
 //! The first of these motions is a pan that dies away. Those of a random walk fall off as 1/(k − ½), those of a mass that is pushed at random as
-//! 1/(k − ½)²; a hand is taken to lie between. At the flight's end, after T, d has the standard deviation s. One path in one direction tells that
-//! badly, as a variance of two degrees of freedom does: s is by so much larger that 95 % of the paths in another direction lie within 1.96 s.
+//! 1/(k − ½)²; a hand is taken to lie between. At the flight's end, after T, d has the standard deviation s ([`UnseenMotion`]). Where a camera is followed
+//! in all directions, s is what the parts of the scene differ by in their shifts: which of them moves as the ball's plane does is not known.
 //!
 //! Each motion puts every point of the flight elsewhere. How the arcs follow is, to first order, the same least squares as their fit; the outer
 //! products of what the parameters change by add to their covariance.
 //!
 //! Assumed: that a hand moves alike in all directions. Where it pans along the line alone, and nothing is seen to move, nothing is added.
 
+use super::camera::CalibratedCamera;
 use crate::calibration::Rectification;
-use crate::detect::background::UnseenDrift;
+use crate::detect::background::UnseenMotion;
 use crate::flight::Flight;
 use crate::flight::motion_model::FitPoint;
 use crate::geometry::{PixelPoint, PlanePoint};
@@ -25,34 +26,38 @@ use nalgebra::Vector2;
 use std::f64::consts::PI;
 
 /// Motions that are told apart.
-const MOTIONS: u32 = 4;
+const MOTIONS: u32 = 8;
 
-/// The 95 % quantile of Student's distribution with two degrees of freedom over that of the normal one.
-const ONE_PATH: f64 = 4.303 / 1.960;
-
-/// `flight` with what the camera may have moved by unseen since `first_s`, the time of the first frame, in its covariance.
-pub fn widened(mut flight: Flight, drift: &UnseenDrift, map: &Rectification, first_s: f64) -> Flight {
+/// `flight` with what the `camera` may have moved by unseen since `first_s`, the time of the first frame, in its covariance.
+pub fn widened(mut flight: Flight, camera: &CalibratedCamera<'_>, first_s: f64) -> Flight {
     let points = flight.fit_points();
+    for shifts in motions(&points, camera, first_s) {
+        flight.fit.widen(&points, &shifts);
+    }
+    flight
+}
+
+/// By how much each point moves in the plane where the `camera` moves unseen, since `first_s`, by one standard deviation of each of its motions.
+pub fn motions(points: &[FitPoint], camera: &CalibratedCamera<'_>, first_s: f64) -> Vec<Vec<(f64, f64)>> {
     let last_s = points.iter().map(|p| p.sample.t).fold(first_s, f64::max);
     if last_s <= first_s {
-        return flight;
+        return Vec::new();
     }
     let numbers = (0..MOTIONS).map(|k| f64::from(k) + 0.5);
     let size = numbers.clone().map(|n| n.powi(-3)).sum::<f64>().sqrt();
-    for along in drift.directions() {
-        for number in numbers.clone() {
-            let std_px = ONE_PATH * drift.std_px / (size * number.powf(1.5));
-            let moved_px = |t: f64| {
-                let part = (t - first_s) / (last_s - first_s);
-                std_px * (number * PI * part).sin() * along
-            };
-            let shifts = points.iter().map(|p| shift(p, moved_px(p.sample.t), map));
-            if let Some(shifts) = shifts.collect::<Option<Vec<(f64, f64)>>>() {
-                flight.fit.widen(&points, &shifts);
-            }
-        }
-    }
-    flight
+    let shifts = |(unseen, number): (&UnseenMotion, f64)| {
+        let moved_px = |t: f64| {
+            let part = (t - first_s) / (last_s - first_s);
+            unseen.std_px / (size * number.powf(1.5)) * (number * PI * part).sin() * unseen.along
+        };
+        let each = points.iter().map(|p| shift(p, moved_px(p.sample.t), &camera.map));
+        each.collect::<Option<Vec<(f64, f64)>>>()
+    };
+    let unseen = camera.unseen_motions.iter();
+    unseen
+        .flat_map(|unseen| numbers.clone().map(move |number| (unseen, number)))
+        .filter_map(shifts)
+        .collect()
 }
 
 /// By how much a point moves in the plane where the picture moves by `moved_px`; `None` where it has no place.
@@ -70,7 +75,7 @@ mod tests {
     use crate::flight::motion_model::VerticalPrior;
     use crate::flight::planar::ARCS;
     use crate::flight::side_view::SideView;
-    use crate::frames::Coded;
+    use crate::frames::{Coded, RowOrder};
     use crate::test_noise::TestNoise;
 
     /// Of the arc, s.
@@ -113,14 +118,14 @@ mod tests {
     #[test]
     fn a_pan_that_nothing_shows_is_in_what_it_moves_and_in_nothing_else() {
         let calibration = calibration();
-        let map = calibration.rectification().unwrap();
-        let still = arc(&map, |_| 0.0);
-        let panned = arc(&map, |t| 3.0 * t / LASTS_S);
-        let drift = UnseenDrift {
-            std_px: 3.0 / ONE_PATH,
-            along: Some(Vector2::x()),
-        };
-        let wide = widened(panned.clone(), &drift, &map, 0.0);
+        let mut camera = CalibratedCamera::new(&calibration, (640, 480), RowOrder::Down, false).unwrap();
+        let still = arc(&camera.map, |_| 0.0);
+        let panned = arc(&camera.map, |t| 3.0 * t / LASTS_S);
+        camera.unseen_motions = vec![UnseenMotion {
+            along: Vector2::x(),
+            std_px: 3.0,
+        }];
+        let wide = widened(panned.clone(), &camera, 0.0);
         let std = |flight: &Flight, k: usize| flight.fit.covariance[(ARCS + k, ARCS + k)].sqrt();
         // Place and velocity to the right, then upward.
         for k in [0, 1] {
