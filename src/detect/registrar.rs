@@ -24,7 +24,6 @@ use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_c
 use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector4};
 use rayon::prelude::*;
 use std::borrow::Cow;
-use std::cell::Cell;
 use std::sync::Arc;
 
 /// A reference pixel with what is needed to compare it.
@@ -50,6 +49,11 @@ impl ReferencePixel {
                 half(reference.row(v + 1)[u], reference.row(v - 1)[u]),
             ),
         }
+    }
+
+    /// Whether it has a gradient beyond the noise: others tell the brightness only.
+    fn tells_shifts(&self) -> bool {
+        self.gradient != Vector2::zeros()
     }
 }
 
@@ -482,13 +486,8 @@ impl Registrar {
     }
 
     fn at_edges(&self, frame: &Luma, found: &Registration) -> Option<Registration> {
-        let small;
-        let (frame, scale) = if self.factor == 1 {
-            (frame, 1.0)
-        } else {
-            small = reduced(frame, self.factor)?;
-            (&small, self.factor as f64)
-        };
+        let frame = &*self.at_its_size(frame)?;
+        let scale = self.factor as f64;
         let found = found.scaled(1.0 / scale);
         let far = found.shift_px() > NEAR_PX;
         let still = Registration {
@@ -638,7 +637,7 @@ impl Registrar {
         let scale = self.factor as f64;
         let start_there = start.scaled(1.0 / scale);
         let found = self.descend(&compared, start_there, moving.then_some(0.0));
-        if !moving || !self.leaves_unexplained(&compared, &found) {
+        if !moving || self.held.is_none() || !self.leaves_unexplained(&compared, &found) {
             return found.scaled(scale);
         }
         let further = self.descend(&compared, start_there, Some(FIRST_OFF_PX));
@@ -658,9 +657,9 @@ impl Registrar {
         }
     }
 
-    /// What `asked` says of a frame at the size that is compared, which is so many times as large; false where there is none.
+    /// What `asked` says of a frame at the size that is compared, which is so many times as large; false where no direction is held, and where there is none.
     fn compares(&self, frame: &Luma, asked: impl Fn(&Luma, f64) -> bool) -> bool {
-        let compared = self.at_its_size(frame);
+        let compared = self.held.and_then(|_| self.at_its_size(frame));
         compared.is_some_and(|compared| asked(&compared, 1.0 / self.factor as f64))
     }
 
@@ -676,27 +675,21 @@ impl Registrar {
     /// Whether, with `frame` (of the size compared) looking as `found` says, samples with gradient fit nowhere in as many fields as a scene fills: not
     /// a thing that moves, but a shift that was not found. Before a plain wall most samples fit whatever the shift, and a floor line does not.
     fn leaves_unexplained(&self, frame: &Luma, found: &Followed) -> bool {
-        if self.held.is_none() {
-            return false;
-        }
         let cut = tukey_cut(found.spread_grey);
         let mut beyond = vec![0; CELLS * CELLS];
-        let residuals = self.residuals(frame, &found.registration);
-        for (s, _) in self
-            .telling()
-            .zip(residuals)
-            .filter(|(_, r)| f64::from(r.abs()) > cut)
-        {
-            if let Some(s) = s {
-                beyond[self.field_index(s)] += 1;
-            }
+        let telling = self
+            .samples
+            .iter()
+            .zip(self.residuals(frame, &found.registration));
+        for (s, r) in telling.filter(|(s, _)| s.tells_shifts()) {
+            beyond[self.field_index(s)] += usize::from(f64::from(r.abs()) > cut);
         }
         scene_fills((0..beyond.len()).filter(|&k| beyond[k] >= least_strong_samples(self.factor)))
     }
 
     /// Whether `one` explains the scene better than `other`, in as many fields as a scene fills.
     fn explains_more(&self, frame: &Luma, one: &Followed, other: &Followed) -> bool {
-        if self.held.is_none() || !one.spread_grey.is_finite() {
+        if !one.spread_grey.is_finite() {
             return false;
         }
         let cut = tukey_cut(other.spread_grey);
@@ -705,23 +698,16 @@ impl Registrar {
         let pairs = self
             .residuals(frame, &one.registration)
             .zip(self.residuals(frame, &other.registration));
-        for (s, (one, other)) in self.telling().zip(pairs) {
-            if let Some(s) = s.filter(|_| one.is_finite() && other.is_finite()) {
-                let [one, other] = [one, other].map(|r| tukey_cost(f64::from(r), cut));
-                gained[self.field_index(s)] += other - one;
-                cost_of_one += one;
-                cost_of_other += other;
-            }
+        let telling = self.samples.iter().zip(pairs).filter(|(s, _)| s.tells_shifts());
+        for (s, (one, other)) in telling.filter(|(_, (one, other))| one.is_finite() && other.is_finite()) {
+            let [one, other] = [one, other].map(|r| tukey_cost(f64::from(r), cut));
+            gained[self.field_index(s)] += other - one;
+            cost_of_one += one;
+            cost_of_other += other;
         }
         let of_sample = tukey_cost(f64::INFINITY, cut);
         cost_of_one < MUCH_BETTER * cost_of_other
             && scene_fills((0..gained.len()).filter(|&k| gained[k] > of_sample))
-    }
-
-    /// The samples, without those that have no gradient.
-    fn telling(&self) -> impl Iterator<Item = Option<&ReferencePixel>> {
-        let telling = |s: &&ReferencePixel| s.gradient != Vector2::zeros();
-        self.samples.iter().map(move |s| Some(s).filter(telling))
     }
 
     /// The local minimum next to `start`, in a `frame` of the size compared. The shift is held where `off_px` is `None`; else it is what the shift may be
@@ -735,7 +721,7 @@ impl Registrar {
             return self.refine_light(frame, start);
         }
         let graduated = off_px.is_some_and(|off_px| off_px > 0.0);
-        let off_px = Cell::new(off_px.unwrap_or(0.0));
+        let mut off_px = off_px.unwrap_or(0.0);
         let mut spread = f64::INFINITY;
         let mut residuals = Vec::with_capacity(self.samples.len());
         let mut magnitudes: Vec<f32> = Vec::with_capacity(self.samples.len());
@@ -752,14 +738,19 @@ impl Registrar {
             let mut equations = NormalEquations::default();
             let cut = tukey_cut(spread);
             for (s, &r) in self.samples.iter().zip(&residuals) {
-                let unsettled = TUKEY * now.gain * off_px.get() * s.gradient.norm();
-                let weight = tukey_weight(f64::from(r), cut.hypot(unsettled));
+                let cut = if off_px > 0.0 {
+                    cut.hypot(TUKEY * now.gain * off_px * s.gradient.norm())
+                } else {
+                    cut
+                };
+                let weight = tukey_weight(f64::from(r), cut);
                 if weight > 0.0 {
                     let g = -now.gain * s.gradient;
                     equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
                 }
             }
-            if off_px.get() < SETTLED_PX {
+            let settled = off_px < SETTLED_PX;
+            if settled {
                 self.restrain_offset(3, &mut equations);
             } else {
                 // What is not yet where it belongs would pass for another light.
@@ -772,21 +763,20 @@ impl Registrar {
                 equations.hold(0);
                 equations.hold(1);
             }
-            equations.step(0.0, 0.0)
+            let step = equations.step(0.0, 0.0)?;
+            if graduated {
+                off_px = step[0].hypot(step[1]);
+            }
+            Some((step, settled))
         };
-        let moved = |now: &Registration, step: &Vector4<f64>| Registration {
+        let moved = |now: &Registration, (step, _): &(Vector4<f64>, bool)| Registration {
             shift_u_px: now.shift_u_px + step[0],
             shift_v_px: now.shift_v_px + step[1],
             gain: now.gain + step[2],
             offset_grey: now.offset_grey + step[3],
         };
-        let is_last = |step: &Vector4<f64>| {
-            let length_px = step[0].hypot(step[1]);
-            let settled = off_px.get() < SETTLED_PX;
-            if graduated {
-                off_px.set(length_px);
-            }
-            settled && length_px < 1e-3 && step[2].abs() < 1e-5
+        let is_last = |(step, settled): &(Vector4<f64>, bool)| {
+            *settled && step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5
         };
         let steps = match (moving, graduated) {
             (false, _) => LIGHT_STEPS,
@@ -855,17 +845,14 @@ fn hold_unseen(held: Option<Vector2<f64>>, equations: &mut NormalEquations<4>) {
     let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
     let information = Matrix2::new(uu, vu, vu, vv);
     let axes = match held {
-        Some(held) => {
-            hold_along(&held, equations);
-            vec![Vector2::new(-held.y, held.x)]
-        }
+        Some(held) => [held, Vector2::new(-held.y, held.x)],
         None => {
             let axes = SymmetricEigen::new(information).eigenvectors;
-            axes.column_iter().map(|axis| axis.into_owned()).collect()
+            [0, 1].map(|k| axes.column(k).into_owned())
         }
     };
     for axis in axes {
-        if axis.dot(&(information * axis)) < LEAST_INFORMATION {
+        if held == Some(axis) || axis.dot(&(information * axis)) < LEAST_INFORMATION {
             hold_along(&axis, equations);
         }
     }

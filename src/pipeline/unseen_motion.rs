@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The first of these motions is a pan that dies away. Those of a random walk fall off as 1/(k − ½), those of a mass that is pushed at random as
-//! 1/(k − ½)²; a hand is taken to lie between. At the flight's end, after T, d has the standard deviation s ([`UnseenMotion`]). Where a camera is followed
-//! in all directions, s is what the parts of the scene differ by in their shifts: which of them moves as the ball's plane does is not known.
+//! 1/(k − ½)²; a hand is taken to lie between. At the flight's end, after T, d has the standard deviation s ([`UnseenMotion`]). In directions in which the
+//! camera is followed, s is what the parts of the scene differ by in their shifts: which of them moves as the ball's plane does is not known.
 //!
 //! Each motion puts every point of the flight elsewhere. How the arcs follow is, to first order, the same least squares as their fit; the outer
 //! products of what the parameters change by add to their covariance.
