@@ -27,6 +27,10 @@ pub(super) struct ColouredPlane {
     pub colour: Option<FrameColour>,
 }
 
+/// Of larger pictures the chroma is copied at once and the decoder gets its picture back: holding it takes three times the memory, and spares
+/// the copy of what no thing covers.
+const MOST_HELD_PX: usize = 16 << 20;
+
 impl PixelReader {
     /// For pictures that `orientation` sets upright.
     pub(super) fn upright(orientation: Orientation) -> Self {
@@ -94,6 +98,9 @@ impl Pixels for ColouredPlane {
     fn read(reader: &mut PixelReader, picture: &Picture, spare: Option<Self>) -> Result<Self, AvError> {
         let orientation = reader.orientation;
         let colour = FrameColour::of(picture, orientation)?;
+        // (A cut with luma is asked for where a mixture stands in its place.)
+        let lets_go = reader.mix.is_none() && picture.width() * picture.height() > MOST_HELD_PX;
+        let colour = colour.map(|c| if lets_go { c.detached() } else { c });
         let mixed = match &reader.mix {
             Some(mix) => mixture::mixed(picture, mix)?,
             None => None,

@@ -183,12 +183,13 @@ fn decode_surveyed(
 ) -> Result<Decoded, MeasureError> {
     progress(Progress::Survey);
     let survey = frames::open_sparse(video, SURVEY_FRAMES)?;
-    let survey: Vec<&Frame> = survey.iter().collect();
-    if let Some(choice) = colour::choose(&survey, grid) {
-        return decode_mixed(video, choice, &survey, progress);
+    let refs: Vec<&Frame> = survey.iter().collect();
+    if let Some(choice) = colour::choose(&refs, grid) {
+        return decode_mixed(video, choice, &refs, progress);
     }
-    let mut pass = DecodingPass::new(background_of(video, &survey)?);
-    pass.scene_colours = SceneColours::of(&survey, &pass.detector.background);
+    let mut pass = DecodingPass::new(background_of(video, &refs)?);
+    pass.scene_colours = SceneColours::of(&refs, &pass.detector.background);
+    drop(survey);
     pass.whole(frames::ReadAhead::start(frames::open(video)?)?, progress)
 }
 
