@@ -23,7 +23,7 @@
 //! only, as before a plain wall with a floor line, the camera's motion cannot be seen, and is not told.
 
 use super::registration::Registration;
-use super::resample::{bilinear, reduced};
+use super::resample::reduced;
 use crate::frames::Luma;
 use crate::numeric::robust::{STD_OF_MEDIAN, lower_median, median};
 use opencv::core::{
@@ -31,6 +31,7 @@ use opencv::core::{
 };
 use opencv::imgproc;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Longest side of the pictures that are compared, px: larger ones are reduced to that.
 const LONGEST_PX: usize = 640;
@@ -196,28 +197,33 @@ impl FaintScene {
     /// How the frames differ, pixel by pixel and all together, where they look as `shifts` say from where they look with no shift along the columns, and
     /// with none along the rows.
     fn changes_by(&self, shifts: &[[f64; 2]]) -> opencv::Result<[Vec<f32>; 2]> {
-        let changes = |(picture, &[u, v]): (&Mat, &[f64; 2])| -> opencv::Result<[Vec<f32>; 2]> {
-            let PlaceGrid { columns, rows } = PlaceGrid::of(picture);
-            let grey = picture.data_typed::<f32>()?;
-            let at = |i: usize, [u, v]: [f64; 2]| {
-                let (x, y) = ((i % columns) as f64, (i / columns) as f64);
-                bilinear(grey, (columns, rows), x + u, y + v)
-            };
-            let change = |without: [f64; 2]| {
-                let of_pixel = |i| Some((at(i, [u, v])? - at(i, without)?) as f32);
-                (0..grey.len()).map(|i| of_pixel(i).unwrap_or(0.0)).collect()
-            };
-            Ok([change([0.0, v]), change([u, 0.0])])
-        };
-        let frames = self.pictures.par_iter().zip(shifts);
-        let changes: Vec<[Vec<f32>; 2]> = frames.map(changes).collect::<opencv::Result<_>>()?;
-        Ok([0, 1].map(|axis| {
-            let mut sum = vec![0.0_f32; changes.first().map_or(0, |of_frame| of_frame[axis].len())];
-            for of_frame in &changes {
-                sum.iter_mut().zip(&of_frame[axis]).for_each(|(sum, c)| *sum += c);
+        let pictures = self.pictures.iter().map(|p| p.data_typed::<f32>());
+        let frames: Vec<(&[f32], [f64; 2])> = pictures
+            .zip(shifts)
+            .map(|(picture, shift)| Ok((picture?, *shift)))
+            .collect::<opencv::Result<_>>()?;
+        let PlaceGrid { columns, rows } = PlaceGrid::of(&self.pictures[self.middle()]);
+        let mut changes = [0, 1].map(|_| vec![0.0_f32; columns * rows]);
+        let [by_columns, by_rows] = &mut changes;
+        let lines = by_columns
+            .par_chunks_mut(columns)
+            .zip(by_rows.par_chunks_mut(columns));
+        let change = |below: &mut Vec<f32>, (y, (by_columns, by_rows)): (usize, (&mut [f32], &mut [f32]))| {
+            for &(picture, [u, v]) in &frames {
+                let line = |y: usize| &picture[y * columns..][..columns];
+                below.fill(0.0);
+                for (further, weight) in between_two(v) {
+                    let y = y.checked_add_signed(further).filter(|y| *y < rows);
+                    y.into_iter().for_each(|y| add(below, weight, line(y)));
+                }
+                add_seen_further(by_columns, u, 1.0, below);
+                add(by_columns, -1.0, below);
+                add_seen_further(by_rows, u, 1.0, below);
+                add_seen_further(by_rows, u, -1.0, line(y));
             }
-            sum
-        }))
+        };
+        lines.enumerate().for_each_init(|| vec![0.0; columns], change);
+        Ok(changes)
     }
 
     /// Number of the frame that the others are compared with.
@@ -246,32 +252,41 @@ impl PlaceGrid {
         (0..PLACES * PLACES).filter(move |k| (k % PLACES + k / PLACES) % 2 == colour)
     }
 
-    /// Column and row of each pixel of a place.
-    fn pixels(&self, place: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+    /// The columns and the rows of a place.
+    fn sides(&self, place: usize) -> (Range<usize>, Range<usize>) {
         let span = |k: usize, of: usize| (k * of).div_ceil(PLACES)..((k + 1) * of).div_ceil(PLACES);
-        let us = span(place % PLACES, self.columns);
-        span(place / PLACES, self.rows).flat_map(move |y| us.clone().map(move |x| (x, y)))
+        (
+            span(place % PLACES, self.columns),
+            span(place / PLACES, self.rows),
+        )
     }
 
     /// A picture in which only the places of one colour are not 0.
     fn kept(&self, picture: &Mat, colour: usize) -> opencv::Result<Mat> {
         let grey = picture.data_typed::<f32>()?;
         let mut kept = vec![0.0_f32; grey.len()];
-        for (x, y) in Self::places(colour).flat_map(|place| self.pixels(place)) {
-            kept[y * self.columns + x] = grey[y * self.columns + x];
+        for (us, vs) in Self::places(colour).map(|place| self.sides(place)) {
+            for row in vs.map(|y| y * self.columns) {
+                let pixels = row + us.start..row + us.end;
+                kept[pixels.clone()].copy_from_slice(&grey[pixels]);
+            }
         }
         Mat::from_slice(&kept)?.reshape(1, picture.rows())?.try_clone()
     }
 
     /// How well the `change` that a motion explains agrees with the scene `grey` at a place, in standard deviations of how well it does by chance.
     fn told_by(&self, place: usize, change: &[f32], grey: &[f32]) -> f64 {
+        let (us, vs) = self.sides(place);
         let agrees = |(du, dv): (isize, isize)| {
-            let at = |x: usize, y: usize| {
-                let (x, y) = (x.checked_add_signed(du)?, y.checked_add_signed(dv)?);
-                (x < self.columns && y < self.rows).then(|| change[y * self.columns + x])
+            let (us, further_us) = pairs(&us, du, self.columns);
+            let (vs, further_vs) = pairs(&vs, dv, self.rows);
+            let row = |(y, further_y): (usize, usize)| {
+                let scene = &grey[y * self.columns..][us.clone()];
+                let changes = &change[further_y * self.columns..][further_us.clone()];
+                let products = scene.iter().zip(changes).map(|(g, c)| f64::from(g * c));
+                products.sum::<f64>()
             };
-            let each = |(x, y)| f64::from(at(x, y).unwrap_or(0.0) * grey[y * self.columns + x]);
-            self.pixels(place).map(each).sum::<f64>()
+            vs.zip(further_vs).map(row).sum::<f64>()
         };
         let steps = || (-CHANCE_STEPS..=CHANCE_STEPS).map(|k| k * CHANCE_STEP_PX);
         let off = steps().flat_map(|dv| steps().map(move |du| (du, dv)));
@@ -279,6 +294,38 @@ impl PlaceGrid {
         let std = STD_OF_MEDIAN * median(&mut by_chance.collect::<Vec<_>>()).unwrap_or(0.0);
         if std > 0.0 { agrees((0, 0)) / std } else { 0.0 }
     }
+}
+
+/// Those of `range` whose partner `further` along is below `of`, and their partners.
+fn pairs(range: &Range<usize>, further: isize, of: usize) -> (Range<usize>, Range<usize>) {
+    let start = range.start.max(0_usize.saturating_add_signed(-further));
+    let end = range.end.min(of.saturating_add_signed(-further));
+    if start >= end {
+        return (0..0, 0..0);
+    }
+    let partner = |i: usize| i.saturating_add_signed(further);
+    (start..end, partner(start)..partner(end))
+}
+
+/// The whole steps to the two neighbours of a place that is `further` along, and what each of them weighs there.
+fn between_two(further: f64) -> [(isize, f32); 2] {
+    let part = (further - further.floor()) as f32;
+    let whole = further.floor() as isize;
+    [(whole, 1.0 - part), (whole + 1, part)]
+}
+
+/// Adds to a line `weight` times another that is seen `further` along; nothing where that is outside: a picture's rim is 0.
+fn add_seen_further(sum: &mut [f32], further: f64, weight: f32, line: &[f32]) {
+    for (steps, part) in between_two(further) {
+        let (here, there) = pairs(&(0..sum.len()), steps, line.len());
+        add(&mut sum[here], weight * part, &line[there]);
+    }
+}
+
+/// Adds `weight` times `values`.
+fn add(sum: &mut [f32], weight: f32, values: &[f32]) {
+    let both = sum.iter_mut().zip(values);
+    both.for_each(|(sum, value)| *sum += weight * value);
 }
 
 /// The frames without their light and without what moves.
@@ -513,6 +560,35 @@ mod tests {
             let grey = if ball { 220.0 } else { scene };
             (grey + 4.0 * random.normal()).round().clamp(0.0, 255.0) as u8
         })
+    }
+
+    #[test]
+    fn a_slope_changes_by_the_shift_along_each_axis_between_pixels_too() {
+        let slope: Vec<f32> = (0..35).map(|i| (10 * (i % 7) + i / 7) as f32).collect();
+        let picture = Mat::from_slice(&slope)
+            .unwrap()
+            .reshape(1, 5)
+            .unwrap()
+            .try_clone()
+            .unwrap();
+        let scene = FaintScene {
+            pictures: vec![picture],
+            spectra: Vec::new(),
+            factor: 1,
+        };
+        for (u, v) in [(1.5, -0.75), (-0.25, 1.0), (0.0, 0.0), (-3.0, 0.5)] {
+            let [by_columns, by_rows] = scene.changes_by(&[[u, v]]).unwrap();
+            let inside = |i: &usize| {
+                let (x, y) = ((i % 7) as f64 + u, (i / 7) as f64 + v);
+                (0.0..=6.0).contains(&x) && (0.0..=4.0).contains(&y)
+            };
+            for i in (0..35).filter(inside) {
+                assert!((f64::from(by_columns[i]) - 10.0 * u).abs() < 1e-4, "{u} {v} {i}");
+                assert!((f64::from(by_rows[i]) - v).abs() < 1e-4, "{u} {v} {i}");
+            }
+        }
+        let outside = scene.changes_by(&[[40.0, -40.0]]).unwrap();
+        assert!(outside[0].iter().all(|c| *c == 0.0));
     }
 
     #[test]
