@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::Luma;
-use track::pipeline::measure;
+use track::pipeline::{ShownMotion, measure};
 use track::simulate::{Scene, SimulatedRecording, write};
 
 fn of_radius(scene: Value, radius_px: f64) -> Value {
@@ -363,6 +363,55 @@ fn a_shadow_on_the_wall_is_not_taken_for_the_ball() {
             assert_true(&found, 2, &format!("{depth_grey} grey at {offset_px:?} px"));
         },
     );
+}
+
+#[test]
+fn which_motions_of_the_camera_the_scene_shows_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let seen = |name: &str, texture_grey: f64, pan_px_s: f64| {
+        let scene = json!({
+            "schema": "track.scene/1",
+            "seed": 31,
+            "ball": {"radius_m": 0.0125, "mass_kg": 0.0639},
+            "contact": {"model": "mu_e", "restitution": 0.7, "friction": 0.1},
+            "launch": {"drop_height_m": 0.2, "speed_m_s": 0.5},
+            "camera": {"image_size_px": [480, 360], "frame_rate_hz": 120, "exposure_s": 0.0005, "origin_px": [60, 320],
+                "metres_per_pixel": 0.0012, "pan": {"velocity_px_s": [pan_px_s, 0.0], "wander_px": 0.0}},
+            "look": {"background_grey": 60, "floor_grey": 100, "ball_grey": 190, "texture_grey": texture_grey},
+            "stop": {"bounces": 2, "tail_s": 0.1},
+        });
+        let recording = SimulatedRecording::new(&Scene::from_json(&scene.to_string()).unwrap()).unwrap();
+        let written = write(&recording, name, dir.path(), |_| {}).unwrap();
+        let calibration = Calibration::read(&written.calib).unwrap();
+        let m = measure(&written.video, &calibration, "truth", Accuracy::Fast, &mut |_| {}).unwrap();
+        let x0_off = m.distances.x0_m.unwrap().value - recording.truth().x0_m.unwrap();
+        (m.video.camera.unwrap(), x0_off)
+    };
+    let across_the_floor_line =
+        |shown: ShownMotion| matches!(shown, ShownMotion::AllBut { along } if along.x > 0.9999);
+    let (camera, _) = seen("plain", 0.0, 0.0);
+    assert!(
+        camera.stands_still && across_the_floor_line(camera.shown_motion),
+        "{camera:?}"
+    );
+    // A pan along the floor line is part of the ball's own velocity, and x0 is wrong by what the camera moved: nothing tells, and that is said.
+    let (camera, x0_off_m) = seen("plain_pan", 0.0, 20.0);
+    assert!(
+        camera.stands_still && across_the_floor_line(camera.shown_motion),
+        "{camera:?}"
+    );
+    assert!(x0_off_m.abs() > 0.002, "{x0_off_m}");
+    let (camera, _) = seen("texture", 10.0, 0.0);
+    assert!(
+        camera.stands_still && camera.shown_motion == ShownMotion::All,
+        "{camera:?}"
+    );
+    let (camera, x0_off_m) = seen("texture_pan", 10.0, 20.0);
+    assert!(
+        !camera.stands_still && camera.shown_motion == ShownMotion::All,
+        "{camera:?}"
+    );
+    assert!(x0_off_m.abs() < 0.001, "{x0_off_m}");
 }
 
 #[test]

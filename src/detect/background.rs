@@ -10,7 +10,7 @@
 use super::camera_swing::SceneEdges;
 use super::faint_scene::{CorrelatedShifts, FaintScene};
 use super::noise::{ROUNDING_STD_GREY, frame_noise_grey, interpolated_median, spatial_noise_grey};
-use super::registrar::Registrar;
+use super::registrar::{Registrar, ShownMotion};
 use super::registration::Registration;
 use crate::frames::Luma;
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_median, median};
@@ -54,6 +54,8 @@ pub struct Background {
     pub survey_registrations: Vec<Registration>,
     /// Standard uncertainty of where a frame looks, px; 0 where the camera is fixed.
     pub shift_std_px: f64,
+    /// Which motions of the camera the scene shows.
+    pub shown_motion: ShownMotion,
     /// How a camera that moves may move beyond what its frames were registered by; none where it stands still.
     pub unseen_motions: Vec<UnseenMotion>,
     /// The edges of the scene, by which swings of a camera that stands still are seen; `None` where it moves.
@@ -170,6 +172,7 @@ impl Background {
         } else {
             UnseenMotion::each(&registrar, survey, &registrations)
         };
+        let shown_motion = registrar.clone().holding_unseen().shown_motion();
         let block_px = block_side_px(luma.width, luma.height);
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
@@ -195,6 +198,7 @@ impl Background {
             registrar,
             first_registration: registrations.first().copied()?,
             shift_std_px,
+            shown_motion,
             unseen_motions,
             survey_registrations: Vec::new(),
         };

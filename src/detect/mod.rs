@@ -20,6 +20,8 @@ mod registrar;
 pub mod registration;
 mod resample;
 
+pub use registrar::ShownMotion;
+
 use crate::frames::{Coded, ColourCut, Frame, Luma};
 use background::Background;
 use blobs::Blob;

@@ -85,6 +85,20 @@ impl Followed {
     }
 }
 
+/// Which motions of the camera a scene shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ShownMotion {
+    /// All.
+    All,
+    /// Those across a direction, as a floor line before a plain wall does.
+    AllBut {
+        /// The direction, columns and rows, of length 1.
+        along: Vector2<f64>,
+    },
+    /// None: a plain wall.
+    None,
+}
+
 /// Compares frames with a reference picture.
 #[derive(Debug, Clone)]
 pub struct Registrar {
@@ -242,6 +256,18 @@ impl Registrar {
             self.factor as f64 * self.noise_at_grey(self.factor) / least.sqrt()
         } else {
             f64::INFINITY
+        }
+    }
+
+    /// Which motions of the camera it sees; one that [holds what it does not see](Self::holding_unseen).
+    #[must_use]
+    pub fn shown_motion(&self) -> ShownMotion {
+        match self.held {
+            _ if self.expected_std_px().is_finite() => ShownMotion::All,
+            Some(along) if self.sees_shift => ShownMotion::AllBut {
+                along: if along.x < 0.0 { -along } else { along },
+            },
+            _ => ShownMotion::None,
         }
     }
 

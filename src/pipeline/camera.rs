@@ -8,6 +8,7 @@ use super::warnings::warning;
 use crate::calibration::{
     Calibration, CalibrationError, Optics, Rectification, ScaleEvidence, Silhouettes, View, Viewpoint,
 };
+use crate::detect::ShownMotion;
 use crate::detect::background::{Background, UnseenMotion};
 use crate::detect::colour::ColourChoice;
 use crate::flight::Flight;
@@ -52,6 +53,8 @@ pub struct CalibratedCamera<'a> {
     pub stands_still: bool,
     /// How well it is known where a frame looks, the first one above all, whose pixels are those of the calibration, px; 0 where it stands still.
     pub shift_std_px: f64,
+    /// Which motions of it the scene shows; `None` where there is no picture.
+    pub shown_motion: Option<ShownMotion>,
     /// How it may move beyond what its frames were registered by; none where it stands still.
     pub unseen_motions: Vec<UnseenMotion>,
     /// How well it is known where chroma lies against luma, as far as the ball is seen by it, px; 0 where it is seen by luma alone.
@@ -79,6 +82,7 @@ impl<'a> CalibratedCamera<'a> {
             size_px,
             stands_still,
             shift_std_px: 0.0,
+            shown_motion: None,
             unseen_motions: Vec::new(),
             chroma_std_px: 0.0,
             chroma_share: 0.0,
@@ -91,6 +95,7 @@ impl<'a> CalibratedCamera<'a> {
     pub fn seen_by(self, background: &Background) -> Self {
         Self {
             shift_std_px: background.shift_std_px,
+            shown_motion: Some(background.shown_motion),
             unseen_motions: background.unseen_motions.clone(),
             ..self
         }

@@ -1,6 +1,7 @@
 //! What a measurement of one recording consists of, launch by launch: the shapes that `measure` fills and `report` writes.
 
 pub use crate::calibration::View;
+pub use crate::detect::ShownMotion;
 use crate::edits::Edits;
 use crate::frames::{Chroma, Luma, digest};
 use crate::geometry::{PixelPoint, WorldPoint};
@@ -103,6 +104,17 @@ pub struct VideoFacts {
     pub duration_s: f64,
     /// Where times come from.
     pub time_source: TimeSource,
+    /// Whether the camera moves, as far as the scene shows; `None` where there is no picture.
+    pub camera: Option<CameraSeen>,
+}
+
+/// What the scene shows of the camera's motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraSeen {
+    /// No motion but swings is seen.
+    pub stands_still: bool,
+    /// What would be seen.
+    pub shown_motion: ShownMotion,
 }
 
 /// The calibration as it was used.

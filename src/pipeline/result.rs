@@ -5,8 +5,8 @@ use super::clock::Clocked;
 use super::drawing;
 use super::in_metres::Impacts;
 use super::measurement::{
-    CalibrationFacts, Measurement, Outcome, PointUse, Strobe, TimeSource, Track, TrackPoint, VideoFacts,
-    Warning,
+    CalibrationFacts, CameraSeen, Measurement, Outcome, PointUse, Strobe, TimeSource, Track, TrackPoint,
+    VideoFacts, Warning,
 };
 use super::refine::Refined;
 use super::spots::with_id;
@@ -48,6 +48,10 @@ impl<'a> RecordingFacts<'a> {
                 } else {
                     TimeSource::Stamps
                 },
+                camera: camera.shown_motion.map(|shown_motion| CameraSeen {
+                    stands_still: camera.stands_still,
+                    shown_motion,
+                }),
             },
             calibration_name,
         }

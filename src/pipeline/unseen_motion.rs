@@ -14,7 +14,8 @@
 //! Each motion puts every point of the flight elsewhere. How the arcs follow is, to first order, the same least squares as their fit; the outer
 //! products of what the parameters change by add to their covariance.
 //!
-//! Assumed: that a hand moves alike in all directions. Where it pans along the line alone, and nothing is seen to move, nothing is added.
+//! Assumed: that a hand moves alike in all directions. Where it pans along the line alone, and nothing is seen to move, nothing is added; the result
+//! says along which direction that may be ([`ShownMotion`](crate::detect::ShownMotion)).
 
 use super::camera::CalibratedCamera;
 use crate::calibration::Rectification;

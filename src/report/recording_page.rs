@@ -577,6 +577,9 @@ fn provenance(measurement: &Measurement) -> Markup {
                 (fact("picture", format!("{} × {} px", video.width_px, video.height_px)))
                 (fact("frames", frames))
                 (fact("times from", words::time_source(video.time_source)))
+                @if let Some(seen) = &video.camera {
+                    (fact("camera", words::camera(seen)))
+                }
                 (fact("view", view))
                 (fact("SHA-256", video.sha256.as_deref().unwrap_or(NO_VALUE)))
                 (fact("calibration", calibration_words(&measurement.calibration)))

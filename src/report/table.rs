@@ -6,7 +6,7 @@ use super::escape::on_one_line;
 use super::words;
 use crate::impact::compliant_reading::CompliantReading;
 use crate::impact::{Bounce, Distances, Readings};
-use crate::pipeline::{Measurement, Outcome};
+use crate::pipeline::{CameraSeen, Measurement, Outcome, ShownMotion};
 use crate::quantity::Quantity;
 use std::fmt::Write as _;
 
@@ -140,6 +140,10 @@ fn file_lines(text: &mut String, measurement: &Measurement) {
             words::time_source(video.time_source),
         ),
     );
+    let unsure = |seen: &&CameraSeen| seen.shown_motion != ShownMotion::All;
+    if let Some(seen) = video.camera.as_ref().filter(unsure) {
+        line(text, "camera", &words::camera(seen));
+    }
     let track = &measurement.track;
     let launches = measurement.each_launch();
     let used: usize = launches.iter().map(|launch| words::point_counts(launch).0).sum();

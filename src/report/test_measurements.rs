@@ -8,8 +8,9 @@ use crate::impact::{
     FloorSource, Readings, Speed, XSource,
 };
 use crate::pipeline::{
-    ArcMotion, ArcSample, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, Strobe, StrobeBall,
-    TimeSource, Track, TrackPoint, UnusedReason, UpSource, UpTilt, VideoFacts, View, Warning,
+    ArcMotion, ArcSample, ArcTrace, CalibrationFacts, CameraSeen, Measurement, Outcome, PointUse,
+    ShownMotion, Strobe, StrobeBall, TimeSource, Track, TrackPoint, UnusedReason, UpSource, UpTilt,
+    VideoFacts, View, Warning,
 };
 use crate::quantity::Quantity;
 use crate::rebound::model::BounceReading;
@@ -303,6 +304,12 @@ pub fn two_bounces() -> Measurement {
             frame_rate_hz: Some(RATE_HZ),
             duration_s: (points.len() + 3) as f64 / RATE_HZ,
             time_source: TimeSource::Stamps,
+            camera: Some(CameraSeen {
+                stands_still: true,
+                shown_motion: ShownMotion::AllBut {
+                    along: [1.0, 0.0].into(),
+                },
+            }),
         },
         calibration: CalibrationFacts {
             name: "calib/bench.calib.json".to_owned(),

@@ -3,7 +3,7 @@
 use crate::impact::compliant_reading::{CompliantReading, FrictionSource};
 use crate::impact::seen_spin::SpinSource;
 use crate::impact::{BenchLaunch, Bounce, BounceSurface, FloorSource, XSource};
-use crate::pipeline::{Measurement, PointUse, TimeSource, UpSource, UpTilt};
+use crate::pipeline::{CameraSeen, Measurement, PointUse, ShownMotion, TimeSource, UpSource, UpTilt};
 use crate::quantity::Quantity;
 use crate::rebound::{Preferred, Regime};
 
@@ -260,6 +260,37 @@ pub(super) fn time_source(source: TimeSource) -> &'static str {
     }
 }
 
+/// What the scene shows of the camera's motion.
+pub(super) fn camera(seen: &CameraSeen) -> String {
+    const WOULD_SHOW: &str = "(a patterned sheet on the wall would show it)";
+    let seen_to = if seen.stands_still {
+        "stands still"
+    } else {
+        "moves, and is followed by the scene"
+    };
+    match seen.shown_motion {
+        ShownMotion::All => seen_to.to_owned(),
+        ShownMotion::AllBut { along } => {
+            // Rows count downwards.
+            let clockwise_deg = along.y.atan2(along.x).to_degrees();
+            let turned = if clockwise_deg < 0.0 {
+                "anticlockwise"
+            } else {
+                "clockwise"
+            };
+            let direction = match trimmed(clockwise_deg.abs(), 1).as_str() {
+                "0" => "the picture's rows".to_owned(),
+                "90" => "the picture's columns".to_owned(),
+                deg => format!("a line {deg}° {turned} from the picture's rows"),
+            };
+            format!("{seen_to}; its motion along {direction} may stay unseen {WOULD_SHOW}")
+        }
+        ShownMotion::None => {
+            format!("taken to stand still; its motion may stay unseen {WOULD_SHOW}")
+        }
+    }
+}
+
 /// The file's name without its folders.
 pub(super) fn file_name(measurement: &Measurement) -> String {
     let path = &measurement.video.path;
@@ -373,6 +404,26 @@ pub const fn spin_source(source: SpinSource) -> &'static str {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn what_the_scene_does_not_show_of_the_camera_is_said() {
+        let said = |stands_still, shown_motion| {
+            camera(&CameraSeen {
+                stands_still,
+                shown_motion,
+            })
+        };
+        let all_but = |degrees: f64| ShownMotion::AllBut {
+            along: [degrees.to_radians().cos(), degrees.to_radians().sin()].into(),
+        };
+        assert_eq!(said(true, ShownMotion::All), "stands still");
+        assert!(said(true, all_but(-0.01)).contains("along the picture's rows may stay unseen"));
+        assert!(said(true, all_but(1.25)).contains("a line 1.2° clockwise from the picture's rows"));
+        assert!(said(false, all_but(-30.0)).starts_with("moves"));
+        assert!(said(false, all_but(-30.0)).contains("a line 30° anticlockwise from"));
+        assert!(said(true, all_but(90.0)).contains("along the picture's columns"));
+        assert!(said(true, ShownMotion::None).starts_with("taken to stand still"));
+    }
 
     fn of(value: f64, std: f64) -> String {
         format_quantity(Quantity::new(value, std), "")

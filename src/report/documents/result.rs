@@ -8,8 +8,8 @@ use crate::impact::{
     AlongFloor, BenchLaunch, Bounce, CentreVelocity, Correlation, FloorSource, Readings, XSource,
 };
 use crate::pipeline::{
-    ArcMotion, ArcSpin, ArcTrace, CalibrationFacts, Measurement, Outcome, PointUse, TimeSource, Track,
-    TrackPoint, UpSource, VideoFacts, View,
+    ArcMotion, ArcSpin, ArcTrace, CalibrationFacts, CameraSeen, Measurement, Outcome, PointUse, ShownMotion,
+    TimeSource, Track, TrackPoint, UpSource, VideoFacts, View,
 };
 use crate::quantity::Quantity;
 use crate::rebound::ModelName;
@@ -125,6 +125,19 @@ pub struct VideoDocument<'a> {
     pub duration_s: f64,
     /// `stamps` (of the file) or `calibration` (its `frame_rate_hz`).
     pub time_source: &'static str,
+    /// The camera, as far as the scene shows its motion; `null` where points were given and no picture.
+    pub camera: Option<CameraDocument>,
+}
+
+/// What the scene shows of the camera's motion.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct CameraDocument {
+    /// No motion is seen, but for swings.
+    pub stands_still: bool,
+    /// Which motions would be seen: `all`, `across` (none along `unseen_along_px`), or `none`.
+    pub motion_shown: &'static str,
+    /// The direction in the picture, columns and rows, along which the scene shows no motion.
+    pub unseen_along_px: Option<[f64; 2]>,
 }
 
 /// The calibration as it was used.
@@ -493,6 +506,20 @@ fn video(video: &VideoFacts) -> VideoDocument<'_> {
             TimeSource::Stamps => "stamps",
             TimeSource::Calibration => "calibration",
         },
+        camera: video.camera.as_ref().map(camera),
+    }
+}
+
+fn camera(seen: &CameraSeen) -> CameraDocument {
+    let (motion_shown, unseen_along_px) = match seen.shown_motion {
+        ShownMotion::All => ("all", None),
+        ShownMotion::AllBut { along } => ("across", Some(along.into())),
+        ShownMotion::None => ("none", None),
+    };
+    CameraDocument {
+        stands_still: seen.stands_still,
+        motion_shown,
+        unseen_along_px,
     }
 }
 
@@ -732,7 +759,8 @@ mod tests {
                 "frames",
                 "frame_rate_hz",
                 "duration_s",
-                "time_source"
+                "time_source",
+                "camera"
             ]
         );
         assert_eq!(
