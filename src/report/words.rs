@@ -285,9 +285,10 @@ pub(super) fn camera(seen: &CameraSeen) -> String {
             };
             format!("{seen_to}; its motion along {direction} may stay unseen {WOULD_SHOW}")
         }
-        ShownMotion::None => {
+        ShownMotion::None if seen.stands_still => {
             format!("taken to stand still; its motion may stay unseen {WOULD_SHOW}")
         }
+        ShownMotion::None => format!("moves; how may stay unseen {WOULD_SHOW}"),
     }
 }
 
@@ -423,6 +424,7 @@ mod tests {
         assert!(said(false, all_but(-30.0)).contains("a line 30° anticlockwise from"));
         assert!(said(true, all_but(90.0)).contains("along the picture's columns"));
         assert!(said(true, ShownMotion::None).starts_with("taken to stand still"));
+        assert!(said(false, ShownMotion::None).starts_with("moves"));
     }
 
     fn of(value: f64, std: f64) -> String {

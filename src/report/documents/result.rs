@@ -134,9 +134,9 @@ pub struct VideoDocument<'a> {
 pub struct CameraDocument {
     /// No motion is seen, but for swings.
     pub stands_still: bool,
-    /// Which motions would be seen: `all`, `across` (none along `unseen_along_px`), or `none`.
-    pub motion_shown: &'static str,
-    /// The direction in the picture, columns and rows, along which the scene shows no motion.
+    /// Which motions the scene is sure to show: `all`, `across` (any but those along `unseen_along_px`), or `none`.
+    pub shown_motion: &'static str,
+    /// The direction in the picture, columns and rows, along which it is not sure to.
     pub unseen_along_px: Option<[f64; 2]>,
 }
 
@@ -511,14 +511,14 @@ fn video(video: &VideoFacts) -> VideoDocument<'_> {
 }
 
 fn camera(seen: &CameraSeen) -> CameraDocument {
-    let (motion_shown, unseen_along_px) = match seen.shown_motion {
+    let (shown_motion, unseen_along_px) = match seen.shown_motion {
         ShownMotion::All => ("all", None),
         ShownMotion::AllBut { along } => ("across", Some(along.into())),
         ShownMotion::None => ("none", None),
     };
     CameraDocument {
         stands_still: seen.stands_still,
-        motion_shown,
+        shown_motion,
         unseen_along_px,
     }
 }
