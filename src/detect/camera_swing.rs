@@ -9,8 +9,9 @@
 //! edges nothing is followed, and the shift there is left at 0.
 //!
 //! A codec draws the scene anew in each key frame: a faint artefact that passed for an edge is gone, and a floor line has another profile, the same all along
-//! it. So a shift has to make the frame more likely than none does, by what a shift of its size would, and its uncertainty is that of residuals that
-//! are alike along a row or a column (a cluster-robust one: Liang and Zeger 1986).
+//! it. So a shift has to make the frame more likely than none does, by what a shift of its size would, and the edges that tell of it have to be in the
+//! frame at their new places. Its uncertainty is that of residuals that are alike along a row or a column (a cluster-robust one: Liang and Zeger
+//! 1986), of as many degrees of freedom as rows or columns tell: a codec may draw one line a third of a pixel aside, which is then no swing.
 //!
 //! Assumed: the picture shifts as a whole (a swing of a degree's hundredth does), and by less than five pixels.
 
@@ -43,6 +44,8 @@ const FOLLOWED_STD_PX: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShiftThreshold {
     sigmas: f64,
+    /// The same of an uncertainty that lets residuals be alike, with few degrees of freedom.
+    alike_sigmas: f64,
     px: f64,
     /// More than so many times the shift that frames of a camera at rest seem to have.
     rest_multiples: f64,
@@ -53,6 +56,7 @@ impl ShiftThreshold {
     /// as much.
     pub const ONSET: Self = Self {
         sigmas: 4.5,
+        alike_sigmas: 2.6,
         px: 0.1,
         rest_multiples: 5.0,
     };
@@ -60,6 +64,7 @@ impl ShiftThreshold {
     /// For a camera that swings, while that dies away.
     pub const DECAY: Self = Self {
         sigmas: 0.5,
+        alike_sigmas: 0.3,
         px: 0.0,
         rest_multiples: 0.5,
     };
@@ -70,6 +75,9 @@ const NOISE_CORRELATION: f64 = 2.0;
 
 /// A shift makes a frame more likely by at least this part of what one of its size is expected to.
 const LEAST_EXPLAINED: f64 = 0.5;
+
+/// Of the scene's edges, by the squares of their gradients, at least this part is in a frame of a camera that swings.
+const LEAST_KEPT: f64 = 0.5;
 
 /// Gauss-Newton steps at most.
 const STEPS: usize = 8;
@@ -140,6 +148,7 @@ impl SceneEdges {
     pub fn with_rest_shift_of(mut self, frames: &[&Luma], lights: &[Registration]) -> Self {
         let any = ShiftThreshold {
             sigmas: 0.0,
+            alike_sigmas: 0.0,
             px: 0.0,
             rest_multiples: 0.0,
         };
@@ -218,7 +227,9 @@ impl SceneEdges {
         let best = chi_square(&found);
         let explains = |part: &Vector2<f64>, sigmas: f64| {
             let expected = (NOISE_CORRELATION * sigmas.min(ShiftThreshold::ONSET.sigmas)).powi(2);
-            chi_square(&at(&(shift - part))) - best > LEAST_EXPLAINED * expected
+            let gained = chi_square(&at(&(shift - part))) - best;
+            gained > LEAST_EXPLAINED * expected
+                && kept_edges(&pixels, frame, &shift, part) > LEAST_KEPT * light.gain
         };
         let shift = axes.parts_that(&shift, explains);
         axes.exceeds(&shift, least).then_some([shift.x, shift.y])
@@ -265,9 +276,56 @@ impl SceneEdges {
     }
 }
 
-/// Two directions, with the standard uncertainty of a shift along each, px.
+/// The slope of the frame at the shifted places of `pixels` over that of the scene, along a direction, by least squares: 1 where the scene's
+/// edges are there, 0 where nothing is.
+fn kept_edges(pixels: &[EdgePixel], frame: &Luma, shift: &Vector2<f64>, direction: &Vector2<f64>) -> f64 {
+    let Some(axis) = direction.try_normalize(0.0) else {
+        return 1.0;
+    };
+    let (mut both, mut own) = (0.0, 0.0);
+    for e in pixels {
+        let (u, v) = (f64::from(e.u) + shift.x, f64::from(e.v) + shift.y);
+        let slope = 0.5 * (cubic(frame, u + axis.x, v + axis.y) - cubic(frame, u - axis.x, v - axis.y));
+        let along = e.gradient.dot(&axis);
+        both += slope * along;
+        own += along * along;
+    }
+    both / own.max(f64::MIN_POSITIVE)
+}
+
+/// A direction in which a shift is seen.
+#[derive(Debug, Clone, Copy)]
+struct ObservableAxis {
+    direction: Vector2<f64>,
+    /// Standard uncertainty of a shift along it, px, by residuals that are independent.
+    std: f64,
+    /// The same by residuals that are alike along rows or columns, and its degrees of freedom.
+    alike: Option<(f64, f64)>,
+}
+
+impl ObservableAxis {
+    fn sigmas(&self, along: f64) -> f64 {
+        along.abs() / self.std
+    }
+
+    /// The same where residuals are alike: Student's t as a normal deviate (Wallace 1959, Ann. Math. Statist. 30, 1124).
+    fn alike_sigmas(&self, along: f64) -> f64 {
+        self.alike.map_or(f64::INFINITY, |(std, freedom)| {
+            let t = along / std;
+            (freedom * (t * t / freedom).ln_1p()).sqrt()
+        })
+    }
+
+    fn exceeds(&self, along: f64, least: &ShiftThreshold) -> bool {
+        self.sigmas(along) > least.sigmas
+            && self.alike_sigmas(along) > least.alike_sigmas
+            && along.abs() > least.px
+    }
+}
+
+/// Two directions, square to each other.
 struct ObservableAxes {
-    axes: [(Vector2<f64>, f64); 2],
+    axes: [ObservableAxis; 2],
 }
 
 impl ObservableAxes {
@@ -275,7 +333,11 @@ impl ObservableAxes {
         let eigen = SymmetricEigen::new(*information);
         let axis = |i: usize| {
             let std = NOISE_CORRELATION * spread / eigen.eigenvalues[i].max(f64::MIN_POSITIVE).sqrt();
-            (eigen.eigenvectors.column(i).into_owned(), std)
+            ObservableAxis {
+                direction: eigen.eigenvectors.column(i).into_owned(),
+                std,
+                alike: None,
+            }
         };
         Self {
             axes: [axis(0), axis(1)],
@@ -284,29 +346,35 @@ impl ObservableAxes {
 
     /// The same with uncertainties that allow for `residuals` of `pixels` that are alike along the edges that tell of an axis, those of a row or of a column.
     fn with_alike(mut self, pixels: &[EdgePixel], residuals: &[f64], spread: f64) -> Self {
-        for (axis, std) in &mut self.axes {
-            let by_rows = axis.y.abs() > axis.x.abs();
-            let mut scores: BTreeMap<i32, f64> = BTreeMap::new();
-            let mut information = 0.0;
+        for axis in &mut self.axes {
+            let by_rows = axis.direction.y.abs() > axis.direction.x.abs();
+            // Of each row or column what it says of the shift, and how much it tells.
+            let mut lines: BTreeMap<i32, (f64, f64)> = BTreeMap::new();
             for (e, &r) in pixels.iter().zip(residuals) {
-                let (along, weight) = (e.gradient.dot(axis), tukey_weight(r, TUKEY * spread));
-                *scores.entry(if by_rows { e.v } else { e.u }).or_default() += weight * r * along;
-                information += weight * along * along;
+                let along = e.gradient.dot(&axis.direction);
+                let weight = tukey_weight(r, TUKEY * spread);
+                let line = lines.entry(if by_rows { e.v } else { e.u }).or_default();
+                line.0 += weight * r * along;
+                line.1 += weight * along * along;
             }
-            let lines = scores.len() as f64;
-            let squares: f64 = scores.values().map(|s| s * s).sum();
-            if lines > 1.0 && information > 0.0 {
-                *std = std.max((squares * lines / (lines - 1.0)).sqrt() / information);
-            }
+            let information: f64 = lines.values().map(|l| l.1).sum();
+            let squares: f64 = lines.values().map(|l| l.0 * l.0).sum();
+            // As many lines of equal weight tell as much as all do.
+            let telling = information.powi(2) / lines.values().map(|l| l.1 * l.1).sum::<f64>();
+            axis.alike = (telling > 1.0).then(|| {
+                let std = (squares * telling / (telling - 1.0)).sqrt() / information;
+                (std, telling - 1.0)
+            });
         }
         self
     }
 
     /// The parts of `v` along the axes for which `is_so` (part, standard deviations).
     fn parts_that(&self, v: &Vector2<f64>, is_so: impl Fn(&Vector2<f64>, f64) -> bool) -> Vector2<f64> {
-        let parts = self.axes.iter().map(|(axis, std)| {
-            let along = axis.dot(v);
-            (axis * along, along.abs() / std)
+        let parts = self.axes.iter().map(|axis| {
+            let along = axis.direction.dot(v);
+            let std = axis.alike.map_or(axis.std, |(std, _)| std.max(axis.std));
+            (axis.direction * along, along.abs() / std)
         });
         parts
             .filter(|(part, sigmas)| is_so(part, *sigmas))
@@ -316,9 +384,9 @@ impl ObservableAxes {
 
     /// The part of `v` along the directions in which a shift is determined.
     fn project(&self, v: &Vector2<f64>) -> Vector2<f64> {
-        let part = |(axis, std): &(Vector2<f64>, f64)| {
-            if *std < FOLLOWED_STD_PX {
-                axis * axis.dot(v)
+        let part = |axis: &ObservableAxis| {
+            if axis.std < FOLLOWED_STD_PX {
+                axis.direction * axis.direction.dot(v)
             } else {
                 Vector2::zeros()
             }
@@ -327,8 +395,9 @@ impl ObservableAxes {
     }
 
     fn exceeds(&self, v: &Vector2<f64>, least: ShiftThreshold) -> bool {
-        self.axes.iter().any(|(axis, std)| {
-            *std < FOLLOWED_STD_PX && axis.dot(v).abs() > (least.sigmas * std).max(least.px)
+        self.axes.iter().any(|axis| {
+            let along = axis.direction.dot(v);
+            axis.std < FOLLOWED_STD_PX && axis.exceeds(along, &least)
         })
     }
 }
