@@ -304,11 +304,8 @@ struct ObservableAxis {
 }
 
 impl ObservableAxis {
-    fn sigmas(&self, along: f64) -> f64 {
-        along.abs() / self.std
-    }
-
-    /// The same where residuals are alike: Student's t as a normal deviate (Wallace 1959, Ann. Math. Statist. 30, 1124).
+    /// By how many standard deviations of a normal variable a shift is as unlikely as this one is where residuals are alike: Student's t
+    /// as a normal deviate (Wallace 1959, Ann. Math. Statist. 30, 1124).
     fn alike_sigmas(&self, along: f64) -> f64 {
         self.alike.map_or(f64::INFINITY, |(std, freedom)| {
             let t = along / std;
@@ -317,7 +314,7 @@ impl ObservableAxis {
     }
 
     fn exceeds(&self, along: f64, least: &ShiftThreshold) -> bool {
-        self.sigmas(along) > least.sigmas
+        along.abs() / self.std > least.sigmas
             && self.alike_sigmas(along) > least.alike_sigmas
             && along.abs() > least.px
     }

@@ -84,7 +84,7 @@ impl Effort {
     }
 
     /// What is added to the constant rate factor. With its look ahead x264 adds 5.4 itself (13.5 (1 − qcomp)) and takes off what later frames
-    /// refer to: by 3 more without it, clips are as large, and centres of balls scatter as much (to a fifth).
+    /// refer to: by 3 more without it, clips of nine rendered scenes are 0.3 to 1.7 times as large, and centres of balls scatter 1.0 to 1.5 times as much.
     fn more_crf(self) -> f64 {
         match self {
             Self::SmallFile => 3.0,
