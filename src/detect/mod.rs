@@ -248,10 +248,10 @@ impl Detector {
         }
     }
 
-    /// The light of `scene`, another picture of the same unmoved scene, against the background's; `None` where it shows a thing
-    /// that the background does not.
+    /// Where `scene`, another picture of the same scene, lies and how it is lit against the background, and what it shows that the
+    /// background does not.
     #[must_use]
-    pub fn light_of(&self, scene: &Luma) -> Option<Registration> {
+    pub fn compare(&self, scene: &Luma) -> (Registration, Vec<Blob>) {
         let background = &self.background;
         let light = background.registrar.follow(scene, &Registration::IDENTITY);
         let sums = background::sum_blocks(scene, background.block_px);
@@ -261,7 +261,7 @@ impl Detector {
             &light,
             &background.block_changes(&sums, &light),
         );
-        (light.is_still() && shown.is_empty()).then_some(light)
+        (light, shown)
     }
 
     /// A first centre, good to a few hundredths of the radius, where nothing is known of the ball yet: the circle

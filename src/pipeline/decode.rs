@@ -13,6 +13,7 @@ use super::sighting_store::SightingStore;
 use super::warnings::of_file::of_file;
 use crate::calibration::Calibration;
 use crate::detect::background::{self, Background};
+use crate::detect::blobs::Blob;
 use crate::detect::colour::{self, ColourChoice};
 use crate::detect::registration::Registration;
 use crate::detect::{Detector, Sighting};
@@ -20,6 +21,8 @@ use crate::frames::even_clock::{self, EvenClock};
 use crate::frames::{
     self, ChromaGrid, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth,
 };
+use crate::geometry::PixelPoint;
+use crate::numeric::robust::median;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -101,6 +104,9 @@ const LEAST_OPENING: usize = 2 * SURVEY_FRAMES;
 /// So many key frames spread over a recording of large pictures are scene enough to begin with: a ball is in one place in most of them only where
 /// it lies, and the scene of the whole tells that.
 const LEAST_KEY_FRAMES: usize = 3;
+
+/// Two scenes that differ by less than this part of a ball's area are one.
+const NEGLIGIBLE_PART: f64 = 0.1;
 
 /// Fewer frames than this hold no impact: three on one side of it, three on the other.
 const LEAST_FRAMES: usize = 6;
@@ -451,16 +457,33 @@ impl DecodingPass {
         let scene = self.spread_so_far().filter(|lumas| !lumas.is_empty());
         scene.is_some_and(|lumas| {
             let so_far = background::median_of(&lumas);
-            self.detector.light_of(&so_far).is_some()
+            self.light_of(&so_far).is_some()
         })
     }
 
-    /// The scene of the frames kept, with its light against that of the scene looked at with; `None` where it shows a thing
-    /// that this does not, or where the camera moves.
+    /// The light of `scene` against that of the scene looked at with; `None` where these are two scenes.
+    fn light_of(&self, scene: &Luma) -> Option<Registration> {
+        let (light, shown) = self.detector.compare(scene);
+        (light.is_still() && self.is_negligible(&shown)).then_some(light)
+    }
+
+    /// Whether things that one of two scenes shows are too small to be a ball that lay there, or to hide one: what a codec leaves at an
+    /// edge. The measure is the usual round thing that was seen elsewhere (noise among those makes it smaller).
+    fn is_negligible(&self, shown: &[Blob]) -> bool {
+        let is_there = |at: PixelPoint| shown.iter().any(|blob| blob.crop.contains(at, 0.0));
+        let round = self.kept.sightings.iter().filter(|s| s.centre.is_some());
+        let elsewhere = round.filter(|s| !is_there(s.blob.centroid));
+        let usual_px = median(&mut elsewhere.map(|s| s.blob.area_px).collect::<Vec<_>>());
+        let shown_px: f64 = shown.iter().map(|blob| blob.area_px).sum();
+        shown_px <= NEGLIGIBLE_PART * usual_px.unwrap_or(0.0)
+    }
+
+    /// The scene of the frames kept, with its light against that of the scene looked at with; `None` where these are two scenes,
+    /// or where the camera moves.
     fn scene_of_the_whole(&self) -> Option<(Background, Registration)> {
         let whole = Background::from_survey(&self.spread_so_far()?)?;
         let fixed = !whole.registrar.follows_shifts();
-        let light = self.detector.light_of(&whole.luma).filter(|_| fixed)?;
+        let light = self.light_of(&whole.luma).filter(|_| fixed)?;
         Some((whole, light))
     }
 
@@ -485,11 +508,21 @@ mod tests {
     const SIZE: (usize, usize) = (1280, 720);
     const FRAMES: usize = 130;
 
+    /// Where the first pixel of a spot is, along both axes.
+    const SPOT: usize = 600;
+
     /// Of which memory has no room for an opening.
     const LARGE_PX: (usize, usize) = (2560, 1440);
 
-    /// A wall in noise, with a ball where `place` says for each frame, and a key frame every `gop`.
-    fn written(path: &Path, size_px: (usize, usize), gop: usize, place: impl Fn(usize) -> [f64; 2]) {
+    /// A wall in noise, with a ball where `place` says for each frame, and a key frame every `gop`; from frame 50 on it also has a spot of
+    /// so many pixels a side.
+    fn written(
+        path: &Path,
+        size_px: (usize, usize),
+        gop: usize,
+        spot_px: usize,
+        place: impl Fn(usize) -> [f64; 2],
+    ) {
         let coding = Coding::H264 {
             crf: 14,
             gop: gop.try_into().unwrap(),
@@ -501,7 +534,15 @@ mod tests {
             let [u, v] = place(frame);
             let luma = Luma::from_fn(size_px.0, size_px.1, |x, y| {
                 let away = (x as f64 - u).hypot(y as f64 - v);
-                let grey = if away < 16.0 { 200 } else { 60 };
+                let is_spot =
+                    frame >= 50 && (SPOT..SPOT + spot_px).contains(&x) && (SPOT..SPOT + spot_px).contains(&y);
+                let grey = if away < 16.0 {
+                    200
+                } else if is_spot {
+                    100
+                } else {
+                    60
+                };
                 grey + random.below(4)
             });
             writer.write(&luma).unwrap();
@@ -511,17 +552,18 @@ mod tests {
 
     /// What was seen with but two key frames, and how often a frame was looked at.
     fn observed(place: impl Fn(usize) -> [f64; 2]) -> (Decoded, usize) {
-        observed_in(SIZE, 100, place)
+        observed_in(SIZE, 100, 0, place)
     }
 
     fn observed_in(
         size_px: (usize, usize),
         gop: usize,
+        spot_px: usize,
         place: impl Fn(usize) -> [f64; 2],
     ) -> (Decoded, usize) {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("ball.mp4");
-        written(&path, size_px, gop, place);
+        written(&path, size_px, gop, spot_px, place);
         let mut looks = 0;
         let mut count = |p: Progress| looks += usize::from(matches!(p, Progress::Frame { .. }));
         let seen = decode(&path, frames::open(&path).unwrap(), &mut count).unwrap();
@@ -558,10 +600,20 @@ mod tests {
     }
 
     #[test]
+    fn a_scene_that_changes_by_less_than_a_ball_is_looked_at_once() {
+        let place = |frame: usize| [60.0 + 8.0 * frame as f64, 300.0];
+        for (spot_px, passes) in [(6, 1), (26, 2)] {
+            let (seen, looks) = observed_in(SIZE, 100, spot_px, place);
+            assert_eq!(looks, passes * FRAMES, "spot of {spot_px} px a side");
+            assert!(follows(&seen, place));
+        }
+    }
+
+    #[test]
     fn few_key_frames_are_scene_enough_for_large_pictures_and_none_take_a_pass_of_their_own() {
         let place = |frame: usize| [60.0 + 8.0 * frame as f64, 300.0];
         for gop in [40, 200] {
-            let (seen, looks) = observed_in(LARGE_PX, gop, place);
+            let (seen, looks) = observed_in(LARGE_PX, gop, 0, place);
             assert_eq!(looks, FRAMES);
             assert!(follows(&seen, place));
         }
