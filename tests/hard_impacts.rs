@@ -517,6 +517,14 @@ fn cases() -> Vec<Case> {
             &["tangential restitution"],
         ),
         case("slip backwards", at(45.0, 1.6, STEEL), SLIDING, &[]),
+        // What leaves has 1.6 times the kinetic energy of what came, from its spin.
+        case("topspin that grips", at(20.0, 6.0, Law::EE(0.8, 0.4)), GRIPS, &[]),
+        case(
+            "topspin that slips",
+            at(20.0, 8.0, Law::MuE(0.8, 0.3)),
+            SLIDING,
+            &[],
+        ),
         case("slip forwards", at(45.0, 0.4, STEEL), SLIDING, &[]),
         case("at the transition", beside(1.0), ROLLING, &[]),
         case("an ulp below it", beside(1.0 - f64::EPSILON), ROLLING, &[]),
@@ -654,6 +662,34 @@ fn to_the_left_and_with_a_tilted_up_the_same_is_read() {
             if film.before.velocity_m_s.x.abs() > 1e-3 || !left {
                 pulls.add(&film, &one(&m, &what));
             }
+            pulls.hold(&what);
+        }
+    }
+}
+
+#[test]
+fn topspin_that_becomes_speed_is_an_impact() {
+    // What leaves has 1.4 to 4 times the kinetic energy of what came.
+    for (angle_deg, spin_ratio, law) in [
+        (20.0, 6.0, Law::EE(0.8, 0.4)),
+        (20.0, 8.0, Law::MuE(0.8, 0.5)),
+        (45.0, 2.5, Law::EE(0.9, 0.7)),
+        (10.0, 25.0, Law::MuE(0.9, 1.2)),
+    ] {
+        let before = coming(angle_deg, spin_ratio, 12.0);
+        let after = law.after(&before, SOLID_SPHERE);
+        let energy = |m: &RigidMotion| m.velocity_m_s.norm_squared();
+        assert!(energy(&after) > 1.4 * energy(&before));
+        for left in [false, true] {
+            let film = Film {
+                left,
+                ..Film::new(before, after, Some(spin_ratio))
+            };
+            let what = format!("{angle_deg} degrees, spin {spin_ratio}, left {left}");
+            let m = film.measured().unwrap();
+            sound(&m, &what);
+            let mut pulls = Pulls::default();
+            pulls.add(&film, &one(&m, &what));
             pulls.hold(&what);
         }
     }

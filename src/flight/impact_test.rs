@@ -3,8 +3,11 @@
 
 use super::motion_model::ArcFit;
 
-/// A bounce may turn spin into speed, but not make much: kinetic energy after over before, at most.
+/// Kinetic energy after over before, at most, where nothing shows that spin may have added to it; the same of a fall and the rise after it.
 pub(super) const MOST_ENERGY_GAIN: f64 = 1.15;
+
+/// Friction is no more than this part of the force across the floor: what rubber reaches on rubber. So much of a spin may become speed.
+const MOST_FRICTION: f64 = 1.5;
 
 /// Two arcs meet in an impact when they come together between their points, within what is known of them.
 pub(super) fn impact_between(
@@ -25,10 +28,14 @@ pub(super) fn impact_between(
     // Measured as speed at one height: the two arcs are compared at the same place.
     let (before, after) = (m.vr.hypot(m.vh), n.vr.hypot(n.vh));
     let noise = gap / interval_s;
-    let loses = after * after <= MOST_ENERGY_GAIN * (before + noise) * (before + noise);
+    let gives_back = |after: f64, before: f64| after * after <= MOST_ENERGY_GAIN * (before + noise).powi(2);
     // A floor gives back no more of the fall than there was: what rises faster is another thing (a shadow, a reflection)
-    // that met the ball there.
-    let falls = m.vh < 0.0 && n.vh > 0.0 && n.vh - m.vh > (n.vr - m.vr).abs();
-    let rises_less = !falls || n.vh * n.vh <= MOST_ENERGY_GAIN * (m.vh.abs() + noise).powi(2);
-    (in_between && close && loses && rises_less).then_some(t)
+    // that met the ball there. Along the floor a ball with spin may leave faster than it came.
+    let turns_up = m.vh < 0.0 && n.vh > 0.0 && MOST_FRICTION * (n.vh - m.vh) > (n.vr - m.vr).abs();
+    let loses = if turns_up && fit.falls_in_plane() {
+        gives_back(n.vh, m.vh.abs())
+    } else {
+        gives_back(after, before)
+    };
+    (in_between && close && loses).then_some(t)
 }
