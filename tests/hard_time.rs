@@ -110,6 +110,37 @@ fn a_rolling_shutter_that_is_not_told_is_found_by_the_flight() {
 }
 
 #[test]
+fn a_light_ball_with_topspin_has_no_readout() {
+    // Lift bends its arcs by 12 px: more than a readout of 2.6 ms would, and to first order alike.
+    let mut spun = with(
+        scene(24),
+        "camera",
+        json!({"image_size_px": [1280, 480], "metres_per_pixel": 0.001422, "origin_px": [500, 440]}),
+    );
+    spun["launch"] = json!({"drop_height_m": 0.25, "speed_m_s": 0.61, "spin_rad_s": [0, 319.6, 0]});
+    spun["contact"] = json!({"model": "e_e", "restitution": 0.788, "tangential_restitution_x": -0.2});
+    let spun = with(spun, "ball", json!({"radius_m": 0.02, "mass_kg": 0.0027}));
+    let look = json!({"background_grey": 40, "ball_grey": 180, "shading": 0.5, "texture_grey": 4});
+    let spun = with(with(spun, "look", look), "stop", json!({"tail_s": 0.15}));
+    let found = Clip::of(&spun).coded_to(18);
+    assert!(!found.warns("rolling_shutter"), "{:?}", found.warnings());
+    let lies = found.lies(HONEST_SIGMAS);
+    assert!(lies.is_empty(), "{lies:?}");
+    // Without a codec every number is as true as its centres are, and nothing is said.
+    let clip = Clip::of(&spun);
+    let found = clip.measured();
+    assert_true(&found, 2, "without a codec");
+    for code in [
+        "rolling_shutter",
+        "scale_changes",
+        "camera_shaken",
+        "not_a_parabola",
+    ] {
+        assert!(!found.warns(code), "{:?}", found.warnings());
+    }
+}
+
+#[test]
 fn a_shutter_open_for_the_whole_frame_is_true() {
     // The ball's path during an exposure is a piece of its parabola: its ends are up to 0.2 px off a straight one.
     for (seed, rate_hz) in [(670, 240.0), (671, 120.0), (672, 60.0), (673, 60.0)] {

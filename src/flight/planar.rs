@@ -17,7 +17,7 @@ pub struct Motion {
 
 impl Motion {
     /// This motion and `s` times a `slope` of it.
-    pub(super) fn along(&self, slope: &Self, s: f64) -> Self {
+    pub fn along(&self, slope: &Self, s: f64) -> Self {
         Self {
             r: self.r + s * slope.r,
             h: self.h + s * slope.h,
@@ -99,36 +99,19 @@ impl PlanarArcs<'_> {
         &self.parameters[ARCS + 4 * k..ARCS + 4 * k + 4]
     }
 
-    /// What an acceleration `field` of the velocity (along r and h) adds to the motion on arc `k` from its mean time to `t`,
-    /// to first order: its integrals along the parabola.
+    /// What an acceleration `field` of the velocity (along r and h) adds to the motion on arc `k` from its mean time to `t`: the way of a ball that it
+    /// acts on less that of one that it does not, both in the same air.
     #[must_use]
     pub fn pushed_by(&self, k: usize, t: f64, field: impl Fn(f64, f64) -> (f64, f64)) -> Motion {
-        const PARTS: usize = 12; // of Simpson's rule
-        let (g, across, a) = (self.parameters[GRAVITY], self.parameters[ACROSS], self.arc(k));
+        let free = self.start(k);
         let dt = (t - self.times[k]) / PARTS as f64;
-        let mut sum = Motion {
-            r: 0.0,
-            h: 0.0,
-            vr: 0.0,
-            vh: 0.0,
-        };
-        // ∫∫ f = ∫ (t - s) f(s) ds: Simpson's rule needs no second integration.
-        for i in 0..=PARTS {
-            let since = i as f64 * dt;
-            let (fr, fh) = field(a[1] + across * since, a[3] - g * since);
-            let weight = match i {
-                0 | PARTS => 1.0,
-                _ if i % 2 == 1 => 4.0,
-                _ => 2.0,
-            } * dt
-                / 3.0;
-            let lever = (PARTS - i) as f64 * dt;
-            sum.r += weight * lever * fr;
-            sum.h += weight * lever * fh;
-            sum.vr += weight * fr;
-            sum.vh += weight * fh;
-        }
-        sum
+        let (free, pushed) = (0..PARTS).fold((free, free), |(free, pushed), _| {
+            (
+                self.integrated(free, dt, |_, _| (0.0, 0.0)),
+                self.integrated(pushed, dt, &field),
+            )
+        });
+        pushed.along(&free, -1.0)
     }
 
     /// Motion on arc `k` at time `t`.
@@ -242,7 +225,7 @@ impl PlanarArcs<'_> {
                 vh: now.vh - g * s,
             }
         } else {
-            self.integrated(now, s)
+            self.integrated(now, s, |_, _| (0.0, 0.0))
         };
         (now, pushed)
     }
@@ -250,20 +233,24 @@ impl PlanarArcs<'_> {
     /// Runge-Kutta of fourth order over `dt` in eight steps: with drag a tenth of gravity the error is below 1e-7 of the
     /// way.
     fn integrate(&self, start: Motion, dt: f64) -> Motion {
-        (0..PARTS).fold(start, |m, _| self.integrated(m, dt / PARTS as f64))
+        (0..PARTS).fold(start, |m, _| {
+            self.integrated(m, dt / PARTS as f64, |_, _| (0.0, 0.0))
+        })
     }
 
-    /// One such step, `s` long. The drag coefficient, which hardly changes in it, is that of its middle.
-    fn integrated(&self, m: Motion, s: f64) -> Motion {
+    /// One such step, `s` long, under an acceleration `field` of the velocity beside. The drag coefficient, which hardly changes in it, is that of
+    /// its middle.
+    fn integrated(&self, m: Motion, s: f64, field: impl Fn(f64, f64) -> (f64, f64)) -> Motion {
         let (g, beta) = (self.parameters[GRAVITY], self.parameters[DRAG]);
         let across = self.parameters[ACROSS];
         let rate = |m: &Motion, beta: f64| {
             let slow = -beta * speed(m.vr, m.vh);
+            let (along_r, along_h) = field(m.vr, m.vh);
             Motion {
                 r: m.vr,
                 h: m.vh,
-                vr: slow * m.vr + across,
-                vh: slow * m.vh - g,
+                vr: slow * m.vr + across + along_r,
+                vh: slow * m.vh - g + along_h,
             }
         };
         let beta = beta * self.law.at(speed(m.vr + 0.5 * across * s, m.vh - 0.5 * g * s));

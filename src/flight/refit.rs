@@ -7,17 +7,20 @@ use super::motion_model::{MotionModel, VerticalPrior};
 use super::outliers::refitted;
 
 impl Flight {
-    /// The same points, each in use moved by the `shift` of it and its arc (along right and up, plane units), with the
+    /// The same points, each in use or off its arc moved by the `shift` of it and its arc (along right and up, plane units), with the
     /// arcs and the centres' scatter found anew. `None` where the points do not determine them.
     #[must_use]
     pub fn moved(&self, shift: impl Fn(&Spot, usize) -> (f64, f64)) -> Option<Self> {
         let mut points = self.points.clone();
         for p in &mut points {
-            if let SpotUse::Used(arc) = p.use_ {
-                let (right, up) = shift(&p.spot, arc);
-                p.spot.place.right += right;
-                p.spot.place.up += up;
-            }
+            let arc = match p.use_ {
+                SpotUse::Used(arc) => arc,
+                SpotUse::Outlier(_) => self.arc_at(p.spot.time_s),
+                SpotUse::NotFree | SpotUse::Contact => continue,
+            };
+            let (right, up) = shift(&p.spot, arc);
+            p.spot.place.right += right;
+            p.spot.place.up += up;
         }
         self.refitted(points, &*self.fit.model)
     }

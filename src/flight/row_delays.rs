@@ -19,7 +19,7 @@ type Shift = fn(f64, f64) -> (f64, f64);
 /// What a plane seen at a slant does to a place, from the middle of the path: the scale grows along h, along r.
 const SLANTS: [Shift; 2] = [|r, h| (r * h, h * h), |r, h| (r * r, r * h)];
 
-/// Part of a direction with which its response is worked out: small enough for the arcs to be linear in.
+/// Part of a direction, or turn rate, 1/s, with which its response is worked out: small enough for the arcs to be linear in.
 const PROBE: f64 = 1e-4;
 
 /// The time ρ, s, by which points are later for each unit of `share`, with its standard uncertainty; `None` where the flight's
@@ -113,8 +113,8 @@ fn lift(flight: &Flight, p: &FitPoint, k: usize) -> (f64, f64) {
         return (0.0, 0.0);
     }
     let planar = flight.fit.planar(flight.fit.parameters.as_slice());
-    let pushed = planar.pushed_by(k, p.sample.t, |vr, vh| (-vh, vr));
-    (pushed.r, pushed.h)
+    let pushed = planar.pushed_by(k, p.sample.t, |vr, vh| (-PROBE * vh, PROBE * vr));
+    (pushed.r / PROBE, pushed.h / PROBE)
 }
 
 /// Of `shifts` of the points, what their arcs do not follow, whitened.

@@ -2,7 +2,7 @@
 //! the ball seems to leave its arc, along both axes as the picture swings.
 //!
 //! Two hypotheses compete for the points behind each impact: a smooth path, or that with a swing exp(−t/τ) (a sin ωt + b cos ωt) along both axes, t being
-//! the time since the impact, ω and τ the same after all. The path is a cubic in time, so that neither drag nor a scale that changes is taken for a swing. The
+//! the time since the impact, ω and τ the same after all. The path is the arc and a cubic in time, so that neither drag nor a scale that changes is taken for a swing. The
 //! likelihood tells, with the centres' scatter found anew for each and a price for every number. Then points after every impact are as unsure as the
 //! swing is large and young: they stay in the fit with what they are worth, and a last arc that is hardly longer than the swing has the uncertainty
 //! that it deserves.
@@ -91,8 +91,16 @@ fn swing(flight: &Flight, frequency_hz: f64, decay_s: f64) -> Option<(f64, Shake
         let along = path.qr().q();
         let beside = |m: DMatrix<f64>| &m - &along * (along.transpose() * &m);
         let places = DMatrix::from_fn(points.len(), 2, |i, axis| {
-            let place = points[i].spot.place;
-            weight(i) * if axis == 0 { place.right } else { place.up }
+            let (place, arc) = (
+                points[i].spot.place,
+                flight.fit.motion(k + 1, points[i].spot.time_s),
+            );
+            weight(i)
+                * if axis == 0 {
+                    place.right - arc.r
+                } else {
+                    place.up - arc.h
+                }
         });
         let (places, basis) = (beside(places), beside(swings));
         let amplitudes = (basis.transpose() * &basis).try_inverse()? * basis.transpose() * &places;

@@ -125,17 +125,9 @@ impl MeasuredMotion<'_> {
             }
             _ => p.arcs,
         };
-        let (free, lift) = (
-            fit.in_plane(arcs, k, t),
-            self.lift.motion(&fit.planar(arcs), k, t),
-        );
-        let lifted = self.lift.times_law().0 + more;
-        Motion {
-            r: free.r + lifted * lift.r,
-            h: free.h + lifted * lift.h,
-            vr: free.vr + lifted * lift.vr,
-            vh: free.vh + lifted * lift.vh,
-        }
+        let times = self.lift.times_law().0 + more;
+        let lift = self.lift.motion(&fit.planar(arcs), k, t, times);
+        fit.in_plane(arcs, k, t).along(&lift, 1.0)
     }
 
     /// By how much "up" of the world is turned from that of the plane, towards −r, rad: the fall leans by as much.

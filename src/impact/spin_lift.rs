@@ -6,7 +6,9 @@
 //! one back, so that an arc fitted without it is too fast along x at both of its ends.
 //!
 //! The arcs are first fitted without lift. Then each point is moved back by what lift did to it, the arcs are fitted again
-//! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. A smooth
+//! (they now pass through their points, and the centres scatter by less), and lift is added to their motion again. What it did is the way
+//! of a ball with lift less that of one without from the arc's mean time on, both with drag: of a light ball with much spin lift also changes the speed that drag
+//! and lift go by, so that it is worked out once more along the arcs without it until the points stay where they are. A smooth
 //! ball's lift can differ from a tennis ball's by a third (and turn round near the drag crisis, far above these speeds):
 //! how many times that law's the lift is, is one more free number, known beforehand to
 //! [`KNOWN_SPIN_LIFT_STD`] and told by the points of the arcs where they bend by it
@@ -19,6 +21,7 @@ use super::error_budget::{
     KNOWN_SPIN_LIFT_STD, MOST_LIFT, NO_SPIN_LIFT_STD, UNKNOWN_SPIN_LIFT_STD, USUAL_DRAG,
 };
 use crate::flight::Flight;
+use crate::flight::motion_model::FitPoint;
 use crate::flight::planar::{DRAG, Motion, PlanarArcs, speed};
 use crate::flight::segment::TrackSample;
 use nalgebra::DVector;
@@ -39,6 +42,13 @@ impl Default for SpinLift {
 
 /// The points' weights settle in so many rounds: how far centres scatter shows once lift is gone.
 const ROUNDS: usize = 3;
+
+/// Points are moved back so many times at most, until none moves by more than this part of its standard uncertainty.
+const PASSES: usize = 5;
+const SETTLED_PART: f64 = 0.05;
+
+/// By so many times the law's lift the fit's answer is worked out.
+const PROBE: f64 = 0.25;
 
 impl SpinLift {
     /// Arc by arc; `None` where the spin is not known.
@@ -87,7 +97,7 @@ impl SpinLift {
             };
             law.taken_from(flight)
         };
-        let (less, more) = rayon::join(|| without(times), || without(times + 1.0));
+        let (less, more) = rayon::join(|| without(times), || without(times + PROBE));
         let (less, more) = (less?, more?);
         let (mut slope, mut curvature) = (0.0, 0.0);
         for (p, q) in less.fit_points().iter().zip(more.fit_points()) {
@@ -96,7 +106,7 @@ impl SpinLift {
                 (s.r - m.r, s.h - m.h)
             };
             let (here, there) = (residual(&less, &p.sample), residual(&more, &q.sample));
-            let by = (there.0 - here.0, there.1 - here.1);
+            let by = ((there.0 - here.0) / PROBE, (there.1 - here.1) / PROBE);
             slope += p.sample.weight * (here.0 * by.0 + here.1 * by.1);
             curvature += p.sample.weight * (by.0 * by.0 + by.1 * by.1);
         }
@@ -114,20 +124,25 @@ impl SpinLift {
         self.spins.get(arc).copied().flatten()
     }
 
-    /// What the law's lift adds to the motion on `arc` from the arc's mean time to `t`.
+    /// What so many `times` the law's lift adds to the motion without it on `arc` from the arc's mean time to `t`.
     #[must_use]
-    pub fn motion(&self, planar: &PlanarArcs<'_>, arc: usize, t: f64) -> Motion {
+    pub fn motion(&self, planar: &PlanarArcs<'_>, arc: usize, t: f64, times: f64) -> Motion {
         let spin = self.spin(arc).unwrap_or(0.0);
+        if spin == 0.0 {
+            return Motion {
+                r: 0.0,
+                h: 0.0,
+                vr: 0.0,
+                vh: 0.0,
+            };
+        }
         // What is fitted as drag has some of the lift in it, as long as that is in the points.
         let fitted = || planar.parameters[DRAG] / USUAL_DRAG;
         let air = planar.law.air().unwrap_or_else(fitted);
         planar.pushed_by(arc, t, |vr, vh| {
             let speed = speed(vr, vh);
             let share = speed + 2.0 * spin.abs();
-            if spin == 0.0 || !(share > 0.0) {
-                return (0.0, 0.0);
-            }
-            let push = air * spin * speed / share;
+            let push = times * air * spin * speed / share;
             (push * vh, -push * vr)
         })
     }
@@ -135,33 +150,58 @@ impl SpinLift {
     /// `flight` with its points moved back by what lift did to them; `None` where those have no arcs.
     #[must_use]
     pub fn taken_from(&self, flight: &Flight) -> Option<Flight> {
-        let times = self.times_law.0;
-        match self.way_back(flight) {
-            Some(back) => flight.moved(|spot, arc| {
-                let (right, up) = back(arc, spot.time_s);
-                (times * right, times * up)
-            }),
-            None => Some(flight.clone()),
+        if !self.bends(flight) {
+            return Some(flight.clone());
         }
+        let times = self.times_law.0;
+        let moved = |along: &Flight| flight.moved(|spot, arc| self.way_back(along, arc, spot.time_s, times));
+        let mut free = moved(flight)?;
+        let mut before = flight.clone();
+        for _ in 1..PASSES {
+            let is_settled = flight.used_points().all(|p| {
+                let Some(arc) = p.arc() else { return true };
+                let way = |along: &Flight| self.way_back(along, arc, p.spot.time_s, times);
+                let ((r, h), (r_before, h_before)) = (way(&free), way(&before));
+                (r - r_before).hypot(h - h_before) < SETTLED_PART * p.spot.std
+            });
+            if is_settled {
+                break;
+            }
+            let next = moved(&free)?;
+            before = std::mem::replace(&mut free, next);
+        }
+        Some(free)
     }
 
-    /// How the arcs' parameters change when the points are moved back once more by the law's lift; `None` where nothing is to be moved.
+    /// How the arcs' parameters change when the points of a `flight` without lift are moved back once more by the law's lift; `None` where nothing is
+    /// to be moved.
     #[must_use]
     pub fn response(&self, flight: &Flight) -> Option<DVector<f64>> {
-        let back = self.way_back(flight)?;
+        if !self.bends(flight) {
+            return None;
+        }
         let points = flight.fit_points();
-        let shifts: Vec<(f64, f64)> = points.iter().map(|p| back(p.arc, p.sample.t)).collect();
+        let (times, more) = (self.times_law.0, self.times_law.0 + PROBE);
+        let shift = |p: &FitPoint| {
+            let way = |times: f64| self.way_back(flight, p.arc, p.sample.t, times);
+            let ((r, h), (r_more, h_more)) = (way(times), way(more));
+            ((r_more - r) / PROBE, (h_more - h) / PROBE)
+        };
+        let shifts: Vec<(f64, f64)> = points.iter().map(shift).collect();
         flight.fit.response(&points, &shifts)
     }
 
-    /// By what a point of an arc is moved back at a time, plane units, were lift the law's; `None` where there is none.
-    fn way_back(&self, flight: &Flight) -> Option<impl Fn(usize, f64) -> (f64, f64)> {
-        let fit = &flight.fit;
+    /// Whether lift moves the points of `flight`.
+    fn bends(&self, flight: &Flight) -> bool {
+        flight.fit.drag() != 0.0 && self.acts()
+    }
+
+    /// By what a point of an arc is moved back at a time, plane units, were lift so many `times` the law's and the way without it as `along` has it.
+    fn way_back(&self, along: &Flight, arc: usize, time_s: f64, times: f64) -> (f64, f64) {
+        let fit = &along.fit;
         let planar = fit.planar(fit.parameters.as_slice());
-        (fit.drag() != 0.0 && self.acts()).then_some(move |arc, time_s| {
-            let m = self.motion(&planar, arc, time_s);
-            (-m.r, -m.h)
-        })
+        let m = self.motion(&planar, arc, time_s, times);
+        (-m.r, -m.h)
     }
 
     /// Standard uncertainty of lift over drag on `arc`, beyond that of the lift that a known spin makes
@@ -188,9 +228,9 @@ mod tests {
                 law: drag.law,
                 bent: false,
             };
-            lift.motion(&level, 0, 1e-3)
+            lift.motion(&level, 0, 1e-3, 1.0)
         };
-        assert_eq!(moved(1.0), moved(1.3));
+        assert!((moved(1.3).vh / moved(1.0).vh - 1.0).abs() < 1e-3);
         // (ρ π R²/2m) Rω v²/(v + 2 Rω), downwards.
         let air = 1.204 * std::f64::consts::PI * 0.012_f64.powi(2) / (2.0 * 0.0082);
         let expected = -air * 0.3 * 1.5 * 1.5 / 2.1;
@@ -207,11 +247,12 @@ mod tests {
             bent: false,
         };
         let lift = SpinLift::new(vec![Some(1.0)]);
-        let m = lift.motion(&rising, 0, 0.05);
+        let m = lift.motion(&rising, 0, 0.05, 1.0);
         assert!(m.vr > 0.0 && m.vh < 0.0 && m.r > 0.0 && m.h < 0.0, "{m:?}");
-        let back = SpinLift::new(vec![Some(-1.0)]).motion(&rising, 0, 0.05);
-        assert!((m.vr + back.vr).abs() < 1e-15 && (m.h + back.h).abs() < 1e-15);
-        let none = SpinLift::new(vec![None]).motion(&rising, 0, 0.05);
+        let back = SpinLift::new(vec![Some(-1.0)]).motion(&rising, 0, 0.05, 1.0);
+        // To first order.
+        assert!((m.vr + back.vr).abs() < 0.01 * m.vr && (m.h + back.h).abs() < 0.01 * m.h.abs());
+        let none = SpinLift::new(vec![None]).motion(&rising, 0, 0.05, 1.0);
         assert_eq!((none.r, none.vr, none.h, none.vh), (0.0, 0.0, 0.0, 0.0));
         assert!(SpinLift::new(vec![None]).std_over_drag(0) > lift.std_over_drag(0));
     }

@@ -34,6 +34,7 @@ mod readout;
 mod refine;
 mod result;
 mod rolling_shutter;
+mod scaled;
 mod scene_colours;
 mod sighting_store;
 mod spots;

@@ -9,6 +9,7 @@
 
 use super::camera::CalibratedCamera;
 use super::refine::Refined;
+use super::scaled;
 use super::spots::with_id;
 use super::track::Tracked;
 use super::unseen_motion;
@@ -51,9 +52,9 @@ pub fn found<'a>(
     }
     match first {
         Some(refined) => {
-            let readout = shown(camera, &refined.tracked, base)?;
+            let readout = shown(camera, refined, base)?;
             let odds = ln_odds(readout, interval_s);
-            let rival = || odds_of_scale_change(camera, &refined.tracked).unwrap_or(0.0);
+            let rival = || odds_of_scale_change(camera, refined).unwrap_or(0.0);
             let stands = odds > LEAST_LN_ODDS && odds > rival();
             stands
                 .then(|| settled(camera, readout, base, &follow))?
@@ -89,7 +90,7 @@ fn settled<'a>(
         let std_s = readout.std_uncertainty.unwrap_or(0.0);
         let rolling = camera.with_readout(readout.value, std_s);
         let refined = follow(&rolling).ok()?;
-        let more = shown(&rolling, &refined.tracked, base)?;
+        let more = shown(&rolling, &refined, base)?;
         last = Some((rolling, refined));
         let std_s = more.std_uncertainty?;
         readout = Quantity::new(readout.value + more.value, std_s)?;
@@ -103,24 +104,27 @@ fn settled<'a>(
 }
 
 /// By how much the readout is more than the camera's, as the flight shows it, s.
-fn shown(camera: &CalibratedCamera<'_>, tracked: &Tracked, base: &TimeBase) -> Option<Quantity> {
-    let open = tracked
-        .flight
-        .with_all_unknowns(camera.calibration.upright_std_rad());
+fn shown(camera: &CalibratedCamera<'_>, refined: &Refined, base: &TimeBase) -> Option<Quantity> {
+    let open = opened(camera, refined);
     let unseen = unseen_motion::motions(&open.fit_points(), camera, *base.times_s.first()?);
-    let readout = row_delays::estimate(&open, |spot| share(camera, tracked, spot), unseen)?;
+    let readout = row_delays::estimate(&open, |spot| share(camera, &refined.tracked, spot), unseen)?;
     readout.std_uncertainty.filter(|s| *s > 0.0).map(|_| readout)
 }
 
 /// Odds of a scale that changes against one that does not, as a logarithm: it bends arcs much as a readout does.
-fn odds_of_scale_change(camera: &CalibratedCamera<'_>, tracked: &Tracked) -> Option<f64> {
-    let open = tracked
-        .flight
-        .with_all_unknowns(camera.calibration.upright_std_rad());
+fn odds_of_scale_change(camera: &CalibratedCamera<'_>, refined: &Refined) -> Option<f64> {
+    let open = opened(camera, refined);
     let metres_per_unit = camera
         .metres_per_unit(&open, Quantity::undetermined(open.radius()))
         .ok()?;
-    open.ln_odds_of_scale_change(&tracked.first_look, &camera.facts(metres_per_unit))
+    open.ln_odds_of_scale_change(&refined.tracked.first_look, &camera.facts(metres_per_unit))
+}
+
+/// The flight with all that its fit may leave open, and without lift.
+fn opened(camera: &CalibratedCamera<'_>, refined: &Refined) -> Flight {
+    let upright_std_rad = camera.calibration.upright_std_rad();
+    let open = refined.tracked.flight.with_all_unknowns(upright_std_rad);
+    scaled::without_lift(camera, refined, &[], &open).unwrap_or(open)
 }
 
 /// How far down the rows a spot is.
