@@ -57,7 +57,9 @@ pub fn impacts(
         None => (plain, free, lift, flight),
     };
     let metres_per_unit = scaled.metres_per_unit;
+    // Lift is no scatter, nor an error that lasts.
     flight.extra = free.extra;
+    flight.fit.autocorrelation_inflation = free.fit.autocorrelation_inflation;
     let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
     let mut free = rolling_shutter::widened(free, camera, &refined.tracked).with_slow_errors();
     if let Some(&first_s) = clocked.base.times_s.first() {
