@@ -16,7 +16,6 @@ use crate::flight::planar::DRAG;
 use crate::flight::{Flight, shake};
 use crate::impact::compliant_reading::KnownContact;
 use crate::impact::motion::{ImpactKind, MeasuredMotion};
-use crate::impact::spin_lift::SpinLift;
 use crate::impact::{BenchLaunch, Bounce, BounceSurface, reading};
 use crate::quantity::Quantity;
 
@@ -44,14 +43,14 @@ pub fn impacts(
 
     // The bounces tell the spins, these the lift, which bends the arcs, too; those without it are the ones that bounce.
     let plain = scaled(&flight)?.with_spins(refined, rotations);
-    let (free, lift) = plain.motion(&flight, SpinLift::default()).without_lift();
+    let (free, lift) = plain.without_lift(&flight);
     let (first_look, facts) = (&refined.tracked.first_look, camera.facts(plain.metres_per_unit));
     let departure = free.likeliest_departure(first_look, &facts);
     let departed = flight.departing(departure, first_look, &facts);
     let (scaled, free, lift, mut flight) = match departed {
         Some(departed) => {
             let scaled = scaled(&departed)?.with_spins(refined, rotations);
-            let (free, lift) = scaled.motion(&departed, SpinLift::default()).without_lift();
+            let (free, lift) = scaled.without_lift(&departed);
             (scaled, free, lift, departed)
         }
         None => (plain, free, lift, flight),

@@ -3,7 +3,7 @@
 //! The readout time is one more number of the fit ([`row_delays`]), known beforehand to be 0 give or take the time from frame to
 //! frame, which no camera's readout exceeds. It is taken for real where the points say so by more than that number's price, as
 //! the odds of the two readings tell: exp(z²/2)·σ/τ for a value z standard uncertainties σ off 0, τ the width of what is known
-//! beforehand; a scale that changes across the picture bends arcs in much the same way, and must be less likely. Then the times
+//! beforehand; a scale that changes across the picture bends arcs in much the same way, and must be less likely. Lift does, too, and is taken out first. Then the times
 //! of all points are those of their rows, the ball is looked for once more with them, and the number's uncertainty is carried through to all results. What a camera moves by unseen
 //! ([`unseen_motion`]) is free beside it, since that, too, moves points on smooth ways that arcs do not follow. Where a flight was refused for its times, a few readouts are tried first.
 

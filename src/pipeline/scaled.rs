@@ -37,7 +37,7 @@ pub fn without_lift(
     flight: &Flight,
 ) -> Result<Flight, CalibrationError> {
     let scaled = Scaled::new(camera, refined, flight)?.with_spins(refined, rotations);
-    Ok(scaled.motion(flight, SpinLift::default()).without_lift().0)
+    Ok(scaled.without_lift(flight).0)
 }
 
 impl<'a> Scaled<'a> {
@@ -91,6 +91,11 @@ impl<'a> Scaled<'a> {
         let calibration = self.camera.calibration;
         MeasuredMotion::new(flight, calibration, self.metres_per_unit, errors, lift)
             .with_seen_spins(&self.seen_spins)
+    }
+
+    /// `flight` without the lift that its bounces and the spins that are seen tell, and that lift.
+    pub fn without_lift(&self, flight: &Flight) -> (Flight, SpinLift) {
+        self.motion(flight, SpinLift::default()).without_lift()
     }
 
     /// The same with the spins that the `rotations` of the arcs show.
