@@ -7,11 +7,51 @@ use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 pub trait MapValue:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self> + AddAssign + SubAssign
 {
+    /// Each number times that of `other`.
+    #[must_use]
+    fn times(self, other: Self) -> Self;
+
+    /// Each number over that of `other`; 0 where that is not positive.
+    #[must_use]
+    fn over(self, other: Self) -> Self;
+
+    /// Whether each number is below `part` of that of `other`.
+    fn is_below(self, part: f64, other: Self) -> bool;
 }
 
-impl MapValue for f64 {}
+impl MapValue for f64 {
+    #[inline]
+    fn times(self, other: Self) -> Self {
+        self * other
+    }
 
-impl MapValue for Vector3<f64> {}
+    #[inline]
+    fn over(self, other: Self) -> Self {
+        if other > 0.0 { self / other } else { 0.0 }
+    }
+
+    fn is_below(self, part: f64, other: Self) -> bool {
+        self <= part * other
+    }
+}
+
+impl MapValue for Vector3<f64> {
+    #[inline]
+    fn times(self, other: Self) -> Self {
+        self.component_mul(&other)
+    }
+
+    #[inline]
+    fn over(self, other: Self) -> Self {
+        self.zip_map(&other, f64::over)
+    }
+
+    fn is_below(self, part: f64, other: Self) -> bool {
+        self.iter()
+            .zip(&other)
+            .all(|(one, other)| one.is_below(part, *other))
+    }
+}
 
 /// Directions, or cells, that are looked up together.
 pub const AT_ONCE: usize = 16;
@@ -76,16 +116,6 @@ impl GridCell {
         let far = &mut sums[at + next..at + next + 2];
         far[0] += there * (1.0 - q);
         far[1] += there * q;
-    }
-
-    /// Σ of squares of the four weights over the values of `map`.
-    #[inline]
-    #[must_use]
-    pub fn squares_over(self, map: &[f64], next: usize) -> f64 {
-        let corners = self.corners(next).into_iter();
-        corners
-            .map(|(k, w)| f64::from(w).powi(2) / map[k as usize].max(1e-9))
-            .sum()
     }
 }
 

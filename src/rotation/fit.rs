@@ -4,9 +4,8 @@
 //! ln brightness of pixel p in frame i = gain_i + light(place of p) + albedo(exp(−[ω] t_i) n_p) + noise
 //! ```
 //!
-//! Gain, light and albedo are linear: they are fitted in turn with ω by simultaneous iterative reconstruction (each map takes the
-//! weighted mean of what is left at its nodes, with a prior that holds nodes that few pixels see). ω takes Gauss-Newton steps, with
-//! a common orientation beside it, so that its uncertainty has the share of the map's own orientation.
+//! Gain, light and albedo are linear ([`map_fit`](super::map_fit)), with a prior that holds nodes that few pixels see. ω takes Gauss-Newton steps by the
+//! curvature that is left when the maps go along, and takes them along.
 //!
 //! A gain free in every frame would take the marks' own share, of halves of two colours most of it: the gain is a parabola in time.
 //!
@@ -15,8 +14,9 @@
 //! do not show, but parts of the disc do, which then disagree: what they differ by beyond noise is added (errors clustered by frames
 //! and by places: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 238, 2011).
 
-use super::cube_map::{AT_ONCE, CubeGrid, GridCell, MapValue, NodeWeights, value_at};
+use super::cube_map::{AT_ONCE, CubeGrid, GridCell, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
+use super::map_fit::{BallMaps, GainTerms, MapChange, MapProblem, OnMap};
 use super::view::{BallSamples, Directions};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use std::f64::consts::{PI, TAU};
@@ -33,11 +33,9 @@ const NEAR_SPACINGS: f64 = 0.5;
 /// Steps of a candidate.
 const ROUGH_ROUNDS: usize = 5;
 
-/// Rounds of maps for a rate.
-const MAP_ROUNDS: usize = 4;
-
-/// The round of maps before which residuals are taken afresh: a map's change is linear in them, what two directions show is not.
-const AFRESH_ROUND: usize = 2;
+/// Rounds of maps end at one that makes Σ of squares less by no more than this part ([`MapProblem::least_part`]): for a fit, and for a rate that may be far from one.
+pub(super) const EXACT: f64 = 1e-3;
+const ROUGH: f64 = 1e-2;
 
 /// Steps to the rate of samples that are hardly others, at most; they end at one that is this part of the way.
 const OTHER_ROUNDS: usize = 16;
@@ -46,9 +44,6 @@ const SMALL_STEP: f64 = 0.1;
 /// Correlation of neighbouring frames' errors, at most.
 const MOST_ALIKE: f64 = 0.9;
 
-/// Times that so many are made for a map that comes from a coarser one.
-const SETTLING_ROUNDS: usize = 2;
-
 /// Rounds of a light alone.
 const STILL_ROUNDS: usize = 6;
 
@@ -56,28 +51,8 @@ const STILL_ROUNDS: usize = 6;
 const SECTORS: usize = 8;
 const SPANS: usize = 4;
 
-/// Weight of the prior that a node of the ball's map is like the rest, in pixels: marks stand far above the noise.
-const HELD: f64 = 0.05;
-
 /// A step below this part of the standard uncertainty ends the fit.
 const SETTLED: f64 = 0.07;
-
-/// The maps of a ball.
-#[derive(Debug, Clone)]
-pub struct BallMaps {
-    /// The ball's grid.
-    pub grid: CubeGrid,
-    /// Logarithm of the albedo at its nodes.
-    pub albedo: Vec<f64>,
-    /// Weight of the pixels that each node has seen.
-    pub seen: Vec<f64>,
-    /// The light's grid.
-    pub disc: DiscGrid,
-    /// Logarithm of the light at its nodes.
-    pub light: Vec<f64>,
-    /// Of each frame's brightness.
-    pub gains: Vec<f64>,
-}
 
 /// A fitted rotation.
 #[derive(Debug, Clone)]
@@ -121,7 +96,7 @@ impl RotationFit {
         let unit = part * (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
         let (mut maps, mut rate) = (self.maps.on(grids.grid), self.rate_rad_s);
         for _ in 0..OTHER_ROUNDS {
-            let found = evaluated(samples, grids, &maps, &rate, lit);
+            let found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
             let step = self.covariance * found.downhill / unit;
             rate += step;
             maps = found.maps;
@@ -245,16 +220,6 @@ impl FitGrids {
 }
 
 impl BallMaps {
-    /// The same with the ball on another grid.
-    fn on(&self, grid: CubeGrid) -> Self {
-        let there = |k: usize| value_at(&self.albedo, &self.grid.corners(&grid.direction(k)));
-        Self {
-            grid,
-            albedo: (0..grid.nodes()).map(there).collect(),
-            ..self.clone()
-        }
-    }
-
     fn dark(samples: &BallSamples, grids: &FitGrids) -> Self {
         Self {
             grid: grids.grid,
@@ -264,15 +229,6 @@ impl BallMaps {
             light: vec![0.0; grids.disc.nodes()],
             gains: vec![0.0; samples.frames()],
         }
-    }
-
-    /// Root mean square of the albedo's logarithm about its mean, where the ball was seen.
-    #[must_use]
-    pub fn contrast(&self) -> f64 {
-        let all = || self.albedo.iter().zip(&self.seen);
-        let weight: f64 = self.seen.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        let mean = all().map(|(a, w)| w * a).sum::<f64>() / weight;
-        (all().map(|(a, w)| w * (a - mean).powi(2)).sum::<f64>() / weight).sqrt()
     }
 }
 
@@ -286,7 +242,7 @@ pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec
     let lit = samples.values.iter().zip(&grids.lit);
     let next = grids.disc.side();
     let mut residuals: Vec<f64> = lit.map(|(v, c)| v - c.value(&maps.light, next)).collect();
-    take_gains(samples, &mut residuals, &mut maps.gains);
+    GainTerms::new(samples).take(samples, &mut residuals, &mut maps.gains);
     (residuals, maps)
 }
 
@@ -319,8 +275,9 @@ pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64])
 pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f64>, BallMaps) {
     let mut maps = BallMaps::dark(samples, grids);
     let mut residuals = samples.values.clone();
+    let gains = GainTerms::new(samples);
     for _ in 0..STILL_ROUNDS {
-        take_gains(samples, &mut residuals, &mut maps.gains);
+        gains.take(samples, &mut residuals, &mut maps.gains);
         grids.take_light(&mut residuals, &mut maps.light);
     }
     (residuals, maps)
@@ -362,8 +319,9 @@ pub fn smooth_light(samples: &BallSamples, grids: &FitGrids) -> BallMaps {
         return maps;
     };
     let mut residuals = samples.values.clone();
+    let gains = GainTerms::new(samples);
     for _ in 0..STILL_ROUNDS {
-        take_gains(samples, &mut residuals, &mut maps.gains);
+        gains.take(samples, &mut residuals, &mut maps.gains);
         let mut right = SVector::<f64, SMOOTH_TERMS>::zeros();
         for (r, &place) in residuals.iter().zip(&samples.places) {
             right += *r * terms(place);
@@ -379,39 +337,8 @@ pub fn smooth_light(samples: &BallSamples, grids: &FitGrids) -> BallMaps {
     maps
 }
 
-/// Moves what the residuals have in common with a parabola in time into the frames' gains: light changes smoothly along a path. (A gain
-/// free in every frame would take the marks' own share, of halves of two colours most of it.)
-fn take_gains<T: MapValue>(samples: &BallSamples, residuals: &mut [T], gains: &mut [T]) {
-    let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
-    let terms = |i: usize| {
-        let t = samples.times_s[i] / longest_s;
-        Vector3::new(1.0, t, t * t)
-    };
-    let weighted = |values: [T; 3], x: Vector3<f64>| values[0] * x[0] + values[1] * x[1] + values[2] * x[2];
-    let mut matrix: Matrix3<f64> = 1e-6 * Matrix3::identity();
-    let mut right = [T::default(); 3];
-    for i in 0..samples.frames() {
-        let frame = &residuals[samples.of_frame(i)];
-        let sum = frame.iter().fold(T::default(), |sum, r| sum + *r);
-        let x = terms(i);
-        matrix += frame.len() as f64 * x * x.transpose();
-        right.iter_mut().zip(&x).for_each(|(right, x)| *right += sum * *x);
-    }
-    let Some(inverse) = matrix.try_inverse() else {
-        return;
-    };
-    let found = [0, 1, 2].map(|k| weighted(right, inverse.column(k).into_owned()));
-    for (i, gain) in gains.iter_mut().enumerate() {
-        let part = weighted(found, terms(i));
-        *gain += part;
-        for r in &mut residuals[samples.of_frame(i)] {
-            *r -= part;
-        }
-    }
-}
-
 /// What samples that lie in `cells`, each in one of every list, weigh at the nodes.
-fn weights_of(cells: &[Vec<GridCell>], nodes: usize, next: usize) -> Vec<f64> {
+pub(super) fn weights_of(cells: &[Vec<GridCell>], nodes: usize, next: usize) -> Vec<f64> {
     let mut weights = vec![0.0; nodes];
     for cell in cells.iter().flatten() {
         cell.add(&mut weights, next, 1.0 / cells.len() as f64);
@@ -419,44 +346,49 @@ fn weights_of(cells: &[Vec<GridCell>], nodes: usize, next: usize) -> Vec<f64> {
     weights
 }
 
-/// Moves what the residuals have in common at the nodes of a map, where the samples have `weights`, into it. `held` is the weight of the prior that
-/// a node is 0.
-fn take_map<T: MapValue>(
-    residuals: &mut [T],
-    cells: &[Vec<GridCell>],
-    weights: &[f64],
-    map: &mut [T],
-    next: usize,
-    held: f64,
-) {
-    let part = 1.0 / cells.len() as f64;
-    let mut sums = vec![T::default(); map.len()];
-    for cells in cells {
-        for (cell, r) in cells.iter().zip(residuals.iter()) {
-            cell.add(&mut sums, next, *r * part);
-        }
-    }
-    for ((sum, w), m) in sums.iter_mut().zip(weights).zip(map.iter_mut()) {
-        *sum = (*sum - *m * held) * (1.0 / (w + held).max(1e-9));
-        *m += *sum;
-    }
-    for cells in cells {
-        for (cell, r) in cells.iter().zip(residuals.iter_mut()) {
-            *r -= cell.value(&sums, next) * part;
-        }
-    }
-}
-
 impl FitGrids {
-    fn take_light<T: MapValue>(&self, residuals: &mut [T], light: &mut [T]) {
-        take_map(
-            residuals,
-            slice::from_ref(&self.lit),
-            &self.lit_weights,
-            light,
-            self.disc.side(),
-            0.0,
-        );
+    /// Moves what the residuals have in common at the nodes of the light into it.
+    fn take_light(&self, residuals: &mut [f64], light: &mut [f64]) {
+        let next = self.disc.side();
+        let mut sums = vec![0.0; light.len()];
+        for (cell, r) in self.lit.iter().zip(residuals.iter()) {
+            cell.add(&mut sums, next, *r);
+        }
+        for ((sum, w), m) in sums.iter_mut().zip(&self.lit_weights).zip(light.iter_mut()) {
+            *sum /= w.max(1e-9);
+            *m += *sum;
+        }
+        for (cell, r) in self.lit.iter().zip(residuals.iter_mut()) {
+            *r -= cell.value(&sums, next);
+        }
+    }
+
+    /// The linear problem of the maps of `samples` that see the ball in `turned`, where they have `seen` so much of it, unless the light is known.
+    pub(super) fn map_problem<'a>(
+        &'a self,
+        samples: &'a BallSamples,
+        turned: &'a TurnedBall,
+        seen: &'a [f64],
+        gains: &'a GainTerms,
+        lit: bool,
+        least_part: f64,
+    ) -> MapProblem<'a> {
+        let light = OnMap {
+            cells: slice::from_ref(&self.lit),
+            weights: &self.lit_weights,
+            next: self.disc.side(),
+        };
+        MapProblem {
+            samples,
+            ball: OnMap {
+                cells: &turned.cells,
+                weights: seen,
+                next: self.grid.side(),
+            },
+            light: (!lit).then_some(light),
+            gains,
+            least_part,
+        }
     }
 
     /// Slopes of a map of the ball at its nodes: the tangent vector along which it grows.
@@ -492,13 +424,13 @@ struct OwnRotation {
     right: Vector3<f64>,
 }
 
-struct TurnedBall {
+pub(super) struct TurnedBall {
     turns: Vec<Rotation3<f64>>,
     /// Of each sample, in the ball's grid: a list for each of its directions.
-    cells: Vec<Vec<GridCell>>,
+    pub(super) cells: Vec<Vec<GridCell>>,
 }
 
-fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedBall {
+pub(super) fn turned(samples: &BallSamples, grid: CubeGrid, rate: &Vector3<f64>) -> TurnedBall {
     let turns: Vec<Rotation3<f64>> = samples
         .times_s
         .iter()
@@ -590,28 +522,20 @@ fn evaluated(
     maps: &BallMaps,
     rate: &Vector3<f64>,
     lit: bool,
+    least_part: f64,
 ) -> MapsAtRate {
     let mut maps = maps.clone();
     let next = grids.grid.side();
     let turned = turned(samples, grids.grid, rate);
     maps.seen = weights_of(&turned.cells, grids.grid.nodes(), next);
-    let mut residuals = residuals_of(samples, grids, &maps, &turned);
-    for round in 0..MAP_ROUNDS {
-        if round == AFRESH_ROUND {
-            residuals = residuals_of(samples, grids, &maps, &turned);
-        }
-        take_map(
-            &mut residuals,
-            &turned.cells,
-            &maps.seen,
-            &mut maps.albedo,
-            next,
-            HELD,
-        );
-        take_gains(samples, &mut residuals, &mut maps.gains);
-        if !lit {
-            grids.take_light(&mut residuals, &mut maps.light);
-        }
+    let gains = GainTerms::new(samples);
+    let mut residuals = Vec::new();
+    // What two directions show is not linear in the map.
+    for _ in &turned.cells {
+        residuals = residuals_of(samples, grids, &maps, &turned);
+        let problem = grids.map_problem(samples, &turned, &maps.seen, &gains, lit, least_part);
+        let change = problem.solve(&mut residuals, &maps.albedo);
+        change.apply(&mut maps, &gains);
     }
     let sum_squares = residuals.iter().map(|r| r * r).sum();
     let slopes = grids.slopes(&maps.albedo);
@@ -641,11 +565,11 @@ fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMap
     let next = grids.disc.side();
     let lit_by = samples.values.iter().zip(&grids.lit);
     let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - c.value(&maps.light, next)).collect();
-    take_gains(samples, &mut unlit, &mut maps.gains);
+    GainTerms::new(samples).take(samples, &mut unlit, &mut maps.gains);
     maps
 }
 
-/// Σ of squares left by the best maps for a rate, from the light of `maps`, which stays if the ball is known to be `lit` so.
+/// Σ of squares left by the best maps for a rate, from the light of `maps`, which stays if the ball is known to be `lit` so; as if each pixel had no part in them.
 #[must_use]
 pub fn left_by(
     samples: &BallSamples,
@@ -654,7 +578,8 @@ pub fn left_by(
     rate: &Vector3<f64>,
     lit: bool,
 ) -> f64 {
-    evaluated(samples, grids, &unmarked(samples, grids, maps), rate, lit).sum_squares
+    let found = evaluated(samples, grids, &unmarked(samples, grids, maps), rate, lit, ROUGH);
+    found.cross_validated(samples, grids, lit)
 }
 
 /// The light that the pixels show where the ball's `fit` is taken away, with what it weighs at each node.
@@ -696,9 +621,10 @@ pub fn fit_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: 
 /// uncertainties off, by the curvature that it has for each pixel that is not taken up by the map.
 #[must_use]
 pub fn brought_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> RotationFit {
-    let mut found = evaluated(samples, grids, &from.maps, &from.rate_rad_s, lit);
+    let mut found = evaluated(samples, grids, &from.maps, &from.rate_rad_s, lit, EXACT);
     let free = |fit: &RotationFit| fit.pixels as f64 * (fit.sum_squares / fit.cross_validated).sqrt();
-    let all = samples.values.len() as f64 * others_part(samples, &found.turned, &found.maps);
+    let others = found.others_part(samples, grids, lit);
+    let all = samples.values.len() as f64 * others;
     let unit = (from.scatter * from.residual).powi(2).max(f64::MIN_POSITIVE);
     let inverse = from.covariance * (free(from) / (all * unit));
     let step = no_longer(grids.longest_step(samples), inverse * found.downhill);
@@ -707,19 +633,21 @@ pub fn brought_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, l
     }
     let by_rate = found.slopes_by_rate(samples, grids, &from.rate_rad_s);
     let by_parts = found.scatter_of_parts(samples, &by_rate, &inverse);
-    found.with_scatter(samples, from.rate_rad_s + step, inverse, by_parts)
+    found.with_scatter(samples, from.rate_rad_s + step, inverse, by_parts, others)
 }
 
 /// Σ of squares that the rate of a rotation of the same frames leaves of `samples`.
 #[must_use]
 pub fn left_at(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> f64 {
-    let mut maps = from.maps.on(grids.grid);
-    let mut left = 0.0;
-    for _ in 0..SETTLING_ROUNDS {
-        let found = evaluated(samples, grids, &maps, &from.rate_rad_s, lit);
-        (maps, left) = (found.maps, found.sum_squares);
-    }
-    left
+    evaluated(
+        samples,
+        grids,
+        &from.maps.on(grids.grid),
+        &from.rate_rad_s,
+        lit,
+        EXACT,
+    )
+    .sum_squares
 }
 
 /// A step of the same direction, no longer than `most`.
@@ -738,7 +666,8 @@ fn fit_from(
     let count = samples.values.len() as f64;
     let longest_s = samples.longest_s();
     let most = grids.longest_step(samples);
-    let mut found = evaluated(samples, grids, maps, &rate, lit);
+    let mut found = evaluated(samples, grids, maps, &rate, lit, EXACT);
+    let others = found.others_part(samples, grids, lit);
     let mut bend = None;
     let mut since_rad = 0.0;
     for round in 0..ROUNDS {
@@ -748,24 +677,34 @@ fn fit_from(
             since_rad = 0.0;
         }
         // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
-        let matrix = bend.unwrap_or_else(|| found.held_curvature(samples, &rate));
+        let matrix = match &bend {
+            Some(bend) => bend.matrix,
+            None => found.held_curvature(samples, &rate),
+        };
         let step = matrix.cholesky()?.solve(&found.downhill);
         let gain = step.dot(&found.downhill) * count / found.sum_squares;
-        if gain < (SETTLED * found.frames_scatter(samples).scatter).powi(2) && bend.is_some() {
+        if gain < (SETTLED * found.frames_scatter(samples, others).scatter).powi(2) && bend.is_some() {
             break;
         }
         let step = no_longer(most, step);
         rate += step;
         since_rad += step.norm() * longest_s;
-        found = evaluated(samples, grids, &found.maps, &rate, lit);
+        let mut maps = found.maps;
+        if let Some(bend) = &bend {
+            bend.taken
+                .against(&step)
+                .apply(&mut maps, &GainTerms::new(samples));
+        }
+        found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
     }
     // Nearby the curvature stands.
     let stands = bend.filter(|_| since_rad < NEAR_SPACINGS * grids.grid.spacing_rad());
     let by_rate = found.slopes_by_rate(samples, grids, &rate);
     let bend = stands.or_else(|| found.curvature(samples, grids, &by_rate, lit))?;
-    let inverse = bend.cholesky()?.inverse();
+    let inverse = bend.matrix.cholesky()?.inverse();
     let by_parts = found.scatter_of_parts(samples, &by_rate, &inverse);
-    Some(found.with_scatter(samples, rate, inverse, by_parts))
+    let others = found.others_part(samples, grids, lit);
+    Some(found.with_scatter(samples, rate, inverse, by_parts, others))
 }
 
 /// A rate nearer to the minimum than `start`, by a few steps with the maps held: enough to see which of many
@@ -780,14 +719,14 @@ pub fn rough(
 ) -> RoughFit {
     let mut rate = start;
     let most = grids.longest_step(samples);
-    let mut found = evaluated(samples, grids, &unmarked(samples, grids, maps), &rate, lit);
+    let mut found = evaluated(samples, grids, &unmarked(samples, grids, maps), &rate, lit, ROUGH);
     for _ in 0..ROUGH_ROUNDS {
         let Some(chol) = found.held_curvature(samples, &rate).cholesky() else {
             break;
         };
         let step = chol.solve(&found.downhill);
         let next = rate + no_longer(most, step);
-        let there = evaluated(samples, grids, &found.maps, &next, lit);
+        let there = evaluated(samples, grids, &found.maps, &next, lit, ROUGH);
         if there.sum_squares > found.sum_squares {
             break;
         }
@@ -795,7 +734,7 @@ pub fn rough(
     }
     RoughFit {
         rate_rad_s: rate,
-        cross_validated: found.cross_validated(samples),
+        cross_validated: found.cross_validated(samples, grids, lit),
         maps: found.maps,
     }
 }
@@ -803,8 +742,15 @@ pub fn rough(
 impl MapsAtRate {
     /// Σ of squares as if each pixel had no part in the map that it is held against (generalised cross-validation, Craven and Wahba 1979): a rate that
     /// brings more of the ball into view has more of a map to suit the pixels, and must not win by that.
-    fn cross_validated(&self, samples: &BallSamples) -> f64 {
-        self.sum_squares / others_part(samples, &self.turned, &self.maps).powi(2)
+    fn cross_validated(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> f64 {
+        self.sum_squares / self.others_part(samples, grids, lit).powi(2)
+    }
+
+    /// The part that other pixels have in the maps' values at a pixel, on average.
+    fn others_part(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> f64 {
+        let gains = GainTerms::new(samples);
+        let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, &gains, lit, EXACT);
+        problem.others_part()
     }
 
     /// By what each pixel's model grows with the rate, the maps held.
@@ -832,33 +778,19 @@ impl MapsAtRate {
         grids: &FitGrids,
         by_rate: &[Vector3<f64>],
         lit: bool,
-    ) -> Option<Matrix3<f64>> {
-        let zero = Vector3::zeros();
+    ) -> Option<FreeCurvature> {
         let mut left = by_rate.to_vec();
-        let mut albedo = vec![zero; self.maps.albedo.len()];
-        let mut gains = vec![zero; samples.frames()];
-        let mut light = vec![zero; self.maps.light.len()];
-        for _ in 0..MAP_ROUNDS {
-            take_map(
-                &mut left,
-                &self.turned.cells,
-                &self.maps.seen,
-                &mut albedo,
-                grids.grid.side(),
-                HELD,
-            );
-            take_gains(samples, &mut left, &mut gains);
-            if !lit {
-                grids.take_light(&mut left, &mut light);
-            }
-        }
+        let gains = GainTerms::new(samples);
+        let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, &gains, lit, EXACT);
+        let held = vec![Vector3::zeros(); self.maps.albedo.len()];
+        let taken = problem.solve(&mut left, &held);
         let matrix: Matrix3<f64> = by_rate
             .iter()
             .zip(&left)
             .map(|(all, left)| all * left.transpose())
             .sum();
         let even = 0.5 * (matrix + matrix.transpose());
-        even.cholesky().map(|_| even)
+        even.cholesky().map(|_| FreeCurvature { matrix: even, taken })
     }
 
     /// Curvature of half of χ² (times the variance) by the rate, the maps held.
@@ -871,11 +803,11 @@ impl MapsAtRate {
     }
 
     /// How the frames' own rotations scatter.
-    fn frames_scatter(&self, samples: &BallSamples) -> FramesScatter {
+    fn frames_scatter(&self, samples: &BallSamples, others_part: f64) -> FramesScatter {
         let frames = samples.frames();
         let variance = self.sum_squares / samples.values.len() as f64;
         // A frame has its part in the map that it is held against.
-        let own = 1.0 / others_part(samples, &self.turned, &self.maps);
+        let own = 1.0 / others_part;
         let mut off_rad = Vec::with_capacity(frames);
         let mut off_std_rad = Vec::with_capacity(frames);
         let mut whitened: Vec<Option<Vector3<f64>>> = Vec::with_capacity(frames);
@@ -939,14 +871,15 @@ impl MapsAtRate {
         rate: Vector3<f64>,
         inverse: Matrix3<f64>,
         by_parts: Matrix3<f64>,
+        others_part: f64,
     ) -> RotationFit {
-        let cross_validated = self.cross_validated(samples);
+        let cross_validated = self.sum_squares / others_part.powi(2);
         let variance = self.sum_squares / samples.values.len() as f64;
         let FramesScatter {
             off_rad,
             off_std_rad,
             scatter,
-        } = self.frames_scatter(samples);
+        } = self.frames_scatter(samples, others_part);
         RotationFit {
             rate_rad_s: rate,
             covariance: scatter * scatter * variance * inverse,
@@ -963,6 +896,13 @@ impl MapsAtRate {
     }
 }
 
+/// Curvature of half of χ² (times the variance) by the rate, the maps fitted along.
+struct FreeCurvature {
+    matrix: Matrix3<f64>,
+    /// What the maps take of a change of the rate.
+    taken: MapChange<Vector3<f64>>,
+}
+
 /// What the frames show beyond a fitted rotation.
 struct FramesScatter {
     off_rad: Vec<Vector3<f64>>,
@@ -970,16 +910,6 @@ struct FramesScatter {
     off_std_rad: Vec<Vector3<f64>>,
     /// Over what the pixels promise; at least 1.
     scatter: f64,
-}
-
-/// The part that other pixels have in the map's value at a pixel, on average; never so little that nothing is left.
-fn others_part(samples: &BallSamples, turned: &TurnedBall, maps: &BallMaps) -> f64 {
-    let next = maps.grid.side();
-    // Each of the directions has its part of a pixel's weight.
-    let part = (1.0 / turned.cells.len() as f64).powi(2);
-    let cells = turned.cells.iter().flatten();
-    let sum: f64 = cells.map(|cell| part * cell.squares_over(&maps.seen, next)).sum();
-    (1.0 - sum / samples.values.len() as f64).max(0.3)
 }
 
 /// What pixels show that see the ball in `cells`, a list for each direction: the logarithm of their mean brightness.

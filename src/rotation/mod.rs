@@ -20,12 +20,14 @@
 pub mod cube_map;
 pub mod disc_map;
 pub mod fit;
+pub mod map_fit;
 pub mod search;
 #[cfg(test)]
 mod tests;
 pub mod view;
 
-pub use fit::{BallMaps, RotationFit};
+pub use fit::RotationFit;
+pub use map_fit::BallMaps;
 pub use view::{BallPixel, BallSamples, BallView};
 
 use crate::numeric::robust::median;
@@ -208,7 +210,9 @@ impl RotationEvidence<'_> {
         (self.drifting - left) / (self.drifting - self.noise)
     }
 
-    fn is_explained_by(&self, fit: &RotationFit) -> bool {
+    /// Whether a rotation explains enough of what no light does that stays on the ball, or drifts.
+    #[must_use]
+    pub fn is_explained_by(&self, fit: &RotationFit) -> bool {
         self.explained_by(fit) > LEAST_EXPLAINED
     }
 
@@ -255,7 +259,7 @@ impl RotationEvidence<'_> {
                 without - fit::left_by(samples, grids, &self.maps, &rate, lit)
             });
             let by_chance = by_chance.reduce(|| 0.0, f64::max);
-            fits.retain(|f| without - f.sum_squares > LEAST_OVER_CONTROLS * by_chance);
+            fits.retain(|f| without - f.cross_validated > LEAST_OVER_CONTROLS * by_chance);
         }
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;

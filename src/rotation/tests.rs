@@ -321,3 +321,61 @@ fn three_pictures_are_too_few() {
     let views = views(Marks::Dots, 12.0, 3, Vector3::new(0.0, 0.0, 50.0), 0.0, 1);
     assert_eq!(rivals(&search(12.0), &views).err(), Some(NoRate::FewFrames));
 }
+
+#[test]
+fn wherever_a_fit_begins_it_ends_at_the_same_rate() {
+    // A quarter of a turn of two halves in a known light: turned about the halves' own axis they change little, and their map has to tell by how much.
+    let radius_px = 19.0;
+    let search = search(radius_px);
+    let plain = search
+        .sampled(&views(Marks::Plain, radius_px, 12, Vector3::zeros(), 0.0, 1))
+        .unwrap();
+    let (_, light) = fit::still(&plain.samples, &plain.grids);
+    let truth = Vector3::new(17.0, -28.0, -4.0);
+    let ball = search
+        .sampled(&views(Marks::Halves, radius_px, 12, truth, 0.0, 2))
+        .unwrap();
+    let found = [-8.0, 0.0, 8.0].map(|off| {
+        let start = truth + Vector3::new(off, off, off);
+        fit::fit(&ball.samples, &ball.grids, &light, start, true).unwrap()
+    });
+    for one in &found {
+        let off = one.rate_rad_s - found[1].rate_rad_s;
+        let std = one.covariance.diagonal().map(f64::sqrt);
+        assert!(off.component_div(&std).amax() < 1.0, "{off:?} of {std:?}");
+        let off = one.rate_rad_s - truth;
+        assert!(off.norm() < 2.5, "{off:?}");
+    }
+}
+
+#[test]
+fn maps_take_as_much_of_noise_as_they_say() {
+    let radius_px = 15.0;
+    for (frames, rate) in [(30, 40.0), (8, 40.0), (8, 2.0)] {
+        let views = views(
+            Marks::Dots,
+            radius_px,
+            frames,
+            rate * Vector3::new(0.2, -0.6, 0.77),
+            0.0,
+            3,
+        );
+        let ball = search(radius_px).sampled(&views).unwrap();
+        let (samples, grids) = (&ball.samples, &ball.grids);
+        let turned = fit::turned(samples, grids.grid, &(rate * Vector3::new(0.2, -0.6, 0.77)));
+        let seen = fit::weights_of(&turned.cells, grids.grid.nodes(), grids.grid.side());
+        let gains = map_fit::GainTerms::new(samples);
+        let problem = grids.map_problem(samples, &turned, &seen, &gains, false, fit::EXACT);
+        let mut noise = TestNoise(4);
+        let pixels: Vec<f64> = samples.values.iter().map(|_| noise.normal()).collect();
+        let mut left = pixels.clone();
+        problem.solve(&mut left, &vec![0.0; grids.grid.nodes()]);
+        let dot = |a: &[f64]| a.iter().zip(&pixels).map(|(a, b)| a * b).sum::<f64>();
+        let others = dot(&left) / dot(&pixels);
+        assert!(
+            (others - problem.others_part()).abs() < 0.1,
+            "{others} {}",
+            problem.others_part()
+        );
+    }
+}
