@@ -295,11 +295,10 @@ impl FlightPictures<'_> {
                 ..*search
             });
             let again = lit.and_then(|lit| {
-                let mut rates = self.rates(arc, &lit).ok()?;
+                let rates = self.rates(arc, &lit).ok()?;
                 // What stands out from a light of other flights may be that this one's differs, which stays as a ball does that hardly turns.
                 let evidence = search.evidence(arc.ball.as_ref()?).ok()?;
-                rates.retain(|rate| evidence.is_explained_by(rate));
-                (!rates.is_empty()).then_some(rates)
+                evidence.told_from_light(rates).ok()
             });
             let again = again.or_else(|| {
                 if arc.centres.len() > SEARCH_FRAMES {

@@ -15,8 +15,8 @@ pub trait MapValue:
     #[must_use]
     fn over(self, other: Self) -> Self;
 
-    /// Whether each number is below `part` of that of `other`.
-    fn is_below(self, part: f64, other: Self) -> bool;
+    /// Whether each number is at most `part` of that of `other`.
+    fn is_at_most(self, part: f64, other: Self) -> bool;
 }
 
 impl MapValue for f64 {
@@ -30,7 +30,7 @@ impl MapValue for f64 {
         if other > 0.0 { self / other } else { 0.0 }
     }
 
-    fn is_below(self, part: f64, other: Self) -> bool {
+    fn is_at_most(self, part: f64, other: Self) -> bool {
         self <= part * other
     }
 }
@@ -46,10 +46,10 @@ impl MapValue for Vector3<f64> {
         self.zip_map(&other, f64::over)
     }
 
-    fn is_below(self, part: f64, other: Self) -> bool {
+    fn is_at_most(self, part: f64, other: Self) -> bool {
         self.iter()
             .zip(&other)
-            .all(|(one, other)| one.is_below(part, *other))
+            .all(|(one, other)| one.is_at_most(part, *other))
     }
 }
 

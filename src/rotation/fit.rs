@@ -138,6 +138,8 @@ pub struct FitGrids {
     /// Where each sample lies in the light's grid, and what all of them weigh at its nodes.
     lit: Vec<GridCell>,
     lit_weights: Vec<f64>,
+    /// The samples' brightness.
+    gains: GainTerms,
     /// What the slopes at the nodes of the ball's grid are taken from, made when they are asked for: a plain ball has no need of them.
     around: Arc<OnceLock<Vec<NodeSurroundings>>>,
 }
@@ -181,6 +183,7 @@ impl FitGrids {
             disc,
             lit_weights: Vec::new(),
             lit: Vec::new(),
+            gains: GainTerms::new(samples),
         }
         .of_samples(samples)
     }
@@ -207,6 +210,7 @@ impl FitGrids {
         Self {
             lit_weights: weights_of(slice::from_ref(&lit), disc.nodes(), disc.side()),
             lit,
+            gains: GainTerms::new(samples),
             around: Arc::clone(&self.around),
             ..*self
         }
@@ -242,7 +246,7 @@ pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec
     let lit = samples.values.iter().zip(&grids.lit);
     let next = grids.disc.side();
     let mut residuals: Vec<f64> = lit.map(|(v, c)| v - c.value(&maps.light, next)).collect();
-    GainTerms::new(samples).take(samples, &mut residuals, &mut maps.gains);
+    grids.gains.take(samples, &mut residuals, &mut maps.gains);
     (residuals, maps)
 }
 
@@ -275,9 +279,8 @@ pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64])
 pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f64>, BallMaps) {
     let mut maps = BallMaps::dark(samples, grids);
     let mut residuals = samples.values.clone();
-    let gains = GainTerms::new(samples);
     for _ in 0..STILL_ROUNDS {
-        gains.take(samples, &mut residuals, &mut maps.gains);
+        grids.gains.take(samples, &mut residuals, &mut maps.gains);
         grids.take_light(&mut residuals, &mut maps.light);
     }
     (residuals, maps)
@@ -319,9 +322,8 @@ pub fn smooth_light(samples: &BallSamples, grids: &FitGrids) -> BallMaps {
         return maps;
     };
     let mut residuals = samples.values.clone();
-    let gains = GainTerms::new(samples);
     for _ in 0..STILL_ROUNDS {
-        gains.take(samples, &mut residuals, &mut maps.gains);
+        grids.gains.take(samples, &mut residuals, &mut maps.gains);
         let mut right = SVector::<f64, SMOOTH_TERMS>::zeros();
         for (r, &place) in residuals.iter().zip(&samples.places) {
             right += *r * terms(place);
@@ -369,7 +371,6 @@ impl FitGrids {
         samples: &'a BallSamples,
         turned: &'a TurnedBall,
         seen: &'a [f64],
-        gains: &'a GainTerms,
         lit: bool,
         least_part: f64,
     ) -> MapProblem<'a> {
@@ -386,7 +387,7 @@ impl FitGrids {
                 next: self.grid.side(),
             },
             light: (!lit).then_some(light),
-            gains,
+            gains: &self.gains,
             least_part,
         }
     }
@@ -528,14 +529,13 @@ fn evaluated(
     let next = grids.grid.side();
     let turned = turned(samples, grids.grid, rate);
     maps.seen = weights_of(&turned.cells, grids.grid.nodes(), next);
-    let gains = GainTerms::new(samples);
     let mut residuals = Vec::new();
     // What two directions show is not linear in the map.
     for _ in &turned.cells {
         residuals = residuals_of(samples, grids, &maps, &turned);
-        let problem = grids.map_problem(samples, &turned, &maps.seen, &gains, lit, least_part);
+        let problem = grids.map_problem(samples, &turned, &maps.seen, lit, least_part);
         let change = problem.solve(&mut residuals, &maps.albedo);
-        change.apply(&mut maps, &gains);
+        change.apply(&mut maps, &grids.gains);
     }
     let sum_squares = residuals.iter().map(|r| r * r).sum();
     let slopes = grids.slopes(&maps.albedo);
@@ -565,7 +565,7 @@ fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMap
     let next = grids.disc.side();
     let lit_by = samples.values.iter().zip(&grids.lit);
     let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - c.value(&maps.light, next)).collect();
-    GainTerms::new(samples).take(samples, &mut unlit, &mut maps.gains);
+    grids.gains.take(samples, &mut unlit, &mut maps.gains);
     maps
 }
 
@@ -691,9 +691,7 @@ fn fit_from(
         since_rad += step.norm() * longest_s;
         let mut maps = found.maps;
         if let Some(bend) = &bend {
-            bend.taken
-                .against(&step)
-                .apply(&mut maps, &GainTerms::new(samples));
+            bend.taken.against(&step).apply(&mut maps, &grids.gains);
         }
         found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
     }
@@ -748,8 +746,7 @@ impl MapsAtRate {
 
     /// The part that other pixels have in the maps' values at a pixel, on average.
     fn others_part(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> f64 {
-        let gains = GainTerms::new(samples);
-        let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, &gains, lit, EXACT);
+        let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, lit, EXACT);
         problem.others_part()
     }
 
@@ -780,8 +777,7 @@ impl MapsAtRate {
         lit: bool,
     ) -> Option<FreeCurvature> {
         let mut left = by_rate.to_vec();
-        let gains = GainTerms::new(samples);
-        let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, &gains, lit, EXACT);
+        let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, lit, EXACT);
         let held = vec![Vector3::zeros(); self.maps.albedo.len()];
         let taken = problem.solve(&mut left, &held);
         let matrix: Matrix3<f64> = by_rate

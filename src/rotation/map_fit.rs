@@ -115,6 +115,7 @@ impl MapChange<f64> {
 
 /// The frames' brightness as a parabola in time: light changes smoothly along a path. (A gain free in every frame would take the marks' own share, of halves
 /// of two colours most of it.)
+#[derive(Debug, Clone)]
 pub struct GainTerms {
     /// Of each frame: 1, its time and the square of that, in units of the longest.
     terms: Vec<Vector3<f64>>,
@@ -216,7 +217,7 @@ impl MapProblem<'_> {
                 *r -= d.times(step);
                 left += r.times(*r);
             }
-            if slope.times(step).is_below(self.least_part, left) {
+            if slope.times(step).is_at_most(self.least_part, left) {
                 break;
             }
             before = Some(slope);

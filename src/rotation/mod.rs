@@ -210,9 +210,19 @@ impl RotationEvidence<'_> {
         (self.drifting - left) / (self.drifting - self.noise)
     }
 
-    /// Whether a rotation explains enough of what no light does that stays on the ball, or drifts.
-    #[must_use]
-    pub fn is_explained_by(&self, fit: &RotationFit) -> bool {
+    /// Those of `rates`, found in a light that is thought known, that explain what no light does that stays on the ball, or drifts.
+    ///
+    /// # Errors
+    /// [`NoRate::TooFewTurns`] where there is none.
+    pub fn told_from_light(&self, mut rates: Vec<RotationFit>) -> Result<Vec<RotationFit>, NoRate> {
+        rates.retain(|f| self.is_explained_by(f));
+        if rates.is_empty() {
+            return Err(NoRate::TooFewTurns);
+        }
+        Ok(rates)
+    }
+
+    fn is_explained_by(&self, fit: &RotationFit) -> bool {
         self.explained_by(fit) > LEAST_EXPLAINED
     }
 
@@ -315,12 +325,7 @@ impl RotationEvidence<'_> {
             light: Some(&light),
             ..self.search
         };
-        let mut found = lit.rivals(self.ball)?;
-        found.retain(|f| self.is_explained_by(f));
-        if found.is_empty() {
-            return Err(NoRate::TooFewTurns);
-        }
-        Ok(found)
+        self.told_from_light(lit.rivals(self.ball)?)
     }
 
     /// The best of `fits` and its rivals, each once, of those that explain what the ball shows.

@@ -364,8 +364,7 @@ fn maps_take_as_much_of_noise_as_they_say() {
         let (samples, grids) = (&ball.samples, &ball.grids);
         let turned = fit::turned(samples, grids.grid, &(rate * Vector3::new(0.2, -0.6, 0.77)));
         let seen = fit::weights_of(&turned.cells, grids.grid.nodes(), grids.grid.side());
-        let gains = map_fit::GainTerms::new(samples);
-        let problem = grids.map_problem(samples, &turned, &seen, &gains, false, fit::EXACT);
+        let problem = grids.map_problem(samples, &turned, &seen, false, fit::EXACT);
         let mut noise = TestNoise(4);
         let pixels: Vec<f64> = samples.values.iter().map(|_| noise.normal()).collect();
         let mut left = pixels.clone();
