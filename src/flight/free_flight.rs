@@ -153,6 +153,12 @@ impl Flight {
         self.extra.variance_of(spot).sqrt()
     }
 
+    /// Standard uncertainty of the used centres, plane units.
+    #[must_use]
+    pub fn centre_std(&self) -> f64 {
+        self.median_of_used(|s| self.std(s))
+    }
+
     /// What the used centres scatter by beyond what their own pixels tell, plane units: how far a codec or a shaking camera
     /// displaces the ball.
     #[must_use]

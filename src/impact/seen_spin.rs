@@ -7,15 +7,32 @@
 //! R ω' − R ω = (v_t − v_t') / k        k the inertia factor, from 0.2 (a heavy core) to 2/3 (a thin shell)
 //! ```
 //!
-//! Assumed: no ball is outside of these ranges; a reason beside the rate says that they decided. A pair of rates that it allows may be the wrong one still where two are: then neither is chosen.
+//! and about the normal it changes by what friction in the area of contact drills (`MOST_DRILLED`).
+//!
+//! A bounce that allows no pair of rates says that the pictures of the one arc or the other show a wrong one: neither is stated. One that allows a
+//! single pair chooses it, where it would hardly have allowed as many pairs as there are if all of them were wrong (`MOST_BY_CHANCE`).
+//!
+//! Assumed: no ball is outside of these ranges; a reason beside the rate says that they decided.
 
+use super::floor::turned;
 use super::inputs::InputValues;
 use super::motion::MeasuredMotion;
-use super::spin_candidates::{ChosenSpin, SpinCandidates};
+use super::spin_candidates::{ChosenSpin, FastestSpin, SpinCandidates, SpinUntold, SurfaceSpin};
 use crate::quantity::Quantity;
 
 /// Inertia factors that balls have.
 const INERTIA_FACTORS: std::ops::RangeInclusive<f64> = 0.2..=0.67;
+
+/// The normal force acts beside the centre by this part of the radius, at most (Cross, Am. J. Phys. 70, 1093, 2002).
+const NORMAL_FORCE_OFFSET: f64 = 0.05;
+
+/// R |Δω| about the normal is at most this part of what the bounce changes in the speed along it: 2 μ a / (3 k R) for an area of contact of radius a, here
+/// R / 2, with friction 0.6 and k = 0.4.
+const MOST_DRILLED: f64 = 0.5;
+
+/// Wrong pairs of rates that a bounce allows by chance, on average, where it may choose a pair. The right rate is missing among three in a hundred arcs'
+/// (docs/accuracy.md): so one choice in a hundred is wrong.
+const MOST_BY_CHANCE: f64 = 0.3;
 
 /// A pair of spins is against a bounce by more than this many standard uncertainties.
 const AGAINST_SIGMAS: f64 = 4.0;
@@ -29,7 +46,9 @@ pub struct SeenSpin {
     /// First and last time of the pictures, s.
     pub span_s: (f64, f64),
     /// The spins that suit them, the most likely first; one where it is sure.
-    pub candidates_m_s: Vec<Quantity>,
+    pub candidates: Vec<SurfaceSpin>,
+    /// The fastest that its frames show, m/s.
+    pub fastest_m_s: f64,
 }
 
 /// Where the spin before an impact comes from.
@@ -53,10 +72,14 @@ impl MeasuredMotion<'_> {
             let here = seen
                 .iter()
                 .find(|s| (s.span_s.0..=s.span_s.1).contains(&middle(k)));
-            let to_world = |q: &Quantity| q.scaled(self.x_sign);
+            let to_world = |spin: &SurfaceSpin| SurfaceSpin {
+                y_m_s: spin.y_m_s.scaled(self.x_sign),
+                ..*spin
+            };
             SpinCandidates::new(
-                here.map_or(Vec::new(), |s| s.candidates_m_s.iter().map(to_world).collect()),
+                here.map_or(Vec::new(), |s| s.candidates.iter().map(to_world).collect()),
                 fastest_m_s,
+                here.map_or(0.0, |s| s.fastest_m_s),
             )
         };
         self.seen_spins = (0..self.arcs()).map(of).collect();
@@ -71,33 +94,24 @@ impl MeasuredMotion<'_> {
     /// Leaves of the spins around the impact between arcs `k` and `k + 1` those that it allows.
     fn tell_apart(&mut self, k: usize) {
         let (before, after) = (&self.seen_spins[k], &self.seen_spins[k + 1]);
-        let is_open = before.possible().len() > 1 || after.possible().len() > 1;
-        if !is_open
-            || before.possible().is_empty()
-            || after.possible().is_empty()
-            || self.surface(k).is_none()
-        {
+        if before.possible().is_empty() || after.possible().is_empty() || self.surface(k).is_none() {
             return;
         }
-        let lost = self.inputs.quantity(|p| self.spin_gained(p, self.slope(p), k));
-        let Some(lost) = lost else { return };
-        let mut left = (Vec::new(), Vec::new());
-        for (i, before) in before.possible_m_s() {
-            for (j, after) in after.possible_m_s() {
-                if may_follow(before, after, lost) {
-                    left.0.push(i);
-                    left.1.push(j);
-                }
-            }
+        if let Some(change) = self.spin_change(k) {
+            let (before, after) = self.seen_spins.split_at_mut(k + 1);
+            change.tell_apart(&mut before[k], &mut after[0]);
         }
-        if left.0.is_empty() {
-            return;
-        }
-        left.0.dedup();
-        left.1.sort_unstable();
-        left.1.dedup();
-        self.seen_spins[k].leave(left.0);
-        self.seen_spins[k + 1].leave(left.1);
+    }
+
+    /// What the impact between arcs `k` and `k + 1` may have made of the ball's spin.
+    fn spin_change(&self, k: usize) -> Option<SpinChange> {
+        Some(SpinChange {
+            lost_m_s: self.inputs.quantity(|p| self.spin_gained(p, self.slope(p), k))?,
+            pushed_m_s: self.inputs.quantity(|p| {
+                let (slope, (_, before, after)) = (self.slope(p), self.impact(p, k));
+                (turned(&after, slope).vh - turned(&before, slope).vh).abs()
+            })?,
+        })
     }
 
     /// Speed of the centre at the ends of the arcs, at most, m/s.
@@ -116,14 +130,13 @@ impl MeasuredMotion<'_> {
         ends.map(speed).fold(0.0, f64::max)
     }
 
-    /// Which of the spins that suit the pictures of arc `k` it is; `None` where that is open, or nothing was seen.
-    #[must_use]
-    pub fn seen_spin(&self, k: usize) -> Option<ChosenSpin> {
-        let arc = self.seen_spins.get(k)?;
-        Some(ChosenSpin {
-            index: arc.chosen()?,
-            told_by: arc.told_by(),
-        })
+    /// Which of the spins that suit the pictures of arc `k` it is.
+    ///
+    /// # Errors
+    /// Why it is none of them.
+    pub fn seen_spin(&self, k: usize) -> Result<ChosenSpin, SpinUntold> {
+        let arc = self.seen_spins.get(k).ok_or(SpinUntold::Unseen)?;
+        arc.chosen()
     }
 
     /// R ω_y on arc `k` as the pictures show it, m/s, `error` standard uncertainties off; NaN where they do not.
@@ -143,48 +156,180 @@ impl MeasuredMotion<'_> {
     }
 }
 
-/// Whether a ball whose bounce took `lost` from its speed along the floor, m/s, may have turned by `before` and `after`.
-fn may_follow(before: Quantity, after: Quantity, lost: Quantity) -> bool {
-    let gained = after.value - before.value;
-    let (one, two) = (
-        lost.value / INERTIA_FACTORS.start(),
-        lost.value / INERTIA_FACTORS.end(),
-    );
-    let std = |q: Quantity| q.std_uncertainty.unwrap_or(0.0);
-    let known = (std(lost) / INERTIA_FACTORS.start())
-        .hypot(std(before))
-        .hypot(std(after));
-    let margin = AGAINST_SIGMAS * known;
-    gained > one.min(two) - margin && gained < one.max(two) + margin
+/// What a bounce may make of a ball's spin.
+#[derive(Debug, Clone, Copy)]
+struct SpinChange {
+    /// What it took from the ball's speed along the floor, m/s.
+    lost_m_s: Quantity,
+    /// What it changed in the speed along the normal, m/s.
+    pushed_m_s: Quantity,
+}
+
+impl SpinChange {
+    /// Leaves of the spins before and after it, some of each, those that it allows.
+    fn tell_apart(&self, before: &mut SpinCandidates, after: &mut SpinCandidates) {
+        let fastest = after.fastest();
+        let mut by_chance = 0.0;
+        let mut left = (Vec::new(), Vec::new());
+        for (i, one) in before.possible_spins() {
+            for (j, other) in after.possible_spins() {
+                by_chance += self.allows_by_chance(one, other, fastest);
+                if self.allows(one, other) {
+                    left.0.push(i);
+                    left.1.push(j);
+                }
+            }
+        }
+        if left.0.is_empty() {
+            before.contradict();
+            after.contradict();
+        } else if by_chance <= MOST_BY_CHANCE {
+            left.0.dedup();
+            left.1.sort_unstable();
+            left.1.dedup();
+            before.leave(left.0);
+            after.leave(left.1);
+        }
+    }
+
+    /// The least and the most that R ω_y may grow by, m/s.
+    fn about_y(&self, before: SurfaceSpin, after: SurfaceSpin) -> (f64, f64) {
+        let offset = NORMAL_FORCE_OFFSET * self.pushed_m_s.value;
+        let (lost, gained) = (self.lost_m_s.value - offset, self.lost_m_s.value + offset);
+        let (light, heavy) = (INERTIA_FACTORS.start(), INERTIA_FACTORS.end());
+        let known = (std(self.lost_m_s) / light)
+            .hypot(std(before.y_m_s))
+            .hypot(std(after.y_m_s));
+        let margin = AGAINST_SIGMAS * known;
+        (
+            (lost / light).min(lost / heavy) - margin,
+            (gained / light).max(gained / heavy) + margin,
+        )
+    }
+
+    /// By how much R ω_z may change at most, m/s.
+    fn about_z(&self, before: SurfaceSpin, after: SurfaceSpin) -> f64 {
+        let known = std(self.pushed_m_s)
+            .hypot(std(before.z_m_s))
+            .hypot(std(after.z_m_s));
+        AGAINST_SIGMAS * known + MOST_DRILLED * self.pushed_m_s.value
+    }
+
+    /// Whether a ball may have turned by `before` and `after`.
+    fn allows(&self, before: SurfaceSpin, after: SurfaceSpin) -> bool {
+        let (least, most) = self.about_y(before, after);
+        let (about_y, about_z) = (
+            after.y_m_s.value - before.y_m_s.value,
+            after.z_m_s.value - before.z_m_s.value,
+        );
+        (least..=most).contains(&about_y) && about_z.abs() <= self.about_z(before, after)
+    }
+
+    /// The part of all spins up to the `fastest`, as sure as `after`, that it allows after `before`.
+    fn allows_by_chance(&self, before: SurfaceSpin, after: SurfaceSpin, fastest: FastestSpin) -> f64 {
+        let (least, most) = self.about_y(before, after);
+        let part = |allowed: f64, fastest: f64| (allowed / (2.0 * fastest)).min(1.0);
+        part(most - least, fastest.y_m_s) * part(2.0 * self.about_z(before, after), fastest.z_m_s)
+    }
+}
+
+fn std(q: Quantity) -> f64 {
+    q.std_uncertainty.unwrap_or(0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::impact::spin_candidates::MOST_SPEEDS;
 
-    fn q(value: f64, std: f64) -> Quantity {
-        Quantity::new(value, std).unwrap()
+    fn spin(y_m_s: f64, z_m_s: f64, std_m_s: f64) -> SurfaceSpin {
+        let q = |value| Quantity::new(value, std_m_s).unwrap();
+        SurfaceSpin {
+            y_m_s: q(y_m_s),
+            z_m_s: q(z_m_s),
+        }
+    }
+
+    fn change(lost_m_s: f64, pushed_m_s: f64) -> SpinChange {
+        let q = |value| Quantity::new(value, 0.002).unwrap();
+        SpinChange {
+            lost_m_s: q(lost_m_s),
+            pushed_m_s: q(pushed_m_s),
+        }
     }
 
     #[test]
     fn a_bounce_allows_the_spins_of_balls_alone() {
-        let lost = q(0.2, 0.002);
+        // A solid ball, a thin shell, a heavy core; the normal force within 0.02 m/s of the centre.
         for (after, allowed) in [
             (0.5, true),
             (0.3, true),
             (1.0, true),
-            (0.25, false),
-            (1.1, false),
+            (0.22, false),
+            (1.2, false),
             (-0.5, false),
         ] {
-            assert_eq!(
-                may_follow(q(0.0, 0.001), q(after, 0.001), lost),
-                allowed,
-                "{after}"
-            );
+            let [before, after] = [0.0, after].map(|y| spin(y, 0.1, 0.001));
+            assert_eq!(change(0.2, 0.2).allows(before, after), allowed, "{after:?}");
         }
         // A bounce without friction leaves the spin.
-        assert!(may_follow(q(0.4, 0.001), q(0.401, 0.001), q(0.0, 0.001)));
-        assert!(!may_follow(q(0.4, 0.001), q(0.6, 0.001), q(0.0, 0.001)));
+        let before = spin(0.4, 0.1, 0.001);
+        assert!(change(0.0, 0.2).allows(before, spin(0.401, 0.1, 0.001)));
+        assert!(!change(0.0, 0.2).allows(before, spin(0.6, 0.1, 0.001)));
+        // What drills cannot turn a ball about the normal by more than it pushes it.
+        assert!(change(0.0, 0.2).allows(before, spin(0.4, 0.18, 0.001)));
+        assert!(!change(0.0, 0.2).allows(before, spin(0.4, 0.25, 0.001)));
+    }
+
+    /// Spins about y and their standard uncertainties, of a ball that may have 5 m/s.
+    fn candidates(spins: &[(f64, f64)]) -> SpinCandidates {
+        let spins = spins.iter().map(|&(y, std)| spin(y, 0.0, std));
+        SpinCandidates::new(spins.collect(), 5.0 / MOST_SPEEDS, 10.0)
+    }
+
+    /// What a bounce makes of those that the pictures before and after it show.
+    fn told(before: &[(f64, f64)], after: &[(f64, f64)]) -> [Result<usize, SpinUntold>; 2] {
+        let (mut before, mut after) = (candidates(before), candidates(after));
+        change(0.1, 1.0).tell_apart(&mut before, &mut after);
+        [before, after].map(|c| c.chosen().map(|c| c.index))
+    }
+
+    #[test]
+    fn a_bounce_tells_spins_apart_where_chance_hardly_would() {
+        let sure = 0.001;
+        assert_eq!(told(&[(0.0, sure)], &[(4.0, sure), (0.3, sure)]), [Ok(0), Ok(1)]);
+        let any = 3.0;
+        let several = Err(SpinUntold::Several);
+        assert_eq!(
+            told(&[(-4.9, sure), (0.0, any)], &[(4.9, sure)]),
+            [several, Ok(0)]
+        );
+    }
+
+    #[test]
+    fn spins_that_no_bounce_allows_beside_each_other_are_neither() {
+        let contradicted = Err(SpinUntold::Contradicted);
+        let sure = 0.001;
+        assert_eq!(told(&[(0.0, sure)], &[(4.0, sure)]), [contradicted; 2]);
+        assert_eq!(
+            told(&[(0.0, sure)], &[(4.0, sure), (-3.0, sure)]),
+            [contradicted; 2]
+        );
+        // Several that are all too fast are no evidence against another: nothing asks a bounce about them.
+        let too_fast = candidates(&[(9.0, sure), (-8.0, sure)]);
+        assert!(too_fast.possible().is_empty());
+        assert_eq!(too_fast.chosen(), Err(SpinUntold::Several));
+    }
+
+    #[test]
+    fn a_spin_that_may_be_any_is_allowed_by_chance() {
+        let fastest = FastestSpin {
+            y_m_s: 5.0,
+            z_m_s: 10.0,
+        };
+        let sure =
+            |std| change(0.1, 1.0).allows_by_chance(spin(0.0, 0.0, 0.001), spin(0.0, 0.0, std), fastest);
+        assert!(sure(0.001) < 0.03, "{}", sure(0.001));
+        assert!((sure(10.0) - 1.0).abs() < 1e-12);
     }
 }

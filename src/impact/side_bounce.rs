@@ -204,7 +204,7 @@ impl MeasuredMotion<'_> {
 impl MeasuredMotion<'_> {
     /// Where the spin before the impact at the end of arc `k` comes from.
     fn spin_source(&self, k: usize, history: Option<&[usize]>) -> Option<SpinSource> {
-        if self.seen_spin(k).is_some() {
+        if self.seen_spin(k).is_ok() {
             return Some(SpinSource::Measured);
         }
         Some(if history?.is_empty() {

@@ -26,29 +26,71 @@ pub enum SpinEvidence {
     Bounce,
 }
 
+/// Why it is none of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SpinUntold {
+    /// The pictures show none.
+    #[default]
+    Unseen,
+    /// Nothing tells them apart.
+    Several,
+    /// The bounce beside the arc allows none of them with any that its neighbour's pictures show: the one or the other is wrong.
+    Contradicted,
+}
+
+/// R ω of a ball about the axes that a bounce says something of, m/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceSpin {
+    /// About y: positive where the ball rolls to the right in the calibrated plane.
+    pub y_m_s: Quantity,
+    /// About the vertical.
+    pub z_m_s: Quantity,
+}
+
 /// What is known of the spin of an arc.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SpinCandidates {
-    candidates_m_s: Vec<Quantity>,
+    candidates: Vec<SurfaceSpin>,
     /// Those that nothing is against.
     possible: Vec<usize>,
     told_by: SpinEvidence,
+    /// Why none is chosen where none is possible.
+    untold: SpinUntold,
+    fastest: FastestSpin,
+}
+
+/// The fastest spin about each axis that an arc's candidates may have, m/s.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FastestSpin {
+    pub y_m_s: f64,
+    pub z_m_s: f64,
 }
 
 impl SpinCandidates {
-    /// Those that a ball can have whose fastest speed is `speed_m_s`, where any is.
-    pub fn new(candidates_m_s: Vec<Quantity>, speed_m_s: f64) -> Self {
-        let all: Vec<usize> = (0..candidates_m_s.len()).collect();
-        let slow = |&i: &usize| candidates_m_s[i].value.abs() <= MOST_SPEEDS * speed_m_s;
+    /// Those that a ball can have whose fastest speed is `speed_m_s`; the frames show R ω up to `seen_m_s`. Several of which each is too fast are no
+    /// evidence: the right one is hardly among them.
+    pub fn new(candidates: Vec<SurfaceSpin>, speed_m_s: f64, seen_m_s: f64) -> Self {
+        let most_m_s = MOST_SPEEDS * speed_m_s;
+        let all: Vec<usize> = (0..candidates.len()).collect();
+        let slow = |&i: &usize| candidates[i].y_m_s.value.abs() <= most_m_s;
         let slow: Vec<usize> = all.iter().copied().filter(slow).collect();
-        let by_speed = !slow.is_empty() && slow.len() < all.len();
+        let is_sure = all.len() == 1;
         Self {
-            possible: if by_speed { slow } else { all },
-            candidates_m_s,
-            told_by: if by_speed {
+            told_by: if slow.len() < all.len() && !is_sure {
                 SpinEvidence::Speed
             } else {
                 SpinEvidence::Pictures
+            },
+            untold: if all.is_empty() {
+                SpinUntold::Unseen
+            } else {
+                SpinUntold::Several
+            },
+            possible: if is_sure { all } else { slow },
+            candidates,
+            fastest: FastestSpin {
+                y_m_s: seen_m_s.min(most_m_s),
+                z_m_s: seen_m_s,
             },
         }
     }
@@ -61,22 +103,32 @@ impl SpinCandidates {
         self.possible = possible;
     }
 
-    /// The one that is left.
-    pub fn chosen(&self) -> Option<usize> {
+    /// Leaves none: the bounce beside the arc is against each.
+    pub fn contradict(&mut self) {
+        self.possible.clear();
+        self.untold = SpinUntold::Contradicted;
+    }
+
+    /// The one that is left, and what told it from the others.
+    pub fn chosen(&self) -> Result<ChosenSpin, SpinUntold> {
         match self.possible[..] {
-            [one] => Some(one),
-            _ => None,
+            [index] => Ok(ChosenSpin {
+                index,
+                told_by: self.told_by,
+            }),
+            [] => Err(self.untold),
+            _ => Err(SpinUntold::Several),
         }
     }
 
-    /// The same, m/s.
+    /// R ω_y of the one that is left, m/s.
     pub fn chosen_m_s(&self) -> Option<Quantity> {
-        Some(self.candidates_m_s[self.chosen()?])
+        Some(self.candidates[self.chosen().ok()?.index].y_m_s)
     }
 
-    /// What told them from the others.
-    pub const fn told_by(&self) -> SpinEvidence {
-        self.told_by
+    /// The fastest that they may be.
+    pub const fn fastest(&self) -> FastestSpin {
+        self.fastest
     }
 
     /// The places of those that are left.
@@ -85,7 +137,7 @@ impl SpinCandidates {
     }
 
     /// Those that are left, with their places in the list.
-    pub fn possible_m_s(&self) -> impl Iterator<Item = (usize, Quantity)> {
-        self.possible.iter().map(|&i| (i, self.candidates_m_s[i]))
+    pub fn possible_spins(&self) -> impl Iterator<Item = (usize, SurfaceSpin)> {
+        self.possible.iter().map(|&i| (i, self.candidates[i]))
     }
 }

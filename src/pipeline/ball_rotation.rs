@@ -18,10 +18,10 @@ use crate::flight::{Flight, SpotUse};
 use crate::geometry::PlanePoint;
 use crate::impact::error_budget::{EDGE_STD_PX, MARKED_COMMON_PART, MARKED_RADIUS_PART};
 use crate::impact::seen_spin::SeenSpin;
-use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence};
+use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence, SpinUntold, SurfaceSpin};
 use crate::quantity::Quantity;
 use crate::rotation::{
-    BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, SampledBall,
+    self, BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, SampledBall,
     common_light,
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -84,10 +84,11 @@ struct FlightPictures<'a> {
 pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refined) -> Vec<ArcRotation> {
     let tracked = &refined.tracked;
     let flight = &tracked.flight;
-    let radius_px = match &refined.ball {
-        Some(ball) => ball.radius_px.value,
+    let radius = match &refined.ball {
+        Some(ball) => ball.radius_px,
         None => return Vec::new(),
     };
+    let radius_px = radius.value;
     if !camera.falls() || radius_px < LEAST_RADIUS_PX {
         return Vec::new();
     }
@@ -103,13 +104,18 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
     };
     let size = block as f64;
     let displaced_px = flight.displaced_std() / camera.units_per_px();
+    let off_px = flight.centre_std() / camera.units_per_px();
     let search = RotationSearch {
         noise_grey: decoded.detector.background.noise_grey.max(LEAST_NOISE_GREY) / size,
         blur_px: own_blur_px.hypot(((size * size - 1.0) / 12.0).sqrt()),
         radius_px,
         centre_std_px: ball_model::common_std_px(refined.ball.as_ref(), displaced_px)
-            .hypot(MARKED_COMMON_PART * displaced_px),
-        radius_std_px: EDGE_STD_PX.hypot(MARKED_RADIUS_PART * displaced_px),
+            .hypot(MARKED_COMMON_PART * off_px),
+        turning_std_px: off_px,
+        radius_std_px: radius
+            .std_uncertainty
+            .unwrap_or(EDGE_STD_PX)
+            .hypot(MARKED_RADIUS_PART * off_px),
         light: None,
     };
     let shown: Vec<(ArcPictures, ArcRotation)> = (0..flight.fit.arcs())
@@ -391,25 +397,31 @@ pub fn seen_spins(
     let Some(to_plane) = plane_from_camera(camera, refined) else {
         return Vec::new();
     };
-    let out = to_plane.row(2).transpose();
+    let about = |axis: Vector3<f64>, f: &RotationFit| {
+        let std = (axis.dot(&(f.covariance * axis))).max(0.0).sqrt();
+        Quantity::new(radius_m * axis.dot(&f.rate_rad_s), radius_m * std)
+    };
     let spin = |f: &RotationFit| {
-        let std = (out.dot(&(f.covariance * out))).max(0.0).sqrt();
-        Quantity::new(-radius_m * out.dot(&f.rate_rad_s), radius_m * std)
+        Some(SurfaceSpin {
+            y_m_s: about(-to_plane.row(2).transpose(), f)?,
+            z_m_s: about(to_plane.row(1).transpose(), f)?,
+        })
     };
     let arc = |r: &ArcRotation| SeenSpin {
         span_s: r.span_s,
-        candidates_m_s: r.rates.iter().flatten().filter_map(spin).collect(),
+        candidates: r.rates.iter().flatten().filter_map(spin).collect(),
+        fastest_m_s: radius_m * rotation::fastest_rad_s(&r.times_s),
     };
     rotations.iter().map(arc).collect()
 }
 
-/// What is reported of an arc's `rotation`, of which the bounces left the candidate `chosen`; `None` of a plain ball.
+/// What is reported of an arc's `rotation`, of which the bounces left the candidate `chosen`, if any; `None` of a plain ball.
 pub fn arc_spin(
     camera: &CalibratedCamera<'_>,
     refined: &Refined,
     frame: &WorldFrame,
     rotation: &ArcRotation,
-    chosen: Option<ChosenSpin>,
+    chosen: Result<ChosenSpin, SpinUntold>,
 ) -> Option<ArcSpin> {
     let rates = match &rotation.rates {
         Ok(rates) => &rates[..],
@@ -423,12 +435,12 @@ pub fn arc_spin(
         let one = |k: usize| Quantity::new(rate[k], covariance[(k, k)].max(0.0).sqrt());
         Some([one(0)?, one(1)?, one(2)?])
     };
-    let several = rates.len() > 1;
     let about_y = |f: &RotationFit| (to_world * f.rate_rad_s).y;
-    let fit = chosen.and_then(|c| rates.get(c.index));
+    let fit = chosen.ok().and_then(|c| rates.get(c.index));
+    let in_doubt = rates.len() > 1 || fit.is_none();
     Some(ArcSpin {
         rate_rad_s: fit.and_then(world),
-        candidates_rad_s: if several {
+        candidates_rad_s: if in_doubt {
             rates.iter().map(about_y).collect()
         } else {
             Vec::new()
@@ -439,31 +451,34 @@ pub fn arc_spin(
 }
 
 /// Why there is no rate, or how it was told from its rivals.
-fn reason(rotation: &ArcRotation, chosen: Option<ChosenSpin>) -> Option<String> {
+fn reason(rotation: &ArcRotation, chosen: Result<ChosenSpin, SpinUntold>) -> Option<String> {
     let frames = rotation.frames.len();
-    match &rotation.rates {
-        Ok(rates) if rates.len() > 1 && chosen.is_some() => Some(format!(
-            "{} rates suit the pictures alike; {}",
-            rates.len(),
-            match chosen.map(|c| c.told_by) {
-                Some(SpinEvidence::Bounce) =>
+    let rates = rotation.rates.as_ref().map(Vec::len);
+    match (rates, chosen) {
+        (Ok(_), Err(SpinUntold::Contradicted)) => Some(
+            "what the pictures of this arc show does not go with what those of the arc beside it do: no bounce between them turns a ball so, for inertia factors from 0.2 to 0.67. One of the two is wrong. Larger marks, several of them, or a higher frame rate tell more"
+                .to_owned(),
+        ),
+        (Ok(rates @ 2..), Ok(chosen)) => Some(format!(
+            "{rates} rates suit the pictures alike; {}",
+            match chosen.told_by {
+                SpinEvidence::Bounce =>
                     "of these the bounce allows this one alone, for inertia factors from 0.2 to 0.67".to_owned(),
                 _ => format!(
                     "with the others the ball's surface would be more than {MOST_SPEEDS} times as fast as the ball itself"
                 ),
             }
         )),
-        Ok(rates) if rates.len() > 1 => Some(format!(
-            "{} rates suit the pictures alike: the marks look the same after a part of a turn, or the ball makes about half a turn a frame. A mark that stands alone, or a higher frame rate, tells them apart",
-            rates.len()
+        (Ok(rates @ 2..), Err(_)) => Some(format!(
+            "{rates} rates suit the pictures alike: the marks look the same after a part of a turn, or the ball makes about half a turn a frame. A mark that stands alone, or a higher frame rate, tells them apart"
         )),
-        Ok(_) => None,
-        Err(NoRate::FewFrames) => Some(format!("{frames} pictures of the ball on this arc are too few")),
-        Err(NoRate::TooFewTurns) => Some(
+        (Ok(_), _) => None,
+        (Err(NoRate::FewFrames), _) => Some(format!("{frames} pictures of the ball on this arc are too few")),
+        (Err(NoRate::TooFewTurns), _) => Some(
             "the ball makes too few turns while it is seen (1.25 on an arc, or 2 on several together, are the least), so that its marks are not told from the light on it"
                 .to_owned(),
         ),
-        Err(NoRate::Plain | NoRate::Unexplained) => Some(
+        (Err(NoRate::Plain | NoRate::Unexplained), _) => Some(
             "something on the ball changes from frame to frame, but no steady rotation explains it: marks that are too faint or too small, reflections, or a rotation too fast for the frame rate"
                 .to_owned(),
         ),

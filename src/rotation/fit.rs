@@ -91,13 +91,10 @@ impl RotationFit {
     /// How far from this rate that of other `samples` is, which take the same pixels for other places on the ball.
     #[must_use]
     pub fn distance_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
-        // As if they were as many pixels as the fit is by.
-        let part = samples.values.len() as f64 / self.pixels as f64;
-        let unit = part * (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
         let (mut maps, mut rate) = (self.maps.on(grids.grid), self.rate_rad_s);
         for _ in 0..OTHER_ROUNDS {
             let found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
-            let step = self.covariance * found.downhill / unit;
+            let step = self.step_of(&found, samples);
             rate += step;
             maps = found.maps;
             if step.norm() < SMALL_STEP * (rate - self.rate_rad_s).norm() {
@@ -105,6 +102,21 @@ impl RotationFit {
             }
         }
         rate - self.rate_rad_s
+    }
+
+    /// The first step on that way, roughly.
+    #[must_use]
+    pub fn step_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
+        let maps = self.maps.on(grids.grid);
+        let found = evaluated(samples, grids, &maps, &self.rate_rad_s, lit, ROUGH);
+        self.step_of(&found, samples)
+    }
+
+    /// A step downhill from what `samples` show, as if they were as many pixels as the fit is by.
+    fn step_of(&self, found: &MapsAtRate, samples: &BallSamples) -> Vector3<f64> {
+        let part = samples.values.len() as f64 / self.pixels as f64;
+        let unit = part * (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
+        self.covariance * found.downhill / unit
     }
 
     /// Whether the rates differ by more than their uncertainties: three standard ones of both.

@@ -131,6 +131,8 @@ pub struct RotationSearch<'a> {
     pub radius_px: f64,
     /// Standard uncertainty of what all centres of a flight are off by, along each axis of the picture, px: it turns the ball's axis by that over the radius.
     pub centre_std_px: f64,
+    /// Standard uncertainty of what the centres are off by that turns with the ball, px: marks draw them to and fro.
+    pub turning_std_px: f64,
     /// Standard uncertainty of the radius, px: what moves across the line of sight seems as much faster as the ball seems smaller, while its turns are
     /// counted, so that the axis leans.
     pub radius_std_px: f64,
@@ -351,9 +353,9 @@ impl RotationEvidence<'_> {
     }
 
     /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. With that of the
-    /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture. And with
-    /// that of the radius, and of a light that is thought known: how far the rate is from where it would be with the light fitted along; `None` where
-    /// that cannot be said.
+    /// centres: pixels that are placed on the ball by a centre that is off are those of a ball that is turned about an axis in the picture; and marks draw
+    /// them to and fro. And with that of the radius, and of a light that is thought known: how far the rate is from where it would be with the light
+    /// fitted along; `None` where that cannot be said.
     fn with_shares(&self, mut fit: RotationFit) -> Option<RotationFit> {
         let search = &self.search;
         let lit = search.light.is_some();
@@ -362,7 +364,8 @@ impl RotationEvidence<'_> {
         }
         let rate = fit.rate_rad_s;
         let (thin, grids) = self.ball.thinned();
-        let even = fit.distance_to_rate_of(&thin.evenly_blurred(), grids, lit);
+        let evenly = &thin.evenly_blurred();
+        let even = fit.distance_to_rate_of(evenly, grids, lit);
         let moved = even - fit.distance_to_rate_of(thin, grids, lit);
         let blur = search.blur_px / search.radius_px;
         let unit = blur * blur * rate.norm();
@@ -379,6 +382,7 @@ impl RotationEvidence<'_> {
             let turned = turned_std_rad * picture_axis.cross(&rate);
             shares += turned * turned.transpose();
         }
+        shares += self.by_turning_centres(&fit, evenly);
         if lit {
             let known = fit::fit_on(thin, grids, &fit, true)?;
             let freely = fit::fit_on(thin, grids, &known, false)?;
@@ -388,6 +392,23 @@ impl RotationEvidence<'_> {
         // Parts of the disc disagree by those, too.
         fit.covariance += shares + positive(fit.by_parts - shares);
         Some(fit)
+    }
+
+    /// Covariance of the rate by centres that are off with the marks: as points of the ball are that turn with it. `evenly`: the thinned pixels as if
+    /// the blur were even.
+    fn by_turning_centres(&self, fit: &RotationFit, evenly: &BallSamples) -> Matrix3<f64> {
+        let (lit, (_, grids)) = (self.search.light.is_some(), self.ball.thinned());
+        let off_radii = self.search.turning_std_px / self.search.radius_px;
+        let stays = fit.step_to_rate_of(evenly, grids, lit);
+        let moved_by = |axis: Vector3<f64>| {
+            let around = evenly.around(off_radii * axis, &fit.rate_rad_s);
+            let moved = fit.step_to_rate_of(&around, &grids.of_samples(&around), lit) - stays;
+            moved * moved.transpose()
+        };
+        [Vector3::x(), Vector3::y(), Vector3::z()]
+            .into_par_iter()
+            .map(moved_by)
+            .sum()
     }
 }
 
@@ -526,6 +547,13 @@ fn starts(mut rough: Vec<RoughFit>, longest_s: f64) -> Vec<Vector3<f64>> {
         }
     }
     starts
+}
+
+/// The fastest rate that pictures at these times show, rad/s (`BEYOND_ALIAS`).
+#[must_use]
+pub fn fastest_rad_s(times_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
+    median(&mut steps).map_or(f64::INFINITY, |interval_s| BEYOND_ALIAS * PI / interval_s)
 }
 
 /// The rate that looks alike at steps of `interval_s`, the other way round, where it is no faster than [`BEYOND_ALIAS`].

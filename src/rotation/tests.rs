@@ -136,6 +136,7 @@ fn search(radius_px: f64) -> RotationSearch<'static> {
         blur_px: 0.29,
         radius_px,
         centre_std_px: 0.0,
+        turning_std_px: 0.0,
         radius_std_px: 0.0,
         light: None,
     }
@@ -165,6 +166,37 @@ fn a_ball_that_turns_about_the_line_of_sight_has_its_rate_whatever_its_marks() {
             "{marks:?}: {off} ± {std}"
         );
         assert!(std < 0.01 * rate.norm(), "{marks:?}: {std}");
+    }
+}
+
+#[test]
+fn centres_that_marks_draw_to_and_fro_make_a_rate_less_sure() {
+    let (radius_px, off_px) = (16.0, 0.3);
+    let rate = TAU * 9.0 * Vector3::new(0.8, 0.0, 0.6);
+    let views = views(Marks::Halves, radius_px, 20, rate, 0.0, 17);
+    let unsure = |axis: Vector3<f64>, turning_std_px: f64| {
+        let mut views = views.clone();
+        for view in &mut views {
+            let off = Rotation3::new(view.time_s * rate) * axis * (off_px / radius_px);
+            for p in &mut view.pixels {
+                p.place = [p.place[0] + off.x, p.place[1] + off.y];
+            }
+        }
+        let search = RotationSearch {
+            turning_std_px,
+            ..search(radius_px)
+        };
+        let fits = rivals(&search, &views).unwrap();
+        let off = fits[0].rate_rad_s - rate;
+        let chol = fits[0].covariance.cholesky().unwrap();
+        (off.dot(&chol.solve(&off)) / 3.0).sqrt()
+    };
+    for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+        let (taken_as_right, honest) = (unsure(axis, 0.0), unsure(axis, off_px));
+        assert!(
+            honest < 2.0 && taken_as_right > 1.5 * honest,
+            "{taken_as_right} {honest}"
+        );
     }
 }
 

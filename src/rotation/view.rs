@@ -150,6 +150,21 @@ impl BallSamples {
         }
     }
 
+    /// The same, evenly blurred, as if the ball's centre were off in each frame by as much as a point of the ball that is at `offset` (radii, camera axes)
+    /// in the middle of the arc and turns with `rate_rad_s`.
+    #[must_use]
+    pub fn around(&self, offset: Vector3<f64>, rate_rad_s: &Vector3<f64>) -> Self {
+        let mut moved = self.clone();
+        for (i, &t) in self.times_s.iter().enumerate() {
+            let off = Rotation3::new(t * rate_rad_s) * offset;
+            for [a, b] in &mut moved.places[self.of_frame(i)] {
+                *a -= off.x;
+                *b -= off.y;
+            }
+        }
+        moved.evenly_blurred()
+    }
+
     /// From the middle to the frame furthest from it, s.
     #[must_use]
     pub fn longest_s(&self) -> f64 {
