@@ -184,6 +184,34 @@ fn a_ball_seen_on_its_bench_is_measured_and_nothing_is_invented_there() {
 }
 
 #[test]
+fn a_bench_seen_for_a_moment_at_a_slant_is_no_hop() {
+    let mut faults = Faults::default();
+    for (seed, ball, rate_hz, pitch_deg, seen_s) in [
+        (7050, "steel", 480, 8.5, 0.03),
+        (7050, "superball", 480, 8.5, 0.03),
+        (7057, "steel", 480, 5.0, 0.03),
+        (7053, "steel", 240, -7.5, 0.06),
+    ] {
+        let scene = on_bench(of(ball, seed, rate_hz), seen_s, Some(30), None);
+        let camera = json!({"pitch_deg": pitch_deg, "distance_m": 1.3, "noise_grey": 4.0});
+        let found = Clip::of(&with(scene, "camera", camera)).stored("h264");
+        let what = format!("{ball}, {rate_hz} Hz, {pitch_deg} degrees");
+        let seen = found.bounces();
+        faults.note(seen != 2, &what, || format!("{seen} bounces"));
+        faults.note(found.number("launch edge").is_none(), &what, || {
+            "no edge".to_owned()
+        });
+        for number in ["e 1", "e 2", "x0"] {
+            let pull = found.number(number).and_then(hard::Compared::pull);
+            faults.note(pull.is_none_or(|p| p.abs() > HONEST_SIGMAS), &what, || {
+                format!("{number}: {pull:?}")
+            });
+        }
+    }
+    faults.none();
+}
+
+#[test]
 fn without_an_origin_x_counts_from_where_the_bench_ends() {
     let mut faults = Faults::default();
     // Half of them, by twos, as codecs take turns: the others would tell no more.

@@ -145,7 +145,12 @@ impl<'a> ArcSearch<'a> {
         let carried = |k: usize| flight.is_carried(k, ranges[k].len());
         if let Some(chance) = (1..last).find(|&k| flight.is_detour(k)) {
             Some(chance)
-        } else if last > 0 && !shows(0) && (carried(0) || flight.hardly_turns(0) || self.rolls_first(ranges))
+        } else if last > 0
+            && !shows(0)
+            && (carried(0)
+                || flight.hardly_turns(0)
+                || self.rolls_first(ranges)
+                || self.rolls_on(flight, ranges))
         {
             Some(0)
         } else {
@@ -180,6 +185,36 @@ impl<'a> ArcSearch<'a> {
             .map(|s| TrackSample::of_spot(s, 1.0 / (std(s) * std(s))))
             .collect();
         worse(&still) > 2.0 * ROLLS_BETTER
+    }
+
+    /// Whether the first arc and the rise after it lie on one straight line about as well as on two falls: a ball that is on its bench up to what
+    /// would be the top of the second arc. Where a view at a slant makes scatter large, the first arc alone does not show it. A hop that is no more
+    /// than the centres' scatter is not told from a bench, and taken for one.
+    fn rolls_on(&self, flight: &Flight, ranges: &[Range<usize>]) -> bool {
+        let (fall, rise) = (flight.fit.acceleration(), ranges[1].clone());
+        let from_s = self.spots[rise.start].time_s;
+        let m = flight.fit.motion(1, from_s);
+        let size = fall.down.hypot(fall.across);
+        let top_s = from_s + (m.vh * fall.down - m.vr * fall.across) / (size * size);
+        let risen = self.spots[rise.clone()].partition_point(|s| s.time_s < top_s);
+        let Some(scatter) = scatter_seen(self.spots).filter(|_| risen > 0) else {
+            return false;
+        };
+        let samples = |range: Range<usize>| -> Vec<TrackSample> {
+            let std = |s: &Spot| s.std.max(scatter);
+            let sample = |s: &Spot| TrackSample::of_spot(s, 1.0 / (std(s) * std(s)));
+            self.spots[range].iter().map(sample).collect()
+        };
+        let (first, second) = (
+            samples(ranges[0].clone()),
+            samples(rise.start..rise.start + risen),
+        );
+        let falls: f64 = [&first, &second]
+            .into_iter()
+            .map(|s| parabola::misfit(s, Fall::Known(fall)))
+            .sum();
+        let line = parabola::misfit(&[first, second].concat(), Fall::Known(Gravity::NONE));
+        line - falls < ROLLS_BETTER
     }
 
     fn convincing(&self, flight: Flight, ranges: &[Range<usize>]) -> Option<Flight> {

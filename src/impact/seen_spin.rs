@@ -7,7 +7,8 @@
 //! R ω' − R ω = (v_t − v_t') / k        k the inertia factor, from 0.2 (a heavy core) to 2/3 (a thin shell)
 //! ```
 //!
-//! and about the normal it changes by what friction in the area of contact drills (`MOST_DRILLED`).
+//! but for a normal force that acts beside the centre (`NORMAL_FORCE_OFFSET`). About the normal it changes by what friction in the area of contact
+//! drills (`MOST_DRILLED`).
 //!
 //! A bounce that allows no pair of rates says that the pictures of the one arc or the other show a wrong one: neither is stated. One that allows a
 //! single pair chooses it, where it would hardly have allowed as many pairs as there are if all of them were wrong (`MOST_BY_CHANCE`).
@@ -23,7 +24,7 @@ use crate::quantity::Quantity;
 /// Inertia factors that balls have.
 const INERTIA_FACTORS: std::ops::RangeInclusive<f64> = 0.2..=0.67;
 
-/// The normal force acts beside the centre by this part of the radius, at most (Cross, Am. J. Phys. 70, 1093, 2002).
+/// The normal force acts beside the centre (Cross, Am. J. Phys. 70, 1093, 2002); thought to be by this part of the radius at most.
 const NORMAL_FORCE_OFFSET: f64 = 0.05;
 
 /// R |Δω| about the normal is at most this part of what the bounce changes in the speed along it: 2 μ a / (3 k R) for an area of contact of radius a, here

@@ -290,7 +290,7 @@ pub struct ArcTrace {
 pub struct ArcSpin {
     /// Rates about x, y and z, rad/s; about y positive where the top moves along x. `None` where several suit, or none.
     pub rate_rad_s: Option<[Quantity; 3]>,
-    /// The rates about y that suit the pictures, where several do, rad/s.
+    /// The rates about y that suit the pictures, where several do or none is stated, rad/s.
     pub candidates_rad_s: Vec<f64>,
     /// Why there is no rate, or how it was told from others.
     pub reason: Option<String>,

@@ -193,7 +193,7 @@ pub struct ArcSpinDocument {
     pub x_rad_s: Option<Quantity>,
     /// About z.
     pub z_rad_s: Option<Quantity>,
-    /// The rates about y that suit the pictures, where several do; the most likely first.
+    /// The rates about y that suit the pictures, where several do or none is stated; the most likely first.
     pub candidates_rad_s: Vec<f64>,
     /// Why there is no rate, or how it was told from the other candidates.
     pub reason: Option<String>,
