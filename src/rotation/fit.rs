@@ -581,19 +581,6 @@ fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMap
     maps
 }
 
-/// Σ of squares left by the best maps for a rate, from the light of `maps`, which stays if the ball is known to be `lit` so; as if each pixel had no part in them.
-#[must_use]
-pub fn left_by(
-    samples: &BallSamples,
-    grids: &FitGrids,
-    maps: &BallMaps,
-    rate: &Vector3<f64>,
-    lit: bool,
-) -> f64 {
-    let found = evaluated(samples, grids, &unmarked(samples, grids, maps), rate, lit, ROUGH);
-    found.cross_validated(samples, grids, lit)
-}
-
 /// The light that the pixels show where the ball's `fit` is taken away, with what it weighs at each node.
 #[must_use]
 pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RoughFit) -> (Vec<f64>, Vec<f64>) {

@@ -51,18 +51,6 @@ const LEAST_EXPLAINED: f64 = 0.25;
 /// from frame to frame, are less.
 const DRAWN: f64 = 0.1;
 
-/// So many times what [`CONTROLS`] explain a rotation must explain: any map that turns takes up some noise.
-const LEAST_OVER_CONTROLS: f64 = 2.0;
-
-/// Rotations a frame of no ball in particular, rad.
-const CONTROLS: [[f64; 3]; 5] = [
-    [1.9, 0.4, -0.8],
-    [-0.7, 1.6, 0.9],
-    [0.5, -1.1, 2.1],
-    [-1.3, -0.9, -1.2],
-    [0.8, 0.7, -2.4],
-];
-
 /// Rates that are fitted, at most.
 const MOST_FITTED: usize = 12;
 
@@ -263,16 +251,6 @@ impl RotationEvidence<'_> {
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         fits.extend(other_way(best.rate_rad_s, interval_s).and_then(fitted));
-        if !lit {
-            // Marks in a known light are what they are, whether they turn or not.
-            let without: f64 = fit::still(samples, grids).0.iter().map(|r| r * r).sum();
-            let by_chance = CONTROLS.par_iter().map(|&turn| {
-                let rate = Vector3::from(turn) / interval_s;
-                without - fit::left_by(samples, grids, &self.maps, &rate, lit)
-            });
-            let by_chance = by_chance.reduce(|| 0.0, f64::max);
-            fits.retain(|f| without - f.cross_validated > LEAST_OVER_CONTROLS * by_chance);
-        }
         fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         let least = PERHAPS_RIVAL * self.explained_by(best);
