@@ -180,11 +180,7 @@ impl<'a> ArcSearch<'a> {
         let Some(scatter) = scatter_seen(self.spots) else {
             return false;
         };
-        let std = |s: &Spot| s.std.max(scatter);
-        let still: Vec<TrackSample> = spots()
-            .map(|s| TrackSample::of_spot(s, 1.0 / (std(s) * std(s))))
-            .collect();
-        worse(&still) > 2.0 * ROLLS_BETTER
+        worse(&self.scattered_by(scatter, ranges[0].clone())) > 2.0 * ROLLS_BETTER
     }
 
     /// Whether the first arc and the rise after it lie on one straight line about as well as on two falls: a ball that is on its bench up to what
@@ -200,21 +196,21 @@ impl<'a> ArcSearch<'a> {
         let Some(scatter) = scatter_seen(self.spots).filter(|_| risen > 0) else {
             return false;
         };
-        let samples = |range: Range<usize>| -> Vec<TrackSample> {
-            let std = |s: &Spot| s.std.max(scatter);
-            let sample = |s: &Spot| TrackSample::of_spot(s, 1.0 / (std(s) * std(s)));
-            self.spots[range].iter().map(sample).collect()
-        };
-        let (first, second) = (
-            samples(ranges[0].clone()),
-            samples(rise.start..rise.start + risen),
-        );
+        let first = self.scattered_by(scatter, ranges[0].clone());
+        let second = self.scattered_by(scatter, rise.start..rise.start + risen);
         let falls: f64 = [&first, &second]
             .into_iter()
             .map(|s| parabola::misfit(s, Fall::Known(fall)))
             .sum();
         let line = parabola::misfit(&[first, second].concat(), Fall::Known(Gravity::NONE));
         line - falls < ROLLS_BETTER
+    }
+
+    /// The points of `range`, each uncertain by `scatter` at least.
+    fn scattered_by(&self, scatter: f64, range: Range<usize>) -> Vec<TrackSample> {
+        let std = |s: &Spot| s.std.max(scatter);
+        let sample = |s: &Spot| TrackSample::of_spot(s, 1.0 / (std(s) * std(s)));
+        self.spots[range].iter().map(sample).collect()
     }
 
     fn convincing(&self, flight: Flight, ranges: &[Range<usize>]) -> Option<Flight> {

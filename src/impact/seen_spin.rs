@@ -86,32 +86,29 @@ impl MeasuredMotion<'_> {
         self.seen_spins = (0..self.arcs()).map(of).collect();
         // Once forwards and once back: what one bounce decided may decide the next.
         let impacts = self.arcs().saturating_sub(1);
+        let changes: Vec<Option<SpinChange>> = (0..impacts).map(|k| self.spin_change(k)).collect();
         for k in (0..impacts).chain((0..impacts).rev()) {
-            self.tell_apart(k);
+            let (before, after) = self.seen_spins.split_at_mut(k + 1);
+            let (before, after) = (&mut before[k], &mut after[0]);
+            if let Some(change) = changes[k].filter(|_| before.is_seen() && after.is_seen()) {
+                change.tell_apart(before, after);
+            }
         }
         self
     }
 
-    /// Leaves of the spins around the impact between arcs `k` and `k + 1` those that it allows.
-    fn tell_apart(&mut self, k: usize) {
-        let (before, after) = (&self.seen_spins[k], &self.seen_spins[k + 1]);
-        if before.possible().is_empty() || after.possible().is_empty() || self.surface(k).is_none() {
-            return;
-        }
-        if let Some(change) = self.spin_change(k) {
-            let (before, after) = self.seen_spins.split_at_mut(k + 1);
-            change.tell_apart(&mut before[k], &mut after[0]);
-        }
-    }
-
-    /// What the impact between arcs `k` and `k + 1` may have made of the ball's spin.
+    /// What the impact between arcs `k` and `k + 1` may have made of the ball's spin; `None` where it is not seen on both, or nothing is known of it.
     fn spin_change(&self, k: usize) -> Option<SpinChange> {
+        let is_seen = self.seen_spins[k].is_seen() && self.seen_spins[k + 1].is_seen();
+        self.surface(k).filter(|_| is_seen)?;
+        let found = self.inputs.outputs(|p| {
+            let (slope, (_, before, after)) = (self.slope(p), self.impact(p, k));
+            let pushed = turned(&after, slope).vh - turned(&before, slope).vh;
+            vec![self.spin_gained(p, slope, k), pushed.abs()]
+        });
         Some(SpinChange {
-            lost_m_s: self.inputs.quantity(|p| self.spin_gained(p, self.slope(p), k))?,
-            pushed_m_s: self.inputs.quantity(|p| {
-                let (slope, (_, before, after)) = (self.slope(p), self.impact(p, k));
-                (turned(&after, slope).vh - turned(&before, slope).vh).abs()
-            })?,
+            lost_m_s: found.quantity(0)?,
+            pushed_m_s: found.quantity(1)?,
         })
     }
 
@@ -318,7 +315,7 @@ mod tests {
         );
         // Several that are all too fast are no evidence against another: nothing asks a bounce about them.
         let too_fast = candidates(&[(9.0, sure), (-8.0, sure)]);
-        assert!(too_fast.possible().is_empty());
+        assert!(!too_fast.is_seen());
         assert_eq!(too_fast.chosen(), Err(SpinUntold::Several));
     }
 

@@ -131,9 +131,9 @@ impl SpinCandidates {
         self.fastest
     }
 
-    /// The places of those that are left.
-    pub fn possible(&self) -> &[usize] {
-        &self.possible
+    /// Whether any is left.
+    pub fn is_seen(&self) -> bool {
+        !self.possible.is_empty()
     }
 
     /// Those that are left, with their places in the list.

@@ -189,15 +189,7 @@ impl FitGrids {
     pub fn new(samples: &BallSamples, pixel: f64) -> Self {
         let disc = DiscGrid::with_spacing((2.0 * pixel).max(0.1));
         let grid = CubeGrid::with_spacing(1.2 * pixel);
-        Self {
-            around: Arc::default(),
-            grid,
-            disc,
-            lit_weights: Vec::new(),
-            lit: Vec::new(),
-            gains: GainTerms::new(samples),
-        }
-        .of_samples(samples)
+        Self::with(grid, disc, Arc::default(), samples)
     }
 
     /// Those for a part of the samples, one in `step`: with as many for each node of the ball.
@@ -207,24 +199,29 @@ impl FitGrids {
             return self.of_samples(samples);
         }
         let grid = CubeGrid::with_spacing((step as f64).sqrt() * self.grid.spacing_rad());
-        Self {
-            grid,
-            around: Arc::default(),
-            ..self.of_samples(samples)
-        }
+        Self::with(grid, self.disc, Arc::default(), samples)
     }
 
     /// The same grids for other samples.
     #[must_use]
     pub fn of_samples(&self, samples: &BallSamples) -> Self {
-        let disc = self.disc;
+        Self::with(self.grid, self.disc, Arc::clone(&self.around), samples)
+    }
+
+    fn with(
+        grid: CubeGrid,
+        disc: DiscGrid,
+        around: Arc<OnceLock<Vec<NodeSurroundings>>>,
+        samples: &BallSamples,
+    ) -> Self {
         let lit: Vec<GridCell> = samples.places.iter().map(|&p| disc.cell(p)).collect();
         Self {
+            grid,
+            disc,
             lit_weights: weights_of(slice::from_ref(&lit), disc.nodes(), disc.side()),
             lit,
             gains: GainTerms::new(samples),
-            around: Arc::clone(&self.around),
-            ..*self
+            around,
         }
     }
 

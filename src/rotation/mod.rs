@@ -224,8 +224,7 @@ impl RotationEvidence<'_> {
     pub fn candidates(&self) -> Result<Vec<RotationFit>, NoRate> {
         let lit = self.search.light.is_some();
         let samples = &self.ball.samples;
-        let mut steps: Vec<f64> = samples.times_s.windows(2).map(|w| w[1] - w[0]).collect();
-        let interval_s = median(&mut steps).ok_or(NoRate::FewFrames)?;
+        let interval_s = interval_s(&samples.times_s).ok_or(NoRate::FewFrames)?;
         let products = LagProducts::new(samples, &self.left, interval_s, 1.0 / self.search.radius_px, lit);
         let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
         // Nodes this far apart do not tell how the blur is uneven.
@@ -527,11 +526,16 @@ fn starts(mut rough: Vec<RoughFit>, longest_s: f64) -> Vec<Vector3<f64>> {
     starts
 }
 
+/// From frame to frame, s; `None` of fewer than two.
+fn interval_s(times_s: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
+    median(&mut steps)
+}
+
 /// The fastest rate that pictures at these times show, rad/s (`BEYOND_ALIAS`).
 #[must_use]
 pub fn fastest_rad_s(times_s: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = times_s.windows(2).map(|w| w[1] - w[0]).collect();
-    median(&mut steps).map_or(f64::INFINITY, |interval_s| BEYOND_ALIAS * PI / interval_s)
+    interval_s(times_s).map_or(f64::INFINITY, |interval_s| BEYOND_ALIAS * PI / interval_s)
 }
 
 /// The rate that looks alike at steps of `interval_s`, the other way round, where it is no faster than [`BEYOND_ALIAS`].
