@@ -29,7 +29,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Balls larger than twice this radius are looked at in blocks of pixels, px.
-const FINE_RADIUS_PX: f64 = 16.0;
+const FINE_RADIUS_PX: f64 = 12.0;
 
 /// A ball of fewer pixels shows nothing, px.
 const LEAST_RADIUS_PX: f64 = 5.0;
@@ -70,6 +70,14 @@ struct ArcPictures {
     ball: Option<SampledBall>,
 }
 
+impl ArcPictures {
+    /// First and last time of its pictures, s.
+    fn span_s(&self) -> (f64, f64) {
+        let time_s = |c: Option<&TimedCentre>| c.map_or(f64::NAN, |(_, t)| *t);
+        (time_s(self.centres.first()), time_s(self.centres.last()))
+    }
+}
+
 /// The pictures of a refined flight.
 struct FlightPictures<'a> {
     decoded: &'a Decoded,
@@ -108,6 +116,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
     let search = RotationSearch {
         noise_grey: decoded.detector.background.noise_grey.max(LEAST_NOISE_GREY) / size,
         blur_px: own_blur_px.hypot(((size * size - 1.0) / 12.0).sqrt()),
+        pixel_px: size,
         radius_px,
         centre_std_px: ball_model::common_std_px(refined.ball.as_ref(), displaced_px)
             .hypot(MARKED_COMMON_PART * off_px),
@@ -124,10 +133,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
             let (arc, rates) = pictures.likelier_rates(flight, k, &search);
             let centres = &arc.centres;
             let rotation = ArcRotation {
-                span_s: (
-                    centres.first().map_or(f64::NAN, |(_, t)| *t),
-                    centres.last().map_or(f64::NAN, |(_, t)| *t),
-                ),
+                span_s: arc.span_s(),
                 frames: centres.iter().map(|(c, _)| c.frame).collect(),
                 times_s: centres.iter().map(|(_, t)| *t).collect(),
                 rates,
@@ -150,6 +156,11 @@ fn drop_unlike_others(found: &mut [ArcRotation]) {
             r.rates = Err(NoRate::Unexplained);
         }
     }
+}
+
+/// Whether the first of these rates makes so few turns from the first to the last picture that its marks are not told from the light.
+fn turns_too_little(rates: &[RotationFit], (from_s, to_s): (f64, f64)) -> bool {
+    rates[0].turns(to_s - from_s) < LEAST_TURNS
 }
 
 /// No more than [`SEARCH_FRAMES`] of an arc, spread over it.
@@ -201,7 +212,12 @@ impl FlightPictures<'_> {
         let centres = on_arc.unwrap_or(measured);
         let ball = some.ball.filter(|_| is_all);
         let mut arc = ArcPictures { centres, ball };
-        let rates = self.rates_among(&mut arc, &candidates, search);
+        // Those that turn too little are looked for once more, in the light of all arcs.
+        let rates = if turns_too_little(&candidates, arc.span_s()) {
+            self.ball_of(&mut arc, search).map(|_| candidates)
+        } else {
+            self.rates_among(&mut arc, &candidates, search)
+        };
         (arc, rates)
     }
 
@@ -285,7 +301,7 @@ impl FlightPictures<'_> {
         found: &mut [ArcRotation],
     ) {
         let is_open = |r: &ArcRotation| match &r.rates {
-            Ok(rates) => rates[0].turns(r.span_s.1 - r.span_s.0) < LEAST_TURNS,
+            Ok(rates) => turns_too_little(rates, r.span_s),
             Err(_) => true,
         };
         if !found.iter().any(is_open) || found.iter().all(|r| r.rates.is_err()) {

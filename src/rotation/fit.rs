@@ -18,7 +18,7 @@ use super::cube_map::{AT_ONCE, CubeGrid, GridCell, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
 use super::map_fit::{BallMaps, GainTerms, MapChange, MapProblem, OnMap};
 use super::view::{BallSamples, Directions};
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
+use nalgebra::{Cholesky, Matrix3, Rotation3, SMatrix, SVector, U3, Vector3};
 use std::f64::consts::{PI, TAU};
 use std::slice;
 use std::sync::{Arc, OnceLock};
@@ -92,14 +92,20 @@ impl RotationFit {
     #[must_use]
     pub fn distance_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
         let (mut maps, mut rate) = (self.maps.on(grids.grid), self.rate_rad_s);
+        let mut inverse = self.inverse_for(samples);
+        let mut before: Option<(Vector3<f64>, Vector3<f64>)> = None;
         for _ in 0..OTHER_ROUNDS {
             let found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
-            let step = self.step_of(&found, samples);
+            if let Some((step, downhill)) = before {
+                inverse = with_step(inverse, step, downhill - found.downhill);
+            }
+            let step = no_longer(grids.longest_step(samples), inverse * found.downhill);
             rate += step;
-            maps = found.maps;
             if step.norm() < SMALL_STEP * (rate - self.rate_rad_s).norm() {
                 break;
             }
+            before = Some((step, found.downhill));
+            maps = found.maps;
         }
         rate - self.rate_rad_s
     }
@@ -109,14 +115,23 @@ impl RotationFit {
     pub fn step_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
         let maps = self.maps.on(grids.grid);
         let found = evaluated(samples, grids, &maps, &self.rate_rad_s, lit, ROUGH);
-        self.step_of(&found, samples)
+        self.inverse_for(samples) * found.downhill
     }
 
-    /// A step downhill from what `samples` show, as if they were as many pixels as the fit is by.
-    fn step_of(&self, found: &MapsAtRate, samples: &BallSamples) -> Vector3<f64> {
+    /// Inverse of the curvature that `samples` have if each pixel has as much as one of those that the fit is by.
+    fn inverse_for(&self, samples: &BallSamples) -> Matrix3<f64> {
         let part = samples.values.len() as f64 / self.pixels as f64;
         let unit = part * (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
-        self.covariance * found.downhill / unit
+        self.covariance / unit
+    }
+
+    /// Whether `start`, found in the same samples, lies in the valley of this minimum: by its curvature they are left there no more than they are.
+    #[must_use]
+    pub fn has_in_valley(&self, start: &RoughFit) -> bool {
+        let off = start.rate_rad_s - self.rate_rad_s;
+        let rise = |c: Cholesky<f64, U3>| off.dot(&c.solve(&off)) * self.scatter.powi(2) / self.pixels as f64;
+        let risen = self.covariance.cholesky().map(|c| 1.0 + rise(c));
+        risen.is_some_and(|risen| risen * self.cross_validated <= start.cross_validated)
     }
 
     /// Whether the rates differ by more than their uncertainties: three standard ones of both.
@@ -646,6 +661,16 @@ pub fn left_at(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit:
     .sum_squares
 }
 
+/// The `inverse` of a curvature that is known better by a `step` on which the slope became `less` by so much (Broyden, Fletcher, Goldfarb and Shanno, 1970).
+fn with_step(inverse: Matrix3<f64>, step: Vector3<f64>, less: Vector3<f64>) -> Matrix3<f64> {
+    let along = step.dot(&less);
+    if !(along > 0.0) {
+        return inverse;
+    }
+    let others = Matrix3::identity() - step * less.transpose() / along;
+    others * inverse * others.transpose() + step * step.transpose() / along
+}
+
 /// A step of the same direction, no longer than `most`.
 fn no_longer(most: f64, step: Vector3<f64>) -> Vector3<f64> {
     (most / step.norm().max(f64::MIN_POSITIVE)).min(1.0) * step
@@ -664,32 +689,36 @@ fn fit_from(
     let most = grids.longest_step(samples);
     let mut found = evaluated(samples, grids, maps, &rate, lit, EXACT);
     let others = found.others_part(samples, grids, lit);
-    let mut bend = None;
+    let mut bend: Option<FreeCurvature> = None;
+    let (mut inverse, mut by_steps) = (Matrix3::zeros(), Matrix3::zeros());
     let mut since_rad = 0.0;
     for round in 0..ROUNDS {
         if bend.is_none() || round == FAR_ROUNDS {
             let by_rate = found.slopes_by_rate(samples, grids, &rate);
             bend = found.curvature(samples, grids, &by_rate, lit);
             since_rad = 0.0;
+            // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
+            let matrix = match &bend {
+                Some(bend) => bend.matrix,
+                None => found.held_curvature(samples, &rate),
+            };
+            inverse = matrix.cholesky()?.inverse();
+            by_steps = inverse;
         }
-        // Far from the minimum the curvature may have the wrong sign; with the maps held it never has.
-        let matrix = match &bend {
-            Some(bend) => bend.matrix,
-            None => found.held_curvature(samples, &rate),
-        };
-        let step = matrix.cholesky()?.solve(&found.downhill);
-        let gain = step.dot(&found.downhill) * count / found.sum_squares;
+        let gain = found.downhill.dot(&(inverse * found.downhill)) * count / found.sum_squares;
         if gain < (SETTLED * found.frames_scatter(samples, others).scatter).powi(2) && bend.is_some() {
             break;
         }
-        let step = no_longer(most, step);
+        let step = no_longer(most, by_steps * found.downhill);
         rate += step;
         since_rad += step.norm() * longest_s;
         let mut maps = found.maps;
         if let Some(bend) = &bend {
             bend.taken.against(&step).apply(&mut maps, &grids.gains);
         }
-        found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
+        let there = evaluated(samples, grids, &maps, &rate, lit, EXACT);
+        by_steps = with_step(by_steps, step, found.downhill - there.downhill);
+        found = there;
     }
     // Nearby the curvature stands.
     let stands = bend.filter(|_| since_rad < NEAR_SPACINGS * grids.grid.spacing_rad());

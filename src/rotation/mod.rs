@@ -115,6 +115,8 @@ pub struct RotationSearch<'a> {
     pub noise_grey: f64,
     /// Standard deviation of the pictures' blur, pixels' own area included, px.
     pub blur_px: f64,
+    /// Side of what the views have as a pixel, px: that of a block of them where those of a large ball are taken together.
+    pub pixel_px: f64,
     /// The ball's radius, px.
     pub radius_px: f64,
     /// Standard uncertainty of what all centres of a flight are off by, along each axis of the picture, px: it turns the ball's axis by that over the radius.
@@ -225,12 +227,12 @@ impl RotationEvidence<'_> {
         let lit = self.search.light.is_some();
         let samples = &self.ball.samples;
         let interval_s = interval_s(&samples.times_s).ok_or(NoRate::FewFrames)?;
-        let products = LagProducts::new(samples, &self.left, interval_s, 1.0 / self.search.radius_px, lit);
+        let products = LagProducts::new(samples, &self.left, interval_s, self.search.pixel(), lit);
         let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
         // Nodes this far apart do not tell how the blur is uneven.
         let (samples, grids) = self.ball.thinned();
         let samples = &samples.evenly_blurred();
-        let fitted = |start| fit::fit(samples, grids, &self.maps, start, lit);
+        let fitted = |rate_rad_s| fit::fit(samples, grids, &self.maps, rate_rad_s, lit);
         let least = LEAST_SCORE * found.first().map_or(0.0, |best| best.score);
         let likely = found.par_iter().filter(|c| c.score > least.max(0.0));
         let rough = likely.map(|c| fit::rough(samples, grids, &self.maps, c.rate_rad_s, lit));
@@ -238,30 +240,37 @@ impl RotationEvidence<'_> {
         let mut fits: Vec<RotationFit> = Vec::new();
         while !starts.is_empty() {
             let some = starts.drain(..starts.len().min(FITTED_AT_ONCE));
-            let found: Vec<Option<RotationFit>> =
-                some.collect::<Vec<_>>().into_par_iter().map(fitted).collect();
+            let found: Vec<Option<RotationFit>> = some
+                .collect::<Vec<_>>()
+                .into_par_iter()
+                .map(|start| fitted(start.rate_rad_s))
+                .collect();
             fits.extend(found.into_iter().flatten());
-            // What is a step from a minimum leads to it.
-            let apart = |start: &Vector3<f64>, f: &RotationFit| {
-                (start - f.rate_rad_s).norm() > grids.longest_step(samples)
+            // What is a step from a minimum, or in its valley, leads to it.
+            let apart = |start: &RoughFit, f: &RotationFit| {
+                (start.rate_rad_s - f.rate_rad_s).norm() > grids.longest_step(samples)
+                    && !f.has_in_valley(start)
             };
             starts.retain(|start| fits.iter().all(|f| apart(start, f)));
         }
-        fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
-        let best = fits.first().ok_or(NoRate::Unexplained)?;
-        fits.extend(other_way(best.rate_rad_s, interval_s).and_then(fitted));
-        fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
-        let best = fits.first().ok_or(NoRate::Unexplained)?;
-        let least = PERHAPS_RIVAL * self.explained_by(best);
+        let by_likelihood =
+            |a: &RotationFit, b: &RotationFit| a.cross_validated.total_cmp(&b.cross_validated);
+        fits.retain(|f| self.is_explained_by(f));
+        let best = fits.iter().min_by(|a, b| by_likelihood(a, b));
+        let best = best.ok_or(NoRate::Unexplained)?;
+        let others = [
+            other_way(best.rate_rad_s, interval_s),
+            slow_way(best.rate_rad_s, interval_s, self.ball.duration_s()),
+        ];
+        fits.extend(others.into_iter().flatten().filter_map(fitted));
+        fits.sort_by(by_likelihood);
+        let least = PERHAPS_RIVAL * self.explained_by(&fits[0]);
         fits.retain(|f| self.is_explained_by(f) && self.explained_by(f) >= least);
         let mut apart: Vec<RotationFit> = Vec::new();
         for f in fits {
             if apart.iter().all(|other| other.differs_from(&f)) {
                 apart.push(f);
             }
-        }
-        if apart.is_empty() {
-            return Err(NoRate::Unexplained);
         }
         Ok(apart)
     }
@@ -342,8 +351,8 @@ impl RotationEvidence<'_> {
         let rate = fit.rate_rad_s;
         let (thin, grids) = self.ball.thinned();
         let evenly = &thin.evenly_blurred();
-        let even = fit.distance_to_rate_of(evenly, grids, lit);
-        let moved = even - fit.distance_to_rate_of(thin, grids, lit);
+        let by_thin = fit.distance_to_rate_of(thin, grids, lit);
+        let moved = fit.distance_to_rate_of(evenly, grids, lit) - by_thin;
         let blur = search.blur_px / search.radius_px;
         let unit = blur * blur * rate.norm();
         let mut shares = UNEVEN_PART.powi(2) * moved * moved.transpose();
@@ -361,9 +370,8 @@ impl RotationEvidence<'_> {
         }
         shares += self.by_turning_centres(&fit, evenly);
         if lit {
-            let known = fit::fit_on(thin, grids, &fit, true)?;
-            let freely = fit::fit_on(thin, grids, &known, false)?;
-            let off = freely.rate_rad_s - known.rate_rad_s;
+            let freely = fit::fit_on(thin, grids, &fit, false)?;
+            let off = freely.rate_rad_s - (rate + by_thin);
             shares += off * off.transpose();
         }
         // Parts of the disc disagree by those, too.
@@ -390,6 +398,11 @@ impl RotationEvidence<'_> {
 }
 
 impl<'a> RotationSearch<'a> {
+    /// A pixel's side, radii.
+    fn pixel(&self) -> f64 {
+        self.pixel_px / self.radius_px
+    }
+
     /// The pixels of `views` of one flight, in time order.
     ///
     /// # Errors
@@ -406,7 +419,7 @@ impl<'a> RotationSearch<'a> {
         };
         Ok(SampledBall {
             all,
-            grids: FitGrids::new(&samples, 1.0 / self.radius_px),
+            grids: FitGrids::new(&samples, self.pixel()),
             samples,
             thin: OnceLock::new(),
         })
@@ -513,14 +526,15 @@ fn positive(matrix: Matrix3<f64>) -> Matrix3<f64> {
 }
 
 /// Those of `rough` rates from which a fit is worth while, each once: no two turn the ends of an arc, `longest_s` from its middle, to the same place.
-fn starts(mut rough: Vec<RoughFit>, longest_s: f64) -> Vec<Vector3<f64>> {
+fn starts(mut rough: Vec<RoughFit>, longest_s: f64) -> Vec<RoughFit> {
     rough.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
     let most = ROUGH_RIVAL * rough.first().map_or(0.0, |best| best.cross_validated);
-    let mut starts: Vec<Vector3<f64>> = Vec::new();
+    let mut starts: Vec<RoughFit> = Vec::new();
     for found in rough {
-        let apart = |other: &Vector3<f64>| (found.rate_rad_s - other).norm() * longest_s > ONE_START_RAD;
+        let apart =
+            |other: &RoughFit| (found.rate_rad_s - other.rate_rad_s).norm() * longest_s > ONE_START_RAD;
         if found.cross_validated <= most && starts.iter().all(apart) {
-            starts.push(found.rate_rad_s);
+            starts.push(found);
         }
     }
     starts
@@ -536,6 +550,14 @@ fn interval_s(times_s: &[f64]) -> Option<f64> {
 #[must_use]
 pub fn fastest_rad_s(times_s: &[f64]) -> f64 {
     interval_s(times_s).map_or(f64::INFINITY, |interval_s| BEYOND_ALIAS * PI / interval_s)
+}
+
+/// The rate that is slower by half a turn a frame, where it makes so few turns in `duration_s` that a search would hardly find it beside a light that is free: of
+/// marks that are taken half for light, what is even under half a turn goes with the one as with the other.
+fn slow_way(rate_rad_s: Vector3<f64>, interval_s: f64, duration_s: f64) -> Option<Vector3<f64>> {
+    let angle = rate_rad_s.norm() * interval_s;
+    let slow = rate_rad_s * (1.0 - PI / angle);
+    (slow.norm() * duration_s < TAU * LEAST_TURNS).then_some(slow)
 }
 
 /// The rate that looks alike at steps of `interval_s`, the other way round, where it is no faster than [`BEYOND_ALIAS`].
