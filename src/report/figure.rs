@@ -323,15 +323,18 @@ fn round_ticks(range: &Range<f64>, wanted: usize) -> (Vec<f64>, usize) {
     }
     // One step up from the round number below, unless that one is it.
     let below = drawing_geometry::round_below(raw);
-    let step = if below >= raw * (1.0 - 1e-9) {
+    let above = drawing_geometry::round_below(2.5 * below);
+    let ends = |step: f64| ((low / step).ceil() as i64, (high / step).floor() as i64);
+    let (first, last) = ends(above);
+    // One tick alone tells no scale.
+    let step = if below >= raw * (1.0 - 1e-9) || last <= first {
         below
     } else {
-        drawing_geometry::round_below(2.5 * below)
+        above
     };
-    let first = (low / step).ceil() as i64;
-    let last = (high / step).floor() as i64;
+    let (first, last) = ends(step);
     let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
-    // At most `wanted` + 1 by construction; the limit guards against a range too narrow for its place on the axis.
+    // Hardly more than `wanted` by construction; the limit guards against a range too narrow for its place on the axis.
     (
         (first..=last.min(first + 50)).map(|i| i as f64 * step).collect(),
         decimals,
@@ -545,6 +548,7 @@ mod tests {
             ticks.iter().map(|t| number(*t, places)).collect::<Vec<_>>(),
             ["−0.1", "0.0", "0.1"]
         );
+        assert_eq!(round_ticks(&(-0.049..0.049), 4).0.len(), 5);
         let (ticks, places) = round_ticks(&(720.0..0.0), 6);
         assert_eq!((ticks.len(), places), (4, 0));
         assert_eq!(round_ticks(&(3600.0..3600.9), 9).0.len(), 10);
