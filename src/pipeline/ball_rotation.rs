@@ -29,7 +29,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Balls larger than twice this radius are looked at in blocks of pixels, px.
-const FINE_RADIUS_PX: f64 = 12.0;
+const FINE_RADIUS_PX: f64 = 16.0;
 
 /// A ball of fewer pixels shows nothing, px.
 const LEAST_RADIUS_PX: f64 = 5.0;
@@ -116,7 +116,6 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
     let search = RotationSearch {
         noise_grey: decoded.detector.background.noise_grey.max(LEAST_NOISE_GREY) / size,
         blur_px: own_blur_px.hypot(((size * size - 1.0) / 12.0).sqrt()),
-        pixel_px: size,
         radius_px,
         centre_std_px: ball_model::common_std_px(refined.ball.as_ref(), displaced_px)
             .hypot(MARKED_COMMON_PART * off_px),

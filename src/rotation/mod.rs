@@ -115,8 +115,6 @@ pub struct RotationSearch<'a> {
     pub noise_grey: f64,
     /// Standard deviation of the pictures' blur, pixels' own area included, px.
     pub blur_px: f64,
-    /// Side of what the views have as a pixel, px: that of a block of them where those of a large ball are taken together.
-    pub pixel_px: f64,
     /// The ball's radius, px.
     pub radius_px: f64,
     /// Standard uncertainty of what all centres of a flight are off by, along each axis of the picture, px: it turns the ball's axis by that over the radius.
@@ -227,7 +225,7 @@ impl RotationEvidence<'_> {
         let lit = self.search.light.is_some();
         let samples = &self.ball.samples;
         let interval_s = interval_s(&samples.times_s).ok_or(NoRate::FewFrames)?;
-        let products = LagProducts::new(samples, &self.left, interval_s, self.search.pixel(), lit);
+        let products = LagProducts::new(samples, &self.left, interval_s, 1.0 / self.search.radius_px, lit);
         let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
         // Nodes this far apart do not tell how the blur is uneven.
         let (samples, grids) = self.ball.thinned();
@@ -398,11 +396,6 @@ impl RotationEvidence<'_> {
 }
 
 impl<'a> RotationSearch<'a> {
-    /// A pixel's side, radii.
-    fn pixel(&self) -> f64 {
-        self.pixel_px / self.radius_px
-    }
-
     /// The pixels of `views` of one flight, in time order.
     ///
     /// # Errors
@@ -419,7 +412,7 @@ impl<'a> RotationSearch<'a> {
         };
         Ok(SampledBall {
             all,
-            grids: FitGrids::new(&samples, self.pixel()),
+            grids: FitGrids::new(&samples, 1.0 / self.radius_px),
             samples,
             thin: OnceLock::new(),
         })

@@ -134,7 +134,6 @@ fn search(radius_px: f64) -> RotationSearch<'static> {
     RotationSearch {
         noise_grey: NOISE_GREY,
         blur_px: 0.29,
-        pixel_px: 1.0,
         radius_px,
         centre_std_px: 0.0,
         turning_std_px: 0.0,
