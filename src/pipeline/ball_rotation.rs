@@ -21,8 +21,7 @@ use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence, SpinUntold, SurfaceSpin};
 use crate::quantity::Quantity;
 use crate::rotation::{
-    self, BallPixel, BallView, LEAST_TURNS, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, SampledBall,
-    common_light,
+    self, BallPixel, BallView, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, SampledBall, common_light,
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -157,11 +156,6 @@ fn drop_unlike_others(found: &mut [ArcRotation]) {
     }
 }
 
-/// Whether the first of these rates makes so few turns from the first to the last picture that its marks are not told from the light.
-fn turns_too_little(rates: &[RotationFit], (from_s, to_s): (f64, f64)) -> bool {
-    rates[0].turns(to_s - from_s) < LEAST_TURNS
-}
-
 /// No more than [`SEARCH_FRAMES`] of an arc, spread over it.
 fn sparse(arc: &[TimedCentre]) -> Vec<TimedCentre> {
     let step = arc.len().div_ceil(SEARCH_FRAMES).max(1);
@@ -212,7 +206,8 @@ impl FlightPictures<'_> {
         let ball = some.ball.filter(|_| is_all);
         let mut arc = ArcPictures { centres, ball };
         // Those that turn too little are looked for once more, in the light of all arcs.
-        let rates = if turns_too_little(&candidates, arc.span_s()) {
+        let (from_s, to_s) = arc.span_s();
+        let rates = if candidates[0].turns_too_little(to_s - from_s) {
             self.ball_of(&mut arc, search).map(|_| candidates)
         } else {
             self.rates_among(&mut arc, &candidates, search)
@@ -300,7 +295,7 @@ impl FlightPictures<'_> {
         found: &mut [ArcRotation],
     ) {
         let is_open = |r: &ArcRotation| match &r.rates {
-            Ok(rates) => turns_too_little(rates, r.span_s),
+            Ok(rates) => rates[0].turns_too_little(r.span_s.1 - r.span_s.0),
             Err(_) => true,
         };
         if !found.iter().any(is_open) || found.iter().all(|r| r.rates.is_err()) {

@@ -91,6 +91,8 @@ pub(super) struct Chart {
     pub words: Vec<(f64, f64, String)>,
     /// Observed minus computed; none for no panel.
     pub residuals: Vec<PlotPoint>,
+    /// What stands at their axis.
+    pub residual_label: &'static str,
     /// In words what markers and lines are: above the figure where that stands alone; a page has it in words of its own.
     pub legend: Vec<(Key, String)>,
 }
@@ -167,7 +169,7 @@ impl Chart {
             .fold(0.0, f64::max);
         let reach = if reach > 0.0 { 1.15 * reach } else { 1.0 };
         let range = -reach..reach;
-        let mut panel = self.panel(area, Axis::new(range.clone(), 4), "residual", true, goes)?;
+        let mut panel = self.panel(area, Axis::new(range.clone(), 4), self.residual_label, true, goes)?;
         self.draw_transitions(&mut panel, &range)?;
         panel.draw_series(LineSeries::new(
             [(self.x.start, 0.0), (self.x.end, 0.0)],
@@ -351,6 +353,7 @@ mod tests {
             y: 0.0..1.0,
             curves: vec![(LineStyle::Dashed, vec![(0.0, 0.0), (8.0, 2.0)])],
             residuals: dots.clone(),
+            residual_label: "residual",
             dots,
             transitions: vec![3.0],
             words: Vec::new(),

@@ -260,6 +260,7 @@ impl<'a> GroupDrawing<'a> {
         curves.sort_by_key(|(stroke, _)| *stroke != LineStyle::Broad);
         let transition = self.transition(figure, shown);
         Some(Chart {
+            residual_label: "residual",
             name: format!("{y_label} against {x_label}, group {}", self.group.name),
             x_label: x_label.to_owned(),
             y_label: y_label.to_owned(),
@@ -498,6 +499,7 @@ pub(super) fn overview(drawings: &[GroupDrawing<'_>], figure: SeriesFigure) -> O
         transitions: Vec::new(),
         words: Vec::new(),
         residuals: Vec::new(),
+        residual_label: "residual",
         legend: drawings
             .iter()
             .enumerate()

@@ -175,7 +175,7 @@ fn angle_chart(turning: &BallTurning, arc: usize) -> Option<Chart> {
             .map(|f| point(f.time_s, turns(f.turned_rad + f.residual_rad), None))
             .collect(),
         transitions: Vec::new(),
-        words: vec![(first.time_s, 0.92 * most, "residuals below in degrees".to_owned())],
+        words: Vec::new(),
         residuals: drawn()
             .map(|f| {
                 point(
@@ -185,6 +185,7 @@ fn angle_chart(turning: &BallTurning, arc: usize) -> Option<Chart> {
                 )
             })
             .collect(),
+        residual_label: "residual (°)",
         legend: Vec::new(),
     })
 }

@@ -14,6 +14,7 @@
 //! do not show, but parts of the disc do, which then disagree: what they differ by beyond noise is added (errors clustered by frames
 //! and by places: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 238, 2011).
 
+use super::LEAST_TURNS;
 use super::cube_map::{AT_ONCE, CubeGrid, GridCell, NodeWeights, value_at};
 use super::disc_map::DiscGrid;
 use super::map_fit::{BallMaps, GainTerms, MapChange, MapProblem, OnMap};
@@ -88,11 +89,17 @@ impl RotationFit {
         self.rate_rad_s.norm() * duration_s / TAU
     }
 
+    /// Whether it makes so few turns in `duration_s` that the marks are not told from a light that is free.
+    #[must_use]
+    pub fn turns_too_little(&self, duration_s: f64) -> bool {
+        self.turns(duration_s) < LEAST_TURNS
+    }
+
     /// How far from this rate that of other `samples` is, which take the same pixels for other places on the ball.
     #[must_use]
     pub fn distance_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
         let (mut maps, mut rate) = (self.maps.on(grids.grid), self.rate_rad_s);
-        let mut inverse = self.inverse_for(samples);
+        let mut inverse = self.inverse_for(self.part_of(samples));
         let mut before: Option<(Vector3<f64>, Vector3<f64>)> = None;
         for _ in 0..OTHER_ROUNDS {
             let found = evaluated(samples, grids, &maps, &rate, lit, EXACT);
@@ -115,12 +122,16 @@ impl RotationFit {
     pub fn step_to_rate_of(&self, samples: &BallSamples, grids: &FitGrids, lit: bool) -> Vector3<f64> {
         let maps = self.maps.on(grids.grid);
         let found = evaluated(samples, grids, &maps, &self.rate_rad_s, lit, ROUGH);
-        self.inverse_for(samples) * found.downhill
+        self.inverse_for(self.part_of(samples)) * found.downhill
     }
 
-    /// Inverse of the curvature that `samples` have if each pixel has as much as one of those that the fit is by.
-    fn inverse_for(&self, samples: &BallSamples) -> Matrix3<f64> {
-        let part = samples.values.len() as f64 / self.pixels as f64;
+    /// How many times as many pixels `samples` have as the fit is by.
+    fn part_of(&self, samples: &BallSamples) -> f64 {
+        samples.values.len() as f64 / self.pixels as f64
+    }
+
+    /// Inverse of the curvature that this `part` of the pixels has that the fit is by, each as much as any.
+    fn inverse_for(&self, part: f64) -> Matrix3<f64> {
         let unit = part * (self.scatter * self.residual).powi(2).max(f64::MIN_POSITIVE);
         self.covariance / unit
     }
@@ -633,11 +644,9 @@ pub fn fit_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: 
 #[must_use]
 pub fn brought_on(samples: &BallSamples, grids: &FitGrids, from: &RotationFit, lit: bool) -> RotationFit {
     let mut found = evaluated(samples, grids, &from.maps, &from.rate_rad_s, lit, EXACT);
-    let free = |fit: &RotationFit| fit.pixels as f64 * (fit.sum_squares / fit.cross_validated).sqrt();
     let others = found.others_part(samples, grids, lit);
-    let all = samples.values.len() as f64 * others;
-    let unit = (from.scatter * from.residual).powi(2).max(f64::MIN_POSITIVE);
-    let inverse = from.covariance * (free(from) / (all * unit));
+    let others_before = (from.sum_squares / from.cross_validated).sqrt();
+    let inverse = from.inverse_for(from.part_of(samples) * others / others_before);
     let step = no_longer(grids.longest_step(samples), inverse * found.downhill);
     for (own, &t) in found.equations.iter_mut().zip(&samples.times_s) {
         own.right -= own.matrix * (t * left_jacobian(&(t * from.rate_rad_s)) * step);

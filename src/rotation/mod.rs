@@ -467,7 +467,11 @@ impl<'a> RotationSearch<'a> {
     /// Why there is none.
     pub fn rivals(&self, ball: &SampledBall) -> Result<Vec<RotationFit>, NoRate> {
         let evidence = self.evidence(ball)?;
-        evidence.by_all(&evidence.candidates()?)
+        let candidates = evidence.candidates()?;
+        if self.light.is_none() && candidates[0].turns_too_little(ball.duration_s()) {
+            return Err(NoRate::TooFewTurns);
+        }
+        evidence.by_all(&candidates)
     }
 
     /// Mean square that a ball that turns as `candidate`, found in views of the same frames, leaves of the pixels of this `ball`.
