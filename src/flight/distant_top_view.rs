@@ -28,7 +28,7 @@ const PRIORS: PlanarPriors = PlanarPriors {
 
 impl MotionModel for DistantTopView {
     fn fit(&self, points: &[FitPoint], arcs: usize) -> Option<ArcFit> {
-        planar_fit::fit(points, arcs, &PRIORS, None, Arc::new(*self))
+        planar_fit::fit(points, arcs, &PRIORS, false, Arc::new(*self))
     }
 
     fn response(&self, fit: &ArcFit, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {

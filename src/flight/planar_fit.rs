@@ -103,67 +103,24 @@ fn bend_rows(points: &[FitPoint], times: &[f64], part: f64) -> Vec<(usize, f64, 
     rows
 }
 
-/// The fit without drag, or with drag from the fit `without_drag`.
+/// The fit with drag or without.
 pub(super) fn fit(
     points: &[FitPoint],
     arcs: usize,
     priors: &PlanarPriors,
-    without_drag: Option<&ArcFit>,
+    drag_is_fitted: bool,
     model: Arc<dyn MotionModel>,
 ) -> Option<ArcFit> {
     let times = mean_times(points, arcs)?;
-    let held = priors.held(without_drag.is_some());
-    let bends = priors.bend.map_or(0, |_| BENDS * arcs);
-    let changes = priors.scale_change.map_or(0, |_| SCALE_CHANGES);
-    let zeros = || DVector::zeros(ARCS + 4 * arcs + bends + changes);
-    let mut parameters = match (without_drag, priors.scale_change) {
-        (Some(fit), None) => fit.parameters.clone(),
-        (None, None) => zeros(),
-        // A scale that changes bends arcs much as drag does: one that was found without drag would be a false start.
-        (_, Some(change)) => {
-            let one_scale = PlanarPriors {
-                scale_change: None,
-                ..*priors
-            };
-            let fitted = |start: Option<&ArcFit>| fit(points, arcs, &one_scale, start, model.clone());
-            let plain = fitted(None)?;
-            let plain = match without_drag {
-                Some(_) => fitted(Some(&plain))?,
-                None => plain,
-            };
-            let known = change.known.map(|(value, _)| value);
-            let all = plain.parameters.iter().copied().chain(known);
-            DVector::from_iterator(plain.parameters.len() + changes, all)
-        }
-    };
-    let mut factors = None;
-    // Linear without drag: one step is the solution. A prior of the lean goes with gravity, which the first step finds.
-    let rounds = match (without_drag, priors.vertical) {
-        _ if changes > 0 => 20,
-        (Some(_), _) => 8,
-        (None, Some(vertical)) if vertical.std_rad.is_finite() => 2,
-        (None, _) => 1,
-    };
-    let system_at = |parameters: &DVector<f64>| PlanarSystem::new(points, &times, parameters, priors, held);
-    for _ in 0..rounds {
-        let system = system_at(&parameters);
-        let (found, mut step) = system.step()?;
-        keep(&mut step, held);
-        if changes > 0 {
-            shorten(&mut step, &system.residuals, |step| {
-                system_at(&(&parameters + step)).residuals
-            });
-        }
-        parameters += &step;
-        factors = Some(found);
-        if system.largest_change(&step) < SETTLED {
-            break;
-        }
-    }
-    let factors = factors?;
-    let residuals = system_at(&parameters).residuals;
+    let held = priors.held(drag_is_fitted);
+    let SettledArcs {
+        parameters,
+        factors,
+        residuals,
+    } = settled(points, &times, priors, drag_is_fitted)?;
     // Bends are held by what is known of them, and take from the points' freedom no more than their part.
-    let fitted = parameters.len() - bends - changes - held.iter().filter(|&&h| h).count();
+    let not_free = priors.bend.map_or(0, |_| BENDS * arcs) + priors.scale_change.map_or(0, |_| SCALE_CHANGES);
+    let fitted = parameters.len() - not_free - held.iter().filter(|&&h| h).count();
     let freedom = (2 * points.len()).saturating_sub(fitted);
     let reduced_chi = if freedom > 0 {
         (residuals.norm_squared() / freedom as f64).sqrt()
@@ -194,14 +151,75 @@ pub(super) fn fit(
     })
 }
 
-/// Halves a `step` from where the residuals are `now` until it makes them no larger.
-fn shorten(step: &mut DVector<f64>, now: &DVector<f64>, residuals: impl Fn(&DVector<f64>) -> DVector<f64>) {
-    for _ in 0..MOST_HALVINGS {
-        if residuals(step).norm_squared() <= now.norm_squared() * (1.0 + ROUNDING) {
+/// Parameters from which Gauss-Newton goes no further.
+struct SettledArcs {
+    parameters: DVector<f64>,
+    /// Those of the last step.
+    factors: BlockFactorisation,
+    residuals: DVector<f64>,
+}
+
+fn settled(
+    points: &[FitPoint],
+    times: &[f64],
+    priors: &PlanarPriors,
+    drag_is_fitted: bool,
+) -> Option<SettledArcs> {
+    let held = priors.held(drag_is_fitted);
+    let bends = priors.bend.map_or(0, |_| BENDS * times.len());
+    let mut parameters = match priors.scale_change {
+        // A scale that changes bends arcs much as drag does: one that was found without drag would be a false start.
+        Some(change) => {
+            let one_scale = PlanarPriors {
+                scale_change: None,
+                ..*priors
+            };
+            let plain = settled(points, times, &one_scale, drag_is_fitted)?.parameters;
+            let known = change.known.map(|(value, _)| value);
+            let all = plain.iter().copied().chain(known);
+            DVector::from_iterator(plain.len() + SCALE_CHANGES, all)
+        }
+        None if drag_is_fitted => settled(points, times, priors, false)?.parameters,
+        None => DVector::zeros(ARCS + 4 * times.len() + bends),
+    };
+    // Linear without drag: one step is the solution. A prior of the lean goes with gravity, which the first step finds.
+    let rounds = match priors.vertical {
+        _ if priors.scale_change.is_some() => 20,
+        _ if drag_is_fitted => 8,
+        Some(vertical) if vertical.std_rad.is_finite() => 2,
+        _ => 1,
+    };
+    let system_at = |parameters: &DVector<f64>| PlanarSystem::new(points, times, parameters, priors, held);
+    let mut system = system_at(&parameters);
+    let mut last = None;
+    for _ in 0..rounds {
+        let (factors, mut step) = system.step()?;
+        last = Some(factors);
+        keep(&mut step, held);
+        let mut there = system_at(&(&parameters + &step));
+        if priors.scale_change.is_some() {
+            // A step that makes the residuals larger is halved.
+            let most = system.residuals.norm_squared() * (1.0 + ROUNDING);
+            for _ in 0..MOST_HALVINGS {
+                if there.residuals.norm_squared() <= most {
+                    break;
+                }
+                step *= 0.5;
+                there = system_at(&(&parameters + &step));
+            }
+        }
+        let is_settled = system.largest_change(&step) < SETTLED;
+        parameters += &step;
+        system = there;
+        if is_settled {
             break;
         }
-        *step *= 0.5;
     }
+    Some(SettledArcs {
+        parameters,
+        factors: last?,
+        residuals: system.residuals,
+    })
 }
 
 /// See [`ArcFit::deviance`]: `determined` is the logarithm of the covariance's determinant, `known` are the parameters with a prior.

@@ -85,16 +85,18 @@ impl SideView {
 
     /// The fit with what is known of "up" as it stands.
     fn fit_with_prior(&self, points: &[FitPoint], arcs: usize) -> Option<ArcFit> {
-        let (priors, model) = (self.priors(), || Arc::new(*self));
-        let plain = planar_fit::fit(points, arcs, &priors, None, model())?;
-        let dragged = planar_fit::fit(points, arcs, &priors, Some(&plain), model());
+        let fit = |drag_is_fitted: bool| {
+            planar_fit::fit(points, arcs, &self.priors(), drag_is_fitted, Arc::new(*self))
+        };
+        let dragged = fit(true);
         match self.drag {
             // No ball is driven by the air: where nothing is known of its drag and the points show less than none, it has none.
             Some(prior) => match dragged {
-                Some(f) if prior.beta == 0.0 && !(f.drag() > 0.0) => Some(plain),
+                Some(f) if prior.beta == 0.0 && !(f.drag() > 0.0) => fit(false),
                 other => other,
             },
             None => {
+                let plain = fit(false)?;
                 let shows = |f: &ArcFit| {
                     let std = f.covariance[(DRAG, DRAG)].max(0.0).sqrt();
                     f.drag() > DRAG_SIGMAS * std && f.reduced_chi < plain.reduced_chi
@@ -120,8 +122,9 @@ impl MotionModel for SideView {
             return with_prior();
         }
         let vertical = VerticalPrior::UNKNOWN;
-        let free = Self { vertical, ..*self }.fit_with_prior(points, arcs);
-        free.filter(|f| self.is_contradicted_by(f)).or_else(with_prior)
+        let free = || Self { vertical, ..*self }.fit_with_prior(points, arcs);
+        let (free, with_prior) = rayon::join(free, with_prior);
+        free.filter(|f| self.is_contradicted_by(f)).or(with_prior)
     }
 
     fn response(&self, fit: &ArcFit, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
