@@ -22,10 +22,14 @@ fn reynolds(radius_m: f64, speed_m_s: f64) -> f64 {
 }
 
 /// Drag coefficient of a smooth sphere: within 4 % for Reynolds numbers below 2·10⁵, where balls of 1 to 10 cm at 0.5 to
-/// 20 m/s are (Brown and Lawler 2003, J. Environ. Eng. 129, 222).
-fn coefficient(reynolds: f64) -> f64 {
+/// 20 m/s are (Brown and Lawler 2003, J. Environ. Eng. 129, 222). With its slope times the Reynolds number.
+fn coefficient(reynolds: f64) -> (f64, f64) {
     let reynolds = reynolds.max(LEAST_REYNOLDS);
-    24.0 / reynolds * (1.0 + 0.15 * reynolds.powf(0.681)) + 0.407 / (1.0 + 8710.0 / reynolds)
+    let stokes = 24.0 / reynolds;
+    let between = 0.15 * stokes * reynolds.powf(0.681);
+    let newton = 0.407 / (1.0 + 8710.0 / reynolds);
+    let slope = (0.681 - 1.0) * between - stokes + newton * 8710.0 / (reynolds + 8710.0);
+    (stokes + between + newton, slope)
 }
 
 /// What is known of the drag −β(v) v **v** on a ball.
@@ -65,8 +69,16 @@ impl DragLaw {
     /// β(v)/β at `speed`, plane units a second.
     #[must_use]
     pub fn at(&self, speed: f64) -> f64 {
-        self.0
-            .map_or(1.0, |s| coefficient(s.reynolds_s * speed) / s.usual)
+        self.at_and_slope(speed).0
+    }
+
+    /// The same with its slope times the speed.
+    #[must_use]
+    pub fn at_and_slope(&self, speed: f64) -> (f64, f64) {
+        self.0.map_or((1.0, 0.0), |s| {
+            let (at, slope) = coefficient(s.reynolds_s * speed);
+            (at / s.usual, slope / s.usual)
+        })
     }
 }
 
@@ -91,7 +103,7 @@ impl Drag {
         relative_std: f64,
     ) -> Self {
         let reynolds_s = reynolds(radius_m, metres_per_unit);
-        let usual = coefficient(reynolds_s * speed);
+        let (usual, _) = coefficient(reynolds_s * speed);
         let area_m2 = std::f64::consts::PI * radius_m * radius_m;
         // Metres a unit turn 1/m into 1/unit.
         let air = AIR_DENSITY_KG_M3 * area_m2 / (2.0 * mass_kg) * metres_per_unit;
@@ -117,7 +129,7 @@ mod tests {
     fn val_drag_of_a_sphere_is_the_standard_curves() {
         // Reynolds number and C_D: Lapple's table in Clift, Grace and Weber 1978.
         for (reynolds, expected) in [(100.0, 1.09), (1e3, 0.46), (3e3, 0.40), (1e4, 0.41), (1e5, 0.48)] {
-            let found = coefficient(reynolds);
+            let (found, _) = coefficient(reynolds);
             assert!((found / expected - 1.0).abs() < 0.1, "{reynolds}: {found}");
         }
     }
@@ -130,5 +142,10 @@ mod tests {
         assert!((drag.law.at(2000.0) - 1.0).abs() < 1e-12);
         assert!(drag.law.at(400.0) > 1.1 && drag.law.at(0.0).is_finite());
         assert_eq!(DragLaw::default().at(7.0), 1.0);
+        for speed in [4.0, 400.0, 9000.0] {
+            let (at, slope) = drag.law.at_and_slope(speed);
+            let found = (drag.law.at(1.001 * speed) - drag.law.at(0.999 * speed)) / 0.002;
+            assert!((slope - found).abs() < 1e-4 * at, "{speed}: {slope} {found}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Motion of a ball seen from the side: parabolas, or what drag makes of them.
 
 use super::drag::DragLaw;
+use nalgebra::{Matrix2, SMatrix, Vector2};
 
 /// State of a free flight at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +55,10 @@ pub const ACROSS: usize = 2;
 /// Index of the first arc's place in the parameters; four an arc: r, vr, h, vh at the arc's mean time.
 pub const ARCS: usize = 3;
 
+/// Along r and h, by each of the parameters of an arc's place that are not the place itself: its velocity along r and h, then those that all arcs
+/// share.
+pub type PlaceSlopes = SMatrix<f64, 2, { 2 + ARCS }>;
+
 /// Powers of the time from an arc's mean one, in which a bent arc departs from what gravity and drag make of it.
 pub const BEND_POWERS: [i32; 2] = [2, 3];
 
@@ -62,6 +67,14 @@ const PARTS: usize = 8;
 
 /// Parameters of an arc's bend: the coefficients of [`BEND_POWERS`] along r, then along h.
 pub const BENDS: usize = 2 * BEND_POWERS.len();
+
+/// A motion, and how its velocity and its place follow the parameters.
+#[derive(Clone, Copy)]
+struct ArcState {
+    motion: Motion,
+    rates: PlaceSlopes,
+    places: PlaceSlopes,
+}
 
 /// The arcs of a parameter vector: g (down along h), β, the acceleration along r, then r, vr, h, vh of each arc at its mean
 /// time; where arcs are bent, then [`BENDS`] coefficients of each.
@@ -151,46 +164,52 @@ impl PlanarArcs<'_> {
         }
     }
 
-    /// Motions on arc `k` at `times`, as [`motion`](Self::motion) gives them one by one, and, where `pushed`, by how much a unit of
-    /// drag shifts each place, to first order: all in one pass from the mean time to both ends, in steps no longer than there.
+    /// Motions on arc `k` at `times`, as [`motion`](Self::motion) gives them one by one, and how each place follows the parameters (that of drag only where
+    /// `pushed`): all in one pass from the mean time to both ends, in steps no longer than there.
     #[must_use]
-    pub fn motions(&self, k: usize, times: &[f64], pushed: bool) -> Vec<(Motion, (f64, f64))> {
+    pub fn motions(&self, k: usize, times: &[f64], pushed: bool) -> Vec<(Motion, PlaceSlopes)> {
         if !pushed && self.parameters[DRAG] == 0.0 {
-            let each = times.iter().map(|&t| (self.motion(k, t), (0.0, 0.0)));
-            return each.collect();
+            let free = |&t: &f64| {
+                let dt = t - self.times[k];
+                let (velocity, force) = (dt, 0.5 * dt * dt);
+                let mut slopes = PlaceSlopes::zeros();
+                slopes.fixed_columns_mut::<2>(0).fill_diagonal(velocity);
+                slopes[(1, 2 + GRAVITY)] = -force;
+                slopes[(0, 2 + ACROSS)] = force;
+                (self.motion(k, t), slopes)
+            };
+            return times.iter().map(free).collect();
         }
         let mean_s = self.times[k];
         let longest_s = times
             .iter()
             .fold(0.0, |most: f64, t| most.max((t - mean_s).abs()))
             / PARTS as f64;
-        let still = Motion {
-            r: 0.0,
-            h: 0.0,
-            vr: 0.0,
-            vh: 0.0,
+        let start = ArcState {
+            motion: self.start(k),
+            rates: PlaceSlopes::identity(),
+            places: PlaceSlopes::zeros(),
         };
         let mut order: Vec<usize> = (0..times.len()).collect();
         order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
         let later = order.partition_point(|&i| times[i] < mean_s);
-        let mut found = vec![(still, (0.0, 0.0)); times.len()];
+        let mut found = vec![(start.motion, start.places); times.len()];
         let (before, after) = order.split_at(later);
         let mut along = |way: &mut dyn Iterator<Item = usize>| {
-            let (mut now, mut pushed, mut at_s) = (self.start(k), still, mean_s);
+            let (mut now, mut at_s) = (start, mean_s);
             for i in way {
                 let parts = ((times[i] - at_s).abs() / longest_s).ceil().max(1.0);
                 let s = (times[i] - at_s) / parts;
                 for _ in 0..parts as usize {
-                    (now, pushed) = self.step(k, (now, pushed), at_s - mean_s, s);
-                    at_s += s;
+                    now = self.step(&now, s);
                 }
                 at_s = times[i];
                 let bent = if self.bent {
-                    now.along(&self.bend(k, times[i] - mean_s), 1.0)
+                    now.motion.along(&self.bend(k, times[i] - mean_s), 1.0)
                 } else {
-                    now
+                    now.motion
                 };
-                found[i] = (bent, (pushed.r, pushed.h));
+                found[i] = (bent, now.places);
             }
         };
         along(&mut before.iter().rev().copied());
@@ -198,36 +217,45 @@ impl PlanarArcs<'_> {
         found
     }
 
-    /// A step `s` of the motion on arc `k`, and of what a unit of drag adds to it, from `since` the mean time on.
-    fn step(&self, k: usize, (now, pushed): (Motion, Motion), since: f64, s: f64) -> (Motion, Motion) {
-        let (g, across, a) = (self.parameters[GRAVITY], self.parameters[ACROSS], self.arc(k));
-        let field = |since: f64| {
-            let (vr, vh) = (a[1] + across * since, a[3] - g * since);
-            let speed = speed(vr, vh);
-            let slow = -self.law.at(speed) * speed;
-            (slow * vr, slow * vh)
-        };
-        let [from, middle, to] = [since, since + 0.5 * s, since + s].map(field);
-        // Simpson's rule, of the field and of the field times what is left of the step.
-        let place = |v: f64, from: f64, middle: f64| s * (v + s / 6.0 * (from + 2.0 * middle));
-        let rate = |from: f64, middle: f64, to: f64| s / 6.0 * (from + 4.0 * middle + to);
-        let pushed = Motion {
-            r: pushed.r + place(pushed.vr, from.0, middle.0),
-            h: pushed.h + place(pushed.vh, from.1, middle.1),
-            vr: pushed.vr + rate(from.0, middle.0, to.0),
-            vh: pushed.vh + rate(from.1, middle.1, to.1),
-        };
-        let now = if self.parameters[DRAG] == 0.0 {
+    /// A step `s` of a motion and of its slopes: these by the implicit midpoint rule, whose error, of the third order, is one of the small part that drag
+    /// has in them.
+    fn step(&self, now: &ArcState, s: f64) -> ArcState {
+        let (g, beta, across) = (
+            self.parameters[GRAVITY],
+            self.parameters[DRAG],
+            self.parameters[ACROSS],
+        );
+        let m = &now.motion;
+        let motion = if beta == 0.0 {
             Motion {
-                r: now.r + (now.vr + 0.5 * across * s) * s,
-                h: now.h + (now.vh - 0.5 * g * s) * s,
-                vr: now.vr + across * s,
-                vh: now.vh - g * s,
+                r: m.r + (m.vr + 0.5 * across * s) * s,
+                h: m.h + (m.vh - 0.5 * g * s) * s,
+                vr: m.vr + across * s,
+                vh: m.vh - g * s,
             }
         } else {
-            self.integrated(now, s, |_, _| (0.0, 0.0))
+            self.integrated(*m, s, |_, _| (0.0, 0.0))
         };
-        (now, pushed)
+        // −β κ(v) v **v** by the velocity, and by β.
+        let middle = 0.5 * Vector2::new(m.vr + motion.vr, m.vh + motion.vh);
+        let speed = middle.norm();
+        let (at, slope) = self.law.at_and_slope(speed);
+        let along = middle.unscale(speed.max(f64::MIN_POSITIVE));
+        let more = (at + slope) * speed * along * along.transpose();
+        let by_velocity = -beta * (at * speed * Matrix2::identity() + more);
+        let mut by_parameters = PlaceSlopes::zeros();
+        by_parameters[(1, 2 + GRAVITY)] = -1.0;
+        by_parameters[(0, 2 + ACROSS)] = 1.0;
+        by_parameters.set_column(2 + DRAG, &(-at * speed * middle));
+        let half = 0.5 * s * by_velocity;
+        let back = Matrix2::identity() - half;
+        let rates = (now.rates + half * now.rates) + s * by_parameters;
+        let rates = back.try_inverse().map_or(rates, |inverse| inverse * rates);
+        ArcState {
+            motion,
+            places: now.places + 0.5 * s * (now.rates + rates),
+            rates,
+        }
     }
 
     /// Runge-Kutta of fourth order over `dt` in eight steps: with drag a tenth of gravity the error is below 1e-7 of the
@@ -312,4 +340,44 @@ pub fn closest_approach(p: &Motion, q: &Motion) -> Option<(f64, f64)> {
     let speed2 = dvr * dvr + dvh * dvh;
     let step = -(dr * dvr + dh * dvh) / speed2;
     (speed2 > 0.0).then(|| (step, (dr + dvr * step).hypot(dh + dvh * step)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::drag::Drag;
+    use super::*;
+
+    #[test]
+    fn slopes_are_how_places_follow_the_parameters() {
+        // A table tennis ball, which the air slows as much as gravity pulls.
+        let drag = Drag::of_sphere((0.02, 0.0027), 1.0, 6.0, 0.1);
+        let times_s = [-0.3, -0.1, 0.02, 0.25];
+        let places = |parameters: &[f64], law: DragLaw| {
+            let arcs = PlanarArcs {
+                parameters,
+                times: &[0.01],
+                law,
+                bent: false,
+            };
+            arcs.motions(0, &times_s, true)
+        };
+        for (beta, law) in [(drag.beta, drag.law), (0.1, DragLaw::default()), (0.0, drag.law)] {
+            let parameters = [9.81, beta, 0.3, 1.0, 8.0, 0.5, -3.0];
+            let here = places(&parameters, law);
+            let columns = [4, 6, GRAVITY, DRAG, ACROSS];
+            for (column, i) in [0, 1, 2 + GRAVITY, 2 + DRAG, 2 + ACROSS].into_iter().zip(columns) {
+                let step = 1e-4;
+                let mut there = parameters;
+                there[i] += step;
+                for ((m, slopes), (moved, _)) in here.iter().zip(places(&there, law)) {
+                    let found = Vector2::new(moved.r - m.r, moved.h - m.h) / step;
+                    let slope = slopes.column(column);
+                    assert!(
+                        (slope - found).norm() < 0.015 * slope.norm().max(0.01),
+                        "β {beta}, parameter {i}: {slope} for {found}"
+                    );
+                }
+            }
+        }
+    }
 }

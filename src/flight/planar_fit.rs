@@ -7,7 +7,8 @@
 //!
 //! with place and velocity of arc k at its mean time t_k ([`PlanarArcs`]). a, the acceleration along r, is what gravity has
 //! there where "up" of the picture is not quite the plane's: the fall leans by atan(a/g). Without drag (β = 0) an arc is the
-//! exact parabola and the fit is linear. With drag (β = ρ C_D π R² / 2m), a small part, Gauss-Newton settles in three steps.
+//! exact parabola and the fit is linear. With drag (β = ρ C_D π R² / 2m) Gauss-Newton settles in three steps: the rows have the arcs' own derivatives
+//! ([`PlanarArcs::motions`]).
 //!
 //! Weighted least squares by QR of the whitened rows; times are centred, so nothing is lost at late times. The
 //! covariance is that of the QR, times the reduced chi squared (never below 1) and the autocorrelation inflation.
@@ -333,7 +334,7 @@ impl PlanarSystem {
             };
             let times_s: Vec<f64> = own.iter().map(|&i| points[i].sample.t).collect();
             let motions = planar.motions(k, &times_s, !held[DRAG]);
-            for (row, (&i, (m, drag_shift))) in own.iter().zip(motions).enumerate() {
+            for (row, (&i, (m, slopes))) in own.iter().zip(motions).enumerate() {
                 let sample = &points[i].sample;
                 let w = sample.weight.sqrt();
                 let t = sample.t - times[k];
@@ -344,25 +345,18 @@ impl PlanarSystem {
                 residuals[2 * i] = w * (sample.r - seen.r);
                 residuals[2 * i + 1] = w * (sample.h - seen.h);
                 rows[(0, 0)] = w;
-                rows[(0, 1)] = w * t;
                 rows[(1, 2)] = w;
-                rows[(1, 3)] = w * t;
+                for (c, column) in [1, 3].into_iter().enumerate() {
+                    rows.set_column(column, &(w * slopes.column(c)));
+                }
                 if priors.bend.is_some() {
                     for (n, power) in BEND_POWERS.iter().enumerate() {
                         rows[(0, 4 + n)] = w * t.powi(*power);
                         rows[(1, 4 + BEND_POWERS.len() + n)] = w * t.powi(*power);
                     }
                 }
-                if !held[GRAVITY] {
-                    rows[(1, columns + GRAVITY)] = -0.5 * w * t * t;
-                }
-                if !held[ACROSS] {
-                    rows[(0, columns + ACROSS)] = 0.5 * w * t * t;
-                }
-                if !held[DRAG] {
-                    let (dr, dh) = drag_shift;
-                    rows[(0, columns + DRAG)] = w * dr;
-                    rows[(1, columns + DRAG)] = w * dh;
+                for shared in (0..ARCS).filter(|&i| !held[i]) {
+                    rows.set_column(columns + shared, &(w * slopes.column(2 + shared)));
                 }
                 if let Some(change) = priors.scale_change {
                     let now = ScaleChange::of(parameters.as_slice());
