@@ -1,8 +1,9 @@
 //! What the arcs themselves show of a table that is bumped by the impact: right after it, and for some hundredths of a second,
 //! the ball seems to leave its arc, along both axes as the picture swings.
 //!
-//! Two hypotheses compete for the points behind each impact: a smooth path, or that with a swing exp(−t/τ) (a sin ωt + b cos ωt) along both axes, t being
-//! the time since the impact, ω and τ the same after all. The path is the arc and a cubic in time, so that neither drag nor a scale that changes is taken for a swing. The
+//! Hypotheses compete for the points behind each impact: a smooth path, or that with a swing exp(−t/τ) (a sin ωt + b cos ωt) along both axes, t being
+//! the time since the impact, ω and τ the same after all. The path is the arc and a cubic in time, so that neither drag nor a scale that changes is taken for a swing;
+//! or one with two powers more, as many numbers as a swing has: what a view at a slant leaves of a long arc is as smooth as a slow swing. The
 //! likelihood tells, with the centres' scatter found anew for each and a price for every number. Then points after every impact are as unsure as the
 //! swing is large and young: they stay in the fit with what they are worth, and a last arc that is hardly longer than the swing has the uncertainty
 //! that it deserves.
@@ -46,8 +47,12 @@ const LEFT_OUT_DECAYS: f64 = 3.0;
 /// By how much a swing must be likelier than none, in −2 ln L beside the price of its numbers: odds of a hundred and fifty to one.
 const LEAST_GAIN: f64 = 10.0;
 
-/// Powers of time in a smooth path.
+/// Powers of time in a smooth path, and in one that has as many numbers as a swing more.
 const PATH: usize = 4;
+const SMOOTH_PATH: usize = PATH + SWING;
+
+/// Numbers of a swing along one axis.
+const SWING: usize = 2;
 
 /// The swing that the arcs of `flight` show after their impacts; `None` where they show none.
 #[must_use]
@@ -65,9 +70,10 @@ pub fn find(flight: &Flight) -> Option<Shake> {
     (gain > price).then_some(shake)
 }
 
-/// The likeliest swing of this frequency and decay, and by how much it is likelier than none, in −2 ln L less the price of its numbers.
+/// The likeliest swing of this frequency and decay, and by how much it is likelier than none, or a smooth path, in −2 ln L less the price of its numbers.
 fn swing(flight: &Flight, frequency_hz: f64, decay_s: f64) -> Option<(f64, Shake)> {
-    let (mut coordinates, mut numbers, mut plain, mut swinging) = (0, 0, 0.0, 0.0);
+    let (mut coordinates, mut numbers) = (0, 0);
+    let (mut plain, mut smooth, mut swinging) = (0.0, 0.0, 0.0);
     let mut largest: Option<(f64, f64)> = None;
     let mut lasting = Lasting::default();
     for (k, impact) in flight.impacts.iter().enumerate() {
@@ -80,16 +86,18 @@ fn swing(flight: &Flight, frequency_hz: f64, decay_s: f64) -> Option<(f64, Shake
         }
         let since = |i: usize| points[i].spot.time_s - impact_s;
         let weight = |i: usize| 1.0 / flight.extra.variance_of(&points[i].spot).sqrt();
-        let path = DMatrix::from_fn(points.len(), PATH, |i, power| {
+        let path = DMatrix::from_fn(points.len(), SMOOTH_PATH, |i, power| {
             weight(i) * (since(i) / lasts_s).powi(power as i32)
         });
         let turn = |i: usize| std::f64::consts::TAU * frequency_hz * since(i);
         let dies = |i: usize| (-since(i) / decay_s).exp();
-        let swings = DMatrix::from_fn(points.len(), 2, |i, which| {
+        let swings = DMatrix::from_fn(points.len(), SWING, |i, which| {
             weight(i) * dies(i) * if which == 0 { turn(i).sin() } else { turn(i).cos() }
         });
-        let along = path.qr().q();
-        let beside = |m: DMatrix<f64>| &m - &along * (along.transpose() * &m);
+        // The first columns are those of the first powers.
+        let along_smooth = path.qr().q();
+        let along = along_smooth.columns(0, PATH);
+        let beside = |m: DMatrix<f64>| &m - along * (along.transpose() * &m);
         let places = DMatrix::from_fn(points.len(), 2, |i, axis| {
             let (place, arc) = (
                 points[i].spot.place,
@@ -102,13 +110,14 @@ fn swing(flight: &Flight, frequency_hz: f64, decay_s: f64) -> Option<(f64, Shake
                     place.up - arc.h
                 }
         });
+        smooth += (&places - &along_smooth * (along_smooth.transpose() * &places)).norm_squared();
         let (places, basis) = (beside(places), beside(swings));
         let amplitudes = (basis.transpose() * &basis).try_inverse()? * basis.transpose() * &places;
         let left = &places - &basis * &amplitudes;
         plain += places.norm_squared();
         swinging += left.norm_squared();
         coordinates += 2 * points.len();
-        numbers += 4;
+        numbers += 2 * SWING;
         lasting.take(&left);
         let off = |i: usize| {
             let wave = DVector::from_vec(vec![turn(i).sin(), turn(i).cos()]);
@@ -121,7 +130,8 @@ fn swing(flight: &Flight, frequency_hz: f64, decay_s: f64) -> Option<(f64, Shake
     }
     let (size, impact_s) = largest?;
     let count = coordinates as f64;
-    let gain = count * (plain / swinging).ln() / lasting.inflation() - f64::from(numbers) * count.ln();
+    let than = |other: f64| count * (other / swinging).ln() / lasting.inflation();
+    let gain = (than(plain) - numbers as f64 * count.ln()).min(than(smooth));
     gain.is_finite().then_some((
         gain,
         Shake {
@@ -207,8 +217,13 @@ mod tests {
 
     /// A ball that bounces at 0.2025 s with e = 0.8, filmed at 240 Hz for 0.45 s; the picture swings by `size` from then on.
     fn spots(size: f64, seed: u64) -> Vec<Spot> {
+        spots_to(0.03, size, seed)
+    }
+
+    /// The same with centres that scatter by `std`.
+    fn spots_to(std: f64, size: f64, seed: u64) -> Vec<Spot> {
         let mut random = TestNoise(seed);
-        let mut noise = || 0.03 * random.normal();
+        let mut noise = || std * random.normal();
         let g = 12_000.0;
         (0..108)
             .map(|frame| {
@@ -229,7 +244,7 @@ mod tests {
                     frame,
                     time_s,
                     place: PlanePoint::new(1000.0 * time_s + 0.5 * swing + noise(), h + swing + noise()),
-                    std: 0.03,
+                    std,
                     coded: Coded::Whole,
                     radius: 15.0,
                     contrast_grey: 100.0,
@@ -271,6 +286,21 @@ mod tests {
         for seed in 0..20 {
             assert_eq!(find(&slanted(0.0, 70 + seed)), None);
             assert!(find(&slanted(1.5, 70 + seed)).is_some());
+        }
+    }
+
+    #[test]
+    fn what_a_steep_slant_leaves_of_exact_centres_is_no_swing() {
+        for seed in 0..10 {
+            let mut spots = spots_to(0.005, 0.0, 90 + seed);
+            for s in &mut spots {
+                // A camera three widths of the path away that looks at the plane 30 degrees from square.
+                let scale = 1.0 / (1.0 + 0.5 * (s.place.right - 225.0) / 1350.0);
+                s.place = PlanePoint::new(s.place.right * scale, s.place.up * scale);
+            }
+            let side = SideView::new(VerticalPrior::LEVEL_CAMERA);
+            let flight = crate::flight::find(&LinkedSpots::new(spots), &side).unwrap();
+            assert_eq!(find(&flight), None);
         }
     }
 
