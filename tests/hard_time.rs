@@ -361,6 +361,32 @@ fn repeated_frames_are_left_out() {
     assert!(found.warns("repeated_frames"));
 }
 
+/// Frames that somebody put in beside the others, and one that is missing as well.
+#[test]
+fn frames_put_in_twice_take_no_time() {
+    for (put_in, missing) in [
+        (vec![62], None),
+        (vec![12, 58, 77], None),
+        (vec![35, 36, 37, 90], None),
+        (vec![64], Some(20)),
+    ] {
+        let mut clip = usual();
+        let kept = clip
+            .frames
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| Some(*i) != missing);
+        clip.frames = kept
+            .flat_map(|(i, f)| std::iter::repeat_n(f.clone(), if put_in.contains(&i) { 2 } else { 1 }))
+            .collect();
+        let found = clip.measured();
+        let what = format!("{put_in:?} put in, {missing:?} missing");
+        assert_true(&found, 2, &what);
+        assert!(found.warns("repeated_frames"), "{what}: {:?}", found.warnings());
+        assert_eq!(found.warns("frames_skipped"), missing.is_some(), "{what}");
+    }
+}
+
 #[test]
 fn repeats_that_fill_up_a_faster_clock_leave_an_even_one() {
     for (every, stored_hz) in [(4, 300.0), (2, 360.0), (5, 288.0)] {

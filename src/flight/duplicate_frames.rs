@@ -2,7 +2,7 @@
 //!
 //! A duplicate shows in what moves: things stand still for one step between steps in which they move. A slow thing that
 //! hardly moves is no evidence, so such frames are judged by the change of the picture as a whole, and only where the moving
-//! things have shown that this change is a reliable sign.
+//! things have shown that this change is a reliable sign; or where the picture is the same to the last bit, between pictures that are not.
 
 use super::linking::{LinkedSpots, Spot};
 
@@ -64,7 +64,8 @@ pub fn find(linked: &LinkedSpots, changes: &[Option<f32>], pixel: f64) -> Duplic
             if still[i] + moved[i] > 0 {
                 seen_still(i)
             } else {
-                picture_tells && same_picture[i]
+                let is_copy = changes[i].is_some_and(|change| change <= 0.0);
+                (picture_tells || is_copy) && same_picture[i]
             }
         })
         .collect();
@@ -123,6 +124,18 @@ mod tests {
         for (i, r) in duplicates.frames.iter().enumerate() {
             assert_eq!(*r, i % 2 == 1, "frame {i}");
         }
+    }
+
+    #[test]
+    fn a_copy_is_recognised_where_things_hardly_move() {
+        let (mut spots, mut changes) = clip(1, 120);
+        for s in &mut spots {
+            s.place = PlanePoint::new(0.01 * s.place.right, 0.01 * s.place.up);
+        }
+        changes[50] = Some(0.0);
+        changes[70] = Some(0.01);
+        let duplicates = find(&LinkedSpots::new(spots), &changes, 1.0);
+        assert!(duplicates.frames[50] && duplicates.count == 1);
     }
 
     #[test]

@@ -13,6 +13,8 @@ pub struct TimeBase {
     pub missing: usize,
     /// Frames missing without a trace in the stamps, by what moves; their time is in `times_s`.
     pub skipped: usize,
+    /// Frames that repeat the one before and took no time: somebody put them in.
+    pub put_in: usize,
     /// Whether distinct frames stand evenly, though their stamps do not.
     pub evened: bool,
 }
@@ -43,6 +45,7 @@ impl TimeBase {
                 gaps: 0,
                 missing: 0,
                 skipped: 0,
+                put_in: 0,
                 evened: false,
             };
         };
@@ -54,6 +57,7 @@ impl TimeBase {
                 gaps,
                 missing,
                 skipped: 0,
+                put_in: 0,
                 evened: false,
             };
         };
@@ -76,6 +80,7 @@ impl TimeBase {
             gaps,
             missing,
             skipped: 0,
+            put_in: 0,
             evened: false,
         }
     }
@@ -151,6 +156,21 @@ impl TimeBase {
     }
 }
 
+impl TimeBase {
+    /// The same where the `repeats` were put in: no time passed at them, and all later frames were numbered too high.
+    #[must_use]
+    pub fn with_put_in(mut self, repeats: &[bool]) -> Self {
+        let Some(interval_s) = self.interval_s else {
+            return self;
+        };
+        for (time, repeat) in self.times_s.iter_mut().zip(repeats) {
+            self.put_in += usize::from(*repeat);
+            *time -= self.put_in as f64 * interval_s;
+        }
+        self
+    }
+}
+
 /// Stamps that stand evenly: those of a recording whose frames may have been chosen from pictures of another rate.
 #[derive(Debug, Clone)]
 pub struct EvenStamps {
@@ -210,6 +230,7 @@ impl EvenStamps {
             gaps: 0,
             missing: 0,
             skipped: skipped as usize,
+            put_in: 0,
             evened: frame_rate_hz.is_none(),
         };
         (base, repeats.collect())

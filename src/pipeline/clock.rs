@@ -68,6 +68,12 @@ pub fn clocked(
     if repeats.contains(&true) {
         let base = TimeBase::new(stamps_s, &repeats, rate_hz);
         let price = trials.price_of_places(&repeats);
+        // They stand for frames that were lost, or were put in beside the others.
+        rivals.push(ClockTrial {
+            base: base.clone().with_put_in(&repeats),
+            repeats: repeats.clone(),
+            price: price + PRICE_OF_PUT_IN,
+        });
         rivals.push(ClockTrial { base, repeats, price });
     }
     // What jitters by less than this nobody sees.
@@ -146,6 +152,9 @@ const WORTH_TRYING: f64 = 30.0;
 /// What a clock must gain beyond the price of its numbers: first centres scatter more than they say here and there, and a false
 /// clock costs more than a missed one in a recording that is plain.
 const MARGIN: f64 = 12.0;
+
+/// That of one choice of two, which of the two repeats are.
+const PRICE_OF_PUT_IN: f64 = 2.0 * std::f64::consts::LN_2;
 
 /// The same for a gap in a single place, where the path must break just so.
 const GAP_MARGIN: f64 = 4.0;

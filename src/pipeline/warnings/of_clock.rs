@@ -84,9 +84,14 @@ fn duplicated(
         };
         format!(" Distinct pictures come at {:.4} Hz {clock}.", 1.0 / i)
     });
+    let put_in = if base.put_in > 0 {
+        " By the motion no time passed at them: they were put in, and later frames are that much earlier than their numbers or stamps say."
+    } else {
+        ""
+    };
     Some(warning!(
         "repeated_frames",
-        "{count} of {} frames{stored} repeat the frame before and were left out.{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
+        "{count} of {} frames{stored} repeat the frame before and were left out.{put_in}{rate} If the camera took pictures at another rate, set \"frame_rate_hz\" to it.",
         duplicates.len()
     ))
 }
