@@ -421,17 +421,25 @@ pub fn sum_blocks(luma: &Luma, side: usize) -> Vec<u16> {
     let mut sums = Vec::with_capacity(columns * rows);
     for row in 0..rows {
         let line = |v: usize| &luma.row(row * side + v)[..columns * side];
-        if side == 4 {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|v| line(v).as_chunks::<4>().0);
-            let blocks = a.iter().zip(b).zip(c).zip(d);
-            sums.extend(
-                blocks.map(|(((a, b), c), d)| sum_of_lanes([a, b, c, d].map(|p| u32::from_le_bytes(*p)))),
-            );
-        } else {
-            sums.extend((0..columns).map(|u| {
+        match side {
+            4 => {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|v| line(v).as_chunks::<4>().0);
+                let blocks = a.iter().zip(b).zip(c).zip(d);
+                sums.extend(
+                    blocks.map(|(((a, b), c), d)| sum_of_lanes([a, b, c, d].map(|p| u32::from_le_bytes(*p)))),
+                );
+            }
+            2 => {
+                let [a, b] = [0, 1].map(|v| line(v).as_chunks::<2>().0);
+                let pair = |bytes: &[u8; 2]| u16::from_le_bytes(*bytes);
+                // As above, of a lane for each pair.
+                let sum = |pair: u16| (pair & 0xff) + (pair >> 8);
+                sums.extend(a.iter().zip(b).map(|(a, b)| sum(pair(a)) + sum(pair(b))));
+            }
+            _ => sums.extend((0..columns).map(|u| {
                 let pixels = (0..side).flat_map(|v| &line(v)[u * side..(u + 1) * side]);
                 pixels.map(|&p| u16::from(p)).sum::<u16>()
-            }));
+            })),
         }
     }
     sums

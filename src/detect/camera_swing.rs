@@ -174,6 +174,19 @@ impl SceneEdges {
         balls: &[PixelRegion],
         least: ShiftThreshold,
     ) -> Option<[f64; 2]> {
+        self.shift_above(frame, light, balls, &[least])
+            .map(|(_, shift)| shift)
+    }
+
+    /// The same, found once for several thresholds, with the first of them that it is above.
+    #[must_use]
+    pub fn shift_above(
+        &self,
+        frame: &Luma,
+        light: &Registration,
+        balls: &[PixelRegion],
+        thresholds: &[ShiftThreshold],
+    ) -> Option<(ShiftThreshold, [f64; 2])> {
         let is_scene = |e: &&EdgePixel| {
             let inside = |r: &std::ops::Range<usize>, x: i32| r.contains(&(x.max(0) as usize));
             !balls.iter().any(|(us, vs)| inside(us, e.u) && inside(vs, e.v))
@@ -193,13 +206,15 @@ impl SceneEdges {
         // The information of a frame at rest; in a shifted one the residuals are not noise alone.
         let all: Matrix2<f64> = pixels.iter().map(|e| e.gradient * e.gradient.transpose()).sum();
         let axes = ObservableAxes::new(&(light.gain.powi(2) * all), self.noise_grey);
-        let least = ShiftThreshold {
+        let than_at_rest = |least: &ShiftThreshold| ShiftThreshold {
             px: least.px.max(least.rest_multiples * self.rest_shift_px),
-            ..least
+            ..*least
         };
-        if !axes.exceeds(&still, least) {
-            return None;
-        }
+        let mut possible = thresholds
+            .iter()
+            .filter(|least| axes.exceeds(&still, than_at_rest(least)))
+            .peekable();
+        possible.peek()?;
         let start = self.best_whole(&pixels, whole);
         let start = Vector2::new(f64::from(start.0), f64::from(start.1));
         let between = |shift: &Vector2<f64>| {
@@ -232,7 +247,8 @@ impl SceneEdges {
                 && kept_edges(&pixels, frame, &shift, part) > LEAST_KEPT * light.gain
         };
         let shift = axes.parts_that(&shift, explains);
-        axes.exceeds(&shift, least).then_some([shift.x, shift.y])
+        let exceeded = possible.find(|least| axes.exceeds(&shift, than_at_rest(least)))?;
+        Some((*exceeded, [shift.x, shift.y]))
     }
 
     /// A step of Gauss-Newton by `residual`s in grey levels, Σ w g gᵀ, and the residuals' standard deviation.

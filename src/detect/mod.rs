@@ -31,6 +31,7 @@ use crop::Crop;
 use rayon::prelude::*;
 use registrar::Followed;
 use registration::Registration;
+use std::sync::Arc;
 
 /// A moving thing in one frame.
 #[derive(Debug, Clone)]
@@ -63,6 +64,31 @@ pub struct FrameReading {
 /// Least part of the rays that agree on a circle before its edge is worth refining.
 pub const LEAST_AGREEMENT: f64 = 0.45;
 
+/// A frame that was compared with those before it.
+#[derive(Debug)]
+struct FollowedFrame {
+    registration: Registration,
+    change_grey: Option<f32>,
+    /// See [`background::sum_blocks`].
+    sums: Arc<Vec<u16>>,
+}
+
+/// What moves in a frame if the camera stands still, and if it swings as the frame says.
+#[derive(Debug)]
+struct SeenFrame {
+    at_rest: Vec<Sighting>,
+    swung: Option<SwungFrame>,
+}
+
+/// What moves in a frame in which the camera swings.
+#[derive(Debug)]
+struct SwungFrame {
+    /// Whether it need not have swung before.
+    is_onset: bool,
+    registration: Registration,
+    sightings: Vec<Sighting>,
+}
+
 /// Looks at one frame after the other.
 #[derive(Debug)]
 pub struct Detector {
@@ -70,7 +96,7 @@ pub struct Detector {
     pub background: Background,
     /// Where the frame before looked.
     last: Followed,
-    last_sums: Option<Vec<u16>>,
+    last_sums: Option<Arc<Vec<u16>>>,
     /// When the camera last surely swung, s.
     swung_s: Option<f64>,
 }
@@ -94,9 +120,24 @@ impl Detector {
         }
     }
 
-    /// Everything that moves in `frame`. Frames come in presentation order.
+    /// Everything that moves in each of these frames, the next ones in presentation order. What a frame shows whatever those before it did is looked
+    /// for in several at a time.
     #[must_use]
-    pub fn look(&mut self, frame: &Frame) -> FrameReading {
+    pub fn look(&mut self, frames: &[Frame]) -> Vec<FrameReading> {
+        let followed: Vec<FollowedFrame> = frames.iter().map(|f| self.follow(f)).collect();
+        let swings: Vec<bool> = frames.iter().map(|f| self.swings_at(f.time_s)).collect();
+        let seen = |i: usize| self.seen(&frames[i], &followed[i], swings[i]);
+        let seen: Vec<SeenFrame> = match frames.len() {
+            1 => vec![seen(0)],
+            count => (0..count).into_par_iter().map(seen).collect(),
+        };
+        let each = frames.iter().zip(followed).zip(seen);
+        each.map(|((frame, followed), seen)| self.reading(frame, &followed, seen))
+            .collect()
+    }
+
+    /// Where `frame` looks and how it is lit, and how it differs from the one before.
+    fn follow(&mut self, frame: &Frame) -> FollowedFrame {
         let registrar = &self.background.registrar;
         // The first frame has none before it, and where the camera drifts it may be far from the reference.
         let first = self.last_sums.is_none() && !registrar.fixed;
@@ -105,27 +146,60 @@ impl Detector {
         } else {
             registrar.follow_from(&frame.luma, &self.last)
         };
-        let sums = background::sum_blocks(&frame.luma, self.background.block_px);
-        let change_grey = self
-            .last_sums
-            .as_ref()
-            .map(|last| self.frame_change_grey(last, &sums));
-        let mut registration = found.registration;
-        let mut sightings = self.sightings(frame, &sums, registration);
-        if let Some(swung) = self.swing(frame, &registration, &sightings) {
-            registration = swung;
-            sightings = self.sightings(frame, &sums, registration);
+        let sums = Arc::new(background::sum_blocks(&frame.luma, self.background.block_px));
+        let last_sums = self.last_sums.replace(Arc::clone(&sums));
+        self.last = found;
+        FollowedFrame {
+            registration: found.registration,
+            change_grey: last_sums.map(|last| self.frame_change_grey(&last, &sums)),
+            sums,
         }
-        self.last = Followed {
+    }
+
+    /// What `frame` shows, where the camera `swings` already or not.
+    fn seen(&self, frame: &Frame, followed: &FollowedFrame, swings: bool) -> SeenFrame {
+        let at_rest = self.sightings(frame, &followed.sums, followed.registration);
+        let swung = self.swing(frame, &followed.registration, &at_rest, swings);
+        let swung = swung.map(|(is_onset, registration)| SwungFrame {
+            is_onset,
             registration,
-            ..found
+            sightings: self.sightings(frame, &followed.sums, registration),
+        });
+        SeenFrame { at_rest, swung }
+    }
+
+    /// What is read off `frame`, by what it shows and what the frames before it did.
+    fn reading(&mut self, frame: &Frame, followed: &FollowedFrame, seen: SeenFrame) -> FrameReading {
+        let swings = self.swings_at(frame.time_s);
+        let seen = match seen.swung {
+            // It began to swing in one of the frames that were looked at together.
+            None if swings => self.seen(frame, followed, swings),
+            _ => seen,
         };
-        self.last_sums = Some(sums);
-        FrameReading {
-            sightings,
-            change_grey,
-            registration,
+        let change_grey = followed.change_grey;
+        match seen.swung.filter(|s| s.is_onset || swings) {
+            Some(swung) => {
+                if swung.is_onset {
+                    self.swung_s = Some(frame.time_s);
+                }
+                FrameReading {
+                    sightings: swung.sightings,
+                    change_grey,
+                    registration: swung.registration,
+                }
+            }
+            None => FrameReading {
+                sightings: seen.at_rest,
+                change_grey,
+                registration: followed.registration,
+            },
         }
+    }
+
+    /// Whether a swing that was seen may still go on.
+    fn swings_at(&self, time_s: f64) -> bool {
+        self.swung_s
+            .is_some_and(|swung_s| (0.0..SWING_LASTS_S).contains(&(time_s - swung_s)))
     }
 
     /// What moves in `frame`, which is shown as `registration` says.
@@ -176,13 +250,14 @@ impl Detector {
         vec![(bright, of_bright), (dark, of_dark)]
     }
 
-    /// The registration of a frame in which a camera that otherwise stands still swings; `None` where it does not.
+    /// The registration of a frame in which a camera that otherwise stands still swings, and whether a swing begins there; `None` where it stands.
     fn swing(
-        &mut self,
+        &self,
         frame: &Frame,
         registration: &Registration,
         sightings: &[Sighting],
-    ) -> Option<Registration> {
+        swings: bool,
+    ) -> Option<(bool, Registration)> {
         let balls: Vec<camera_swing::PixelRegion> = sightings
             .iter()
             .filter(|s| s.centre.is_some())
@@ -195,23 +270,19 @@ impl Detector {
             })
             .collect();
         let edges = self.background.edges.as_ref()?;
-        let shift_above = |least| edges.shift(&frame.luma, registration, &balls, least);
-        let swings = self
-            .swung_s
-            .is_some_and(|swung_s| (0.0..SWING_LASTS_S).contains(&(frame.time_s - swung_s)));
-        let [shift_u_px, shift_v_px] = match shift_above(ShiftThreshold::ONSET) {
-            Some(shift) => {
-                self.swung_s = Some(frame.time_s);
-                shift
-            }
-            None if swings => shift_above(ShiftThreshold::DECAY)?,
-            None => return None,
+        let thresholds = if swings {
+            &[ShiftThreshold::ONSET, ShiftThreshold::DECAY][..]
+        } else {
+            &[ShiftThreshold::ONSET]
         };
-        Some(Registration {
+        let (exceeded, [shift_u_px, shift_v_px]) =
+            edges.shift_above(&frame.luma, registration, &balls, thresholds)?;
+        let registration = Registration {
             shift_u_px,
             shift_v_px,
             ..*registration
-        })
+        };
+        Some((exceeded == ShiftThreshold::ONSET, registration))
     }
 
     fn frame_change_grey(&self, last: &[u16], now: &[u16]) -> f32 {

@@ -65,6 +65,11 @@ pub const BEND_POWERS: [i32; 2] = [2, 3];
 /// Steps of an integration from an arc's mean time.
 const PARTS: usize = 8;
 
+/// Steps to where two arcs meet at most, and the part of the time between them below which the next one is the last: each is a hundredth or less of the
+/// one before.
+const MOST_STEPS_TO_IMPACT: usize = 6;
+const IMPACT_SETTLED_PART: f64 = 1e-6;
+
 /// Parameters of an arc's bend: the coefficients of [`BEND_POWERS`] along r, then along h.
 pub const BENDS: usize = 2 * BEND_POWERS.len();
 
@@ -293,17 +298,27 @@ impl PlanarArcs<'_> {
     #[must_use]
     pub fn intersection(&self, a: usize, b: usize) -> Option<(f64, f64)> {
         let mut t = 0.5 * (self.times[a] + self.times[b]);
-        let rounds = if self.parameters[DRAG] == 0.0 && !self.bent {
-            1
-        } else {
-            6
-        };
-        let mut gap = f64::NAN;
-        for _ in 0..rounds {
-            let (step, apart) = closest_approach(&self.motion(a, t), &self.motion(b, t))?;
-            gap = apart;
-            t += step;
+        if self.parameters[DRAG] != 0.0 || self.bent {
+            // A single step of integration goes on from where the arcs are once they were followed to the middle between them: what it is off by is
+            // gone with the last step, of which the arcs are followed from their mean times.
+            let mut motions = [a, b].map(|k| self.motion_without_bend(k, t));
+            for _ in 0..MOST_STEPS_TO_IMPACT {
+                let mut seen = motions;
+                if self.bent {
+                    for (m, k) in seen.iter_mut().zip([a, b]) {
+                        *m = m.along(&self.bend(k, t - self.times[k]), 1.0);
+                    }
+                }
+                let (step, _) = closest_approach(&seen[0], &seen[1])?;
+                motions = motions.map(|m| self.integrated(m, step, |_, _| (0.0, 0.0)));
+                t += step;
+                if !(step.abs() > IMPACT_SETTLED_PART * (self.times[b] - self.times[a]).abs()) {
+                    break;
+                }
+            }
         }
+        let (step, gap) = closest_approach(&self.motion(a, t), &self.motion(b, t))?;
+        t += step;
         (t.is_finite() && gap.is_finite()).then_some((t, gap))
     }
 

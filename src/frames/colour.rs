@@ -209,7 +209,15 @@ impl DecodedColour {
     fn chroma(&self) -> Chroma {
         let (w, h) = self.stored();
         let half = (w.div_ceil(2), h.div_ceil(2));
+        let is_planar = |c: &ComponentLayout| c.step == 1 && c.depth == 8;
         if self.layout.is_rgb || self.layout.chroma_shift != (1, 1) {
+            if !self.layout.is_rgb
+                && (w % 2, h % 2) == (0, 0)
+                && self.layout.components[1..].iter().all(is_planar)
+                && let [Some(u), Some(v)] = [1, 2].map(|i| self.halved(i))
+            {
+                return Chroma { u, v };
+            }
             let (width, height) = self.orientation.shown(half);
             return self.chroma_of(0..width, 0..height);
         }
@@ -217,7 +225,7 @@ impl DecodedColour {
         let plane = |i: usize| {
             let component = self.layout.components[i];
             let mut data = Vec::new();
-            if component.step == 1 && component.depth == 8 {
+            if is_planar(&component) {
                 let row = |y| {
                     let row = self.picture.row(component.plane, y);
                     if row.len() < half.0 { &[][..] } else { row }
@@ -243,6 +251,38 @@ impl DecodedColour {
             u: plane(1),
             v: plane(2),
         }
+    }
+
+    /// A component that lies in a plane of its own, in bytes, as means of 2 by 2 pixels of a picture of even sides; `None` where rows are missing, or
+    /// where more than two pixels of a row or a column share a sample.
+    fn halved(&self, i: usize) -> Option<Luma> {
+        let (w, h) = self.stored();
+        let (right, down) = self.layout.shift(i);
+        if right.max(down) > 1 {
+            return None;
+        }
+        let half = (w / 2, h / 2);
+        let row = |y: usize| {
+            let row = self.picture.row(self.layout.components[i].plane, y >> down);
+            (row.len() >= w >> right).then_some(row)
+        };
+        let mut means = Vec::with_capacity(half.0 * half.1);
+        for y in 0..half.1 {
+            let (above, below) = (row(2 * y)?, row(2 * y + 1)?);
+            let mean = |values: [u8; 4]| ((values.map(u16::from).iter().sum::<u16>() + 2) / 4) as u8;
+            if right == 0 {
+                let pairs = above.as_chunks::<2>().0.iter().zip(below.as_chunks::<2>().0);
+                means.extend(pairs.take(half.0).map(|([a, b], [c, d])| mean([*a, *b, *c, *d])));
+            } else {
+                let pairs = above.iter().zip(below);
+                means.extend(pairs.take(half.0).map(|(&a, &b)| mean([a, a, b, b])));
+            }
+        }
+        let mut data = Vec::new();
+        self.orientation
+            .place(half, |y| &means[y * half.0..][..half.0], &mut data);
+        let (width, height) = self.orientation.shown(half);
+        Some(Luma { width, height, data })
     }
 
     /// The luma of a rectangle.
@@ -371,5 +411,47 @@ impl HeldRows<'_> {
 
     fn sum(&self, weights: [f64; 3], x: usize, y: usize) -> f64 {
         (0..3).map(|i| weights[i] * self.value(i, x, y)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::av::PixelFormat;
+    use super::*;
+    use crate::test_noise::TestNoise;
+
+    /// Chroma of the whole picture is taken row by row, and of a part pixel by pixel.
+    #[test]
+    fn chroma_of_a_whole_picture_is_that_of_its_parts() {
+        const SIZE: (usize, usize) = (12, 8);
+        let mut random = TestNoise(3);
+        let noise: Vec<u8> = (0..SIZE.0 * SIZE.1).map(|_| random.below(255)).collect();
+        let mut picture = Picture::blank(SIZE.0, SIZE.1, PixelFormat::Yuv420).unwrap();
+        picture.fill(0, SIZE.0, &noise).unwrap();
+        let component = ComponentLayout {
+            plane: 0,
+            step: 1,
+            offset: 0,
+            shift: 0,
+            depth: 8,
+            big_endian: false,
+        };
+        let turned = Orientation::of(&[0, 1 << 16, 0, -(1 << 16), 0, 0, 0, 0, 1 << 30]).unwrap();
+        for chroma_shift in [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0)] {
+            for orientation in [Orientation::default(), turned] {
+                let decoded = DecodedColour {
+                    picture: picture.share().unwrap(),
+                    layout: ColourLayout {
+                        components: [component; 3],
+                        is_rgb: false,
+                        chroma_shift,
+                    },
+                    orientation,
+                };
+                let (width, height) = orientation.shown((SIZE.0 / 2, SIZE.1 / 2));
+                let by_pixels = decoded.chroma_of(0..width, 0..height);
+                assert_eq!(decoded.chroma(), by_pixels, "{chroma_shift:?}");
+            }
+        }
     }
 }

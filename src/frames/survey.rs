@@ -1,11 +1,13 @@
 //! A few frames spread over the whole recording, quickly: for the background and the noise.
 
+use super::av::Input;
 use super::error::FrameError;
 use super::folder::ImageList;
 use super::mixture::ColourMix;
 use super::pixels::{ColouredPlane, PixelReader, Pixels};
 use super::video::{
-    PictureStream, WantedPictures, checked_size, count, ffmpeg, no_frames, open_input, orientation,
+    PictureStream, WantedPictures, checked_size, count, ffmpeg, no_frames, open_error, open_input,
+    orientation,
 };
 use super::{Coded, Frame};
 use rayon::prelude::*;
@@ -143,11 +145,15 @@ fn key_frames(
         return Ok(None);
     }
     // Key frames stand alone, but a decoder takes them one after the other: one for each core.
-    drop(input);
     let share = chosen.len().div_ceil(rayon::current_num_threads()).max(1);
-    let parts: Vec<Vec<(i64, ColouredPlane)>> = chosen
-        .par_chunks(share)
-        .map(|stamps| these_key_frames(path, stamps, mix))
+    let shares = chosen.chunks(share);
+    let others: Vec<Input> = (1..shares.len())
+        .map(|_| input.again(path).map_err(|failure| open_error(path, failure)))
+        .collect::<Result<_, _>>()?;
+    let inputs: Vec<(&[i64], Input)> = shares.zip(others.into_iter().chain([input])).collect();
+    let parts: Vec<Vec<(i64, ColouredPlane)>> = inputs
+        .into_par_iter()
+        .map(|(stamps, input)| these_key_frames(path, input, stamps, mix))
         .collect::<Result<_, _>>()?;
     let size = |p: &ColouredPlane| (p.plane.width, p.plane.height);
     let first = parts
@@ -174,13 +180,13 @@ fn key_frames(
     Ok((frames.len() >= at_least).then_some(frames))
 }
 
-/// The key frames with these stamps, of one size; a damaged one is one frame less, nothing worse.
+/// The key frames of `input` with these stamps, of one size; a damaged one is one frame less, nothing worse.
 fn these_key_frames(
     path: &Path,
+    input: Input,
     stamps: &[i64],
     mix: Option<ColourMix>,
 ) -> Result<Vec<(i64, ColouredPlane)>, FrameError> {
-    let (input, _) = open_input(path)?;
     let mut collector = PlaneCollector::open(path, input, WantedPictures::Key, mix)?;
     let mut found = Vec::with_capacity(stamps.len());
     for &stamp in stamps {
@@ -268,7 +274,7 @@ struct PlaneCollector<'a> {
 impl<'a> PlaneCollector<'a> {
     fn open(
         path: &'a Path,
-        input: super::av::Input,
+        input: Input,
         wanted: WantedPictures,
         mix: Option<ColourMix>,
     ) -> Result<Self, FrameError> {

@@ -449,16 +449,16 @@ const MAX_PACKETS_TO_KEY: usize = 1000;
 /// Opens the container, with an answer of its own for each way in which that fails. Also gives the file's length.
 pub(super) fn open_input(path: &Path) -> Result<(Input, u64), FrameError> {
     let bytes = readable_bytes(path)?;
+    let input = Input::open(path).map_err(|failure| open_error(path, failure))?;
+    let (width, height) = (input.facts().width, input.facts().height);
+    check_side(path, width, height)?;
+    Ok((input, bytes))
+}
+
+/// What a container that was not opened is to people.
+pub(super) fn open_error(path: &Path, failure: OpenFailure) -> FrameError {
     let owned = path.to_owned();
-    let failure = match Input::open(path) {
-        Ok(input) => {
-            let (width, height) = (input.facts().width, input.facts().height);
-            check_side(path, width, height)?;
-            return Ok((input, bytes));
-        }
-        Err(failure) => failure,
-    };
-    Err(match failure {
+    match failure {
         OpenFailure::Unknown => FrameError::NotVideo { path: owned },
         OpenFailure::Still(found) => FrameError::StillImage { path: owned, found },
         OpenFailure::Sound(found) => {
@@ -471,7 +471,7 @@ pub(super) fn open_input(path: &Path) -> Result<(Input, u64), FrameError> {
             message: error.to_string(),
         }),
         OpenFailure::Av(error) => ffmpeg(path, "open the file", error),
-    })
+    }
 }
 
 /// Length of a file that can be opened.

@@ -1,9 +1,10 @@
 //! What every reported number of a motion depends on: the arcs' parameters, and errors that no arc shows.
 
-use crate::flight::planar::{ACROSS, GRAVITY};
+use crate::flight::planar::{ACROSS, GRAVITY, Motion};
 use crate::numeric::propagation::{InputQuantities, OutputQuantities};
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
+use std::cell::RefCell;
 
 /// A struct of `f64` fields that stand in a vector one after the other.
 macro_rules! named_entries {
@@ -72,13 +73,18 @@ named_entries! {
 }
 
 /// The inputs at their best, or near it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub struct InputValues<'a> {
     /// The arcs' parameters.
     pub arcs: &'a [f64],
     /// What else.
     pub errors: SystematicErrors,
+    /// The impacts that one motion has with these, by the arc before each: most outputs ask for the same ones.
+    impacts: RefCell<Vec<(usize, ImpactMotions)>>,
 }
+
+/// Time of an impact, s, with the motions before and after it.
+pub type ImpactMotions = (f64, Motion, Motion);
 
 impl<'a> InputValues<'a> {
     fn of(vector: &'a [f64]) -> Self {
@@ -88,7 +94,23 @@ impl<'a> InputValues<'a> {
         Self {
             arcs,
             errors: SystematicErrors::from_array(array),
+            impacts: RefCell::default(),
         }
+    }
+
+    /// The impact after arc `k`, which `find` finds where it is asked for first. (Values are made for one motion.)
+    pub fn impact(&self, k: usize, find: impl FnOnce() -> ImpactMotions) -> ImpactMotions {
+        let known = self
+            .impacts
+            .borrow()
+            .iter()
+            .find(|(arc, _)| *arc == k)
+            .map(|(_, m)| *m);
+        known.unwrap_or_else(|| {
+            let meeting = find();
+            self.impacts.borrow_mut().push((k, meeting));
+            meeting
+        })
     }
 
     /// Size of the common acceleration, plane units/s².

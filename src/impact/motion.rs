@@ -2,7 +2,7 @@
 
 use super::BounceSurface;
 use super::contact::SoftBall;
-use super::inputs::{InputValues, MotionInputs};
+use super::inputs::{ImpactMotions, InputValues, MotionInputs};
 use super::spin_candidates::SpinCandidates;
 use super::spin_lift::SpinLift;
 use crate::calibration::{Ball, Calibration, View};
@@ -196,7 +196,11 @@ impl MeasuredMotion<'_> {
     }
 
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
-    pub(super) fn impact(&self, p: &InputValues<'_>, k: usize) -> (f64, Motion, Motion) {
+    pub(super) fn impact(&self, p: &InputValues<'_>, k: usize) -> ImpactMotions {
+        p.impact(k, || self.meeting(p, k))
+    }
+
+    fn meeting(&self, p: &InputValues<'_>, k: usize) -> ImpactMotions {
         let t = self.impact_time(p, k);
         let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
         let half_s = p.errors.half_contact_s * self.slower_contact(down.abs());

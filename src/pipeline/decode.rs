@@ -16,7 +16,7 @@ use crate::detect::background::{self, Background};
 use crate::detect::blobs::Blob;
 use crate::detect::colour::{self, ColourChoice};
 use crate::detect::registration::Registration;
-use crate::detect::{Detector, Sighting};
+use crate::detect::{Detector, FrameReading, Sighting};
 use crate::frames::even_clock::{self, EvenClock};
 use crate::frames::{
     self, ChromaGrid, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth,
@@ -104,6 +104,10 @@ const LEAST_OPENING: usize = 2 * SURVEY_FRAMES;
 /// So many key frames spread over a recording of large pictures are scene enough to begin with: a ball is in one place in most of them only where
 /// it lies, and the scene of the whole tells that.
 const LEAST_KEY_FRAMES: usize = 3;
+
+/// Frames looked at together take at most so many bytes, and are so many at most: enough for all cores of a machine while pictures are small.
+const TOGETHER_BYTES: usize = 4 << 20;
+const MOST_TOGETHER: usize = 8;
 
 /// Two scenes that differ by less than this part of a ball's area are one.
 const NEGLIGIBLE_PART: f64 = 0.1;
@@ -233,6 +237,12 @@ fn opening_frames((width_px, height_px): (usize, usize)) -> usize {
     OPENING_BYTES / width_px.saturating_mul(height_px).max(1)
 }
 
+/// How many frames of this size are looked at together.
+fn frames_together((width_px, height_px): (usize, usize)) -> usize {
+    let fit = TOGETHER_BYTES / width_px.saturating_mul(height_px).max(1);
+    fit.clamp(1, MOST_TOGETHER)
+}
+
 /// The first frames, as many as the survey needs and memory has room for; whether they are all there are.
 fn opening(source: &mut frames::ReadAhead) -> Result<(Vec<Frame>, bool), MeasureError> {
     let most = opening_frames((source.info().width_px, source.info().height_px));
@@ -354,11 +364,26 @@ impl DecodingPass {
         progress: &mut dyn FnMut(Progress),
     ) -> Result<PassEnd, MeasureError> {
         let mut opening = opening.into_iter();
-        while let Some(frame) = opening
-            .next()
-            .map_or_else(|| source.next_frame(), |f| Ok(Some(f)))?
-        {
-            self.look(frame, &mut source, progress);
+        let together = frames_together((source.info().width_px, source.info().height_px));
+        loop {
+            let seen = self.stamps_s.len();
+            let until_check = self
+                .provisional
+                .as_ref()
+                .map(|p| p.next_check.saturating_sub(seen).max(1));
+            let most = until_check.map_or(together, |frames| frames.min(together));
+            let mut frames = Vec::with_capacity(most);
+            while frames.len() < most
+                && let Some(frame) = opening
+                    .next()
+                    .map_or_else(|| source.next_frame(), |f| Ok(Some(f)))?
+            {
+                frames.push(frame);
+            }
+            if frames.is_empty() {
+                break;
+            }
+            self.look(frames, &mut source, progress);
             let seen = self.stamps_s.len();
             let due = self.provisional.as_mut().filter(|p| p.next_check == seen);
             if let Some(p) = due {
@@ -408,13 +433,27 @@ impl DecodingPass {
         }
     }
 
-    /// Looks at `frame`, which goes back to `source` where it is not kept.
-    fn look(&mut self, mut frame: Frame, source: &mut frames::ReadAhead, progress: &mut dyn FnMut(Progress)) {
-        progress(Progress::Frame {
-            index: frame.index,
-            expected: source.info().frames_expected,
-        });
-        let mut reading = self.detector.look(&frame);
+    /// Looks at the next `frames`, which go back to `source` where they are not kept.
+    fn look(
+        &mut self,
+        frames: Vec<Frame>,
+        source: &mut frames::ReadAhead,
+        progress: &mut dyn FnMut(Progress),
+    ) {
+        for frame in &frames {
+            progress(Progress::Frame {
+                index: frame.index,
+                expected: source.info().frames_expected,
+            });
+        }
+        let readings = self.detector.look(&frames);
+        for (frame, reading) in frames.into_iter().zip(readings) {
+            self.keep(frame, reading, source);
+        }
+    }
+
+    /// Keeps what was read off `frame`.
+    fn keep(&mut self, mut frame: Frame, mut reading: FrameReading, source: &mut frames::ReadAhead) {
         if let Some(colour) = frame.colour.take() {
             // A picture shows balls only.
             for s in reading.sightings.iter_mut().filter(|s| s.centre.is_some()) {

@@ -7,7 +7,6 @@
 
 use super::disc::Disc;
 use super::patch::Patch;
-use crate::detect::resample::bilinear;
 use crate::geometry::PixelPoint;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use nalgebra::Vector3;
@@ -151,9 +150,20 @@ fn edges_along_rays(
     let (begin, end) = (first.saturating_sub(REACH), last.saturating_add(REACH));
     let mut edges = Vec::new();
     let mut profile = Vec::new();
+    // As `bilinear`, but for the last column and row, whose neighbours would have to be looked for.
+    let (most_u, most_v) = (w.saturating_sub(1) as f64, h.saturating_sub(1) as f64);
     let sample = |u: f64, v: f64| {
-        let inside = u < (w - 1) as f64 && v < (h - 1) as f64;
-        inside.then(|| bilinear(change, (w, h), u, v)).flatten()
+        if !(u >= 0.0 && v >= 0.0 && u < most_u && v < most_v) {
+            return None;
+        }
+        let (iu, iv) = (u as usize, v as usize);
+        let (fu, fv) = (u - iu as f64, v - iv as f64);
+        let from = iv * w + iu;
+        let &[a, b] = change.get(from..)?.first_chunk()?;
+        let &[c, d] = change.get(from + w..)?.first_chunk()?;
+        let top = f64::from(a) * (1.0 - fu) + f64::from(b) * fu;
+        let bottom = f64::from(c) * (1.0 - fu) + f64::from(d) * fu;
+        Some(top * (1.0 - fv) + bottom * fv)
     };
     if sample(from.0, from.1).is_none() {
         return edges;

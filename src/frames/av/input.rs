@@ -154,36 +154,41 @@ impl Drop for OpenedContainer {
 impl Input {
     /// Opens a local file that has a video stream.
     pub(in crate::frames) fn open(path: &Path) -> Result<Self, OpenFailure> {
-        super::silence();
-        let url = local_url(path)?;
-        let (kind, format) = probed(&url)?;
-        let options = [
-            ("protocol_whitelist", "file".to_owned()),
-            ("format_whitelist", CONTAINERS.join(",")),
-        ];
-        let mut options = DictionaryOptions::new(&options)?;
-        let mut opened = OpenedContainer(ptr::null_mut());
-        let broken = |error| OpenFailure::Broken {
-            format: format.clone(),
-            error,
-        };
-        // SAFETY: url and options live through the call; on failure FFmpeg frees the context and nulls the pointer.
-        let code =
-            unsafe { ffi::avformat_open_input(&raw mut opened.0, url.as_ptr(), kind, &raw mut options.0) };
-        check(code).map_err(broken)?;
+        let (mut opened, container) = opened(path)?;
         let header = ContainerHeader::of(&opened);
-        find_stream_info(&opened).map_err(broken)?;
+        find_stream_info(&opened).map_err(|error| OpenFailure::Broken {
+            format: container.clone(),
+            error,
+        })?;
         let Some(stream) = best_video(&opened) else {
-            return Err(OpenFailure::Sound(format));
+            return Err(OpenFailure::Sound(container));
         };
-        let facts = facts_of(&opened, stream, format, &header);
-        discard_others(&opened, stream);
-        let format = std::mem::replace(&mut opened.0, ptr::null_mut());
-        Ok(Self {
-            format,
+        let facts = facts_of(&opened, stream, container, &header);
+        Ok(Self::of(&mut opened, stream, facts))
+    }
+
+    /// Opens its file, which is at `path`, once more, for a decoder of its own. What took frames to find out is not found out again, where the
+    /// container's header alone tells of the stream.
+    pub(in crate::frames) fn again(&self, path: &Path) -> Result<Self, OpenFailure> {
+        let (mut opened, _) = opened(path)?;
+        // SAFETY: a stream is never null.
+        let index = usize::try_from(unsafe { (*self.stream).index }).unwrap_or(usize::MAX);
+        let Some(stream) = streams(&opened).nth(index).filter(|&s| is_video(s)) else {
+            return Self::open(path);
+        };
+        // SAFETY: streams and their parameters are never null.
+        check(unsafe { ffi::avcodec_parameters_copy((*stream).codecpar, (*self.stream).codecpar) })?;
+        Ok(Self::of(&mut opened, stream, self.facts.clone()))
+    }
+
+    /// Takes over the container `opened`, of which only `stream` is read.
+    fn of(opened: &mut OpenedContainer, stream: *mut ffi::AVStream, facts: StreamFacts) -> Self {
+        discard_others(opened, stream);
+        Self {
+            format: std::mem::replace(&mut opened.0, ptr::null_mut()),
             stream,
             facts,
-        })
+        }
     }
 
     pub(in crate::frames) fn facts(&self) -> &StreamFacts {
@@ -238,6 +243,25 @@ impl Drop for Input {
     fn drop(&mut self) {
         // SAFETY: owned.
         unsafe { ffi::avformat_close_input(&raw mut self.format) };
+    }
+}
+
+/// The container of a local file, with FFmpeg's name of its kind; its header is read, none of its frames.
+fn opened(path: &Path) -> Result<(OpenedContainer, String), OpenFailure> {
+    super::silence();
+    let url = local_url(path)?;
+    let (kind, format) = probed(&url)?;
+    let options = [
+        ("protocol_whitelist", "file".to_owned()),
+        ("format_whitelist", CONTAINERS.join(",")),
+    ];
+    let mut options = DictionaryOptions::new(&options)?;
+    let mut opened = OpenedContainer(ptr::null_mut());
+    // SAFETY: url and options live through the call; on failure FFmpeg frees the context and nulls the pointer.
+    let code = unsafe { ffi::avformat_open_input(&raw mut opened.0, url.as_ptr(), kind, &raw mut options.0) };
+    match check(code) {
+        Ok(_) => Ok((opened, format)),
+        Err(error) => Err(OpenFailure::Broken { format, error }),
     }
 }
 
