@@ -8,6 +8,10 @@
 //! How many terms the light needs is decided by the pixels (Akaike's criterion). The nuisance parameters get the standard
 //! deviations that the frames show beyond their own uncertainty.
 //!
+//! No number of terms draws a highlight. In a small ball it lies within what the light is fitted by, and bends the terms, and through them shifts all
+//! centres (by up to 0.03 px of balls of R 4 to 10 px): the shift is as uncertain as the choice of terms leaves it, and as places on the ball that are
+//! off by the same in all frames do.
+//!
 //! Assumed: one rigid ball that looks alike in all frames up to the nuisance parameters, before a known background. A ball
 //! that does not has no estimate, or one whose tilt of the light is free.
 
@@ -232,6 +236,11 @@ fn gain(
     Some(old.cost(common) - new.cost(common))
 }
 
+/// What a highlight leaves of the light bends either description of it, with few terms or with more, and with them the shift: its standard uncertainty has
+/// this part of what they differ by. (108 coordinates of rendered balls with highlights, R 4 to 14 px, of which 46 were not looked at before: with it the error
+/// is 0.9 of its uncertainty, root mean square, without it 1.1 to 1.3.)
+const OTHER_LIGHT_PART: f64 = 0.4;
+
 /// Terms whose lack costs so many noise variances, to first order, are needed: they may cost two each.
 const HOPELESS: f64 = 200.0;
 
@@ -256,7 +265,19 @@ fn with_needed_terms(
     let stds = tried.iter().map(|joint| joint.residual_std_grey);
     let common = stds.fold(f64::INFINITY, f64::min);
     let score = |joint: &JointFit| joint.cost(common) + 2.0 * joint.shared.terms.len() as f64;
-    tried.into_iter().min_by(|a, b| score(a).total_cmp(&score(b)))
+    let best = (0..tried.len()).min_by(|&a, &b| score(&tried[a]).total_cmp(&score(&tried[b])))?;
+    let [none, sides, _] = TERM_LEVELS;
+    let [u, v] = match tried[best].shared.terms.len() {
+        // A light without sides shifts no centres.
+        count if count == none => [0.0; 2],
+        count if count == sides => tried[0].shift_by_terms_from(sides),
+        _ => tried[best].shift_by_terms_from(sides),
+    };
+    let mut best = tried.swap_remove(best);
+    best.shift_std_px = best
+        .shift_std_px
+        .hypot(OTHER_LIGHT_PART * (0.5 * (u * u + v * v)).sqrt());
+    Some(best)
 }
 
 /// The frames' nuisance parameters: standard deviation and median.

@@ -31,9 +31,12 @@ pub struct JointFit {
     pub residual_std_grey: f64,
     /// Of all pixels, grey levels.
     residuals: Vec<f64>,
-    /// Covariance of the light's terms, grey levels²; `None` where the equations do not tell.
+    /// Covariance of the shift, then the light's terms, the residuals taken for independent; `None` where the equations do not tell.
     light_covariance: Option<DMatrix<f64>>,
 }
+
+/// Place of the light's terms in that covariance, behind the shift's two coordinates.
+const LIGHT: usize = 2;
 
 /// Places in the vector of unknowns; the shift is at 0 and 1.
 const RADIUS: usize = 2;
@@ -179,16 +182,39 @@ impl JointFit {
     #[must_use]
     pub fn cost_without(&self, count: usize) -> f64 {
         let others = self.shared.terms.get(count..).unwrap_or_default();
-        let cost = |light: &DMatrix<f64>| {
-            let block = light.view((count, count), (others.len(), others.len()));
-            let others = DVector::from_row_slice(others);
-            Some(others.dot(&block.into_owned().cholesky()?.solve(&others)))
+        let others = DVector::from_row_slice(others);
+        self.weighed_by_light(count)
+            .map_or(0.0, |(weighed, _)| others.dot(&weighed))
+    }
+
+    /// How much further the shift is than with the first `count` of the light's terms alone, px, to first order.
+    #[must_use]
+    pub fn shift_by_terms_from(&self, count: usize) -> [f64; 2] {
+        let shift = |(weighed, covariance): (DVector<f64>, &DMatrix<f64>)| {
+            [0, 1].map(|i| {
+                (0..weighed.len())
+                    .map(|k| covariance[(i, LIGHT + count + k)] * weighed[k])
+                    .sum()
+            })
         };
-        self.light_covariance
-            .as_ref()
-            .filter(|_| !others.is_empty())
-            .and_then(cost)
-            .unwrap_or(0.0)
+        self.weighed_by_light(count).map_or([0.0; 2], shift)
+    }
+
+    /// The terms of the light from `count` on by the inverse of their covariance, and the whole covariance; `None` where there are none, or it is unknown.
+    fn weighed_by_light(&self, count: usize) -> Option<(DVector<f64>, &DMatrix<f64>)> {
+        let others = self
+            .shared
+            .terms
+            .get(count..)
+            .filter(|others| !others.is_empty())?;
+        let covariance = self.light_covariance.as_ref()?;
+        let from = LIGHT + count;
+        let block = covariance.view((from, from), (others.len(), others.len()));
+        let weighed = block
+            .into_owned()
+            .cholesky()?
+            .solve(&DVector::from_row_slice(others));
+        Some((weighed, covariance))
     }
 
     /// The biweight's cost where residuals have this standard deviation: their squares in variances, levelling off for outliers.
@@ -366,8 +392,10 @@ struct JointEquations {
     weighed_at: f64,
     /// That of these residuals.
     residual_std_grey: f64,
-    /// Each frame's share of the right side, for the uncertainty: residuals of a frame are not independent.
+    /// Each frame's share of the right side, for the uncertainty: residuals of a frame are not independent, ...
     right_of_frames: Vec<DVector<f64>>,
+    /// ... nor are those of a place on the ball, in all frames: there the ball looks otherwise than its model can.
+    right_of_places: Vec<DVector<f64>>,
     /// The column of a radius that is held.
     radius_column: Option<DVector<f64>>,
 }
@@ -377,7 +405,23 @@ struct FrameEquations {
     /// Row by row.
     normal: Vec<f64>,
     right: Vec<f64>,
+    /// The share of each place on the ball in the right side, one after the other.
+    right_of_places: Vec<f64>,
     residuals: Vec<f64>,
+}
+
+/// Ends of the rings around the rim in which places on the ball lie, blurs beyond it, and places in a ring.
+const RING_ENDS_BLURS: [f64; 6] = [-4.0, -2.5, -1.2, 0.0, 1.2, 2.5];
+const PLACES_IN_RING: usize = 8;
+const PLACES: usize = (RING_ENDS_BLURS.len() + 1) * PLACES_IN_RING;
+
+/// The place of a pixel so far from the middle of a ball of this radius.
+fn place_on_ball((x, y): (f64, f64), radius_px: f64, blur_px: f64) -> usize {
+    let beyond = (norm(x, y) - radius_px) / blur_px;
+    let ring = RING_ENDS_BLURS.iter().filter(|end| beyond > **end).count();
+    let turns = y.atan2(x) / std::f64::consts::TAU + 0.5;
+    let sector = (turns * PLACES_IN_RING as f64) as usize % PLACES_IN_RING;
+    ring * PLACES_IN_RING + sector
 }
 
 /// The model of one frame's pixels.
@@ -454,6 +498,7 @@ impl FrameEquations {
         let mut sums = Self {
             normal: vec![0.0; n * n],
             right: vec![0.0; n],
+            right_of_places: vec![0.0; PLACES * n],
             residuals: Vec::with_capacity(pixels.len()),
         };
         let cut = TUKEY * std_grey;
@@ -483,6 +528,10 @@ impl FrameEquations {
                 *slope = strength * by_term;
             }
             sums.add(&row, weight, residual);
+            let place = place_on_ball(at, swept.radius_px, shared.blur_px);
+            for (sum, x) in sums.right_of_places[place * n..].iter_mut().zip(&row) {
+                *sum += weight * x * residual;
+            }
         }
         sums
     }
@@ -553,7 +602,11 @@ impl JointEquations {
         let mut right = DVector::zeros(n);
         let mut residuals = Vec::with_capacity(frames.iter().map(|f| f.residuals.len()).sum());
         let mut right_of_frames = Vec::with_capacity(frames.len());
+        let mut right_of_places = vec![0.0; PLACES * n];
         for frame in frames {
+            for (sum, share) in right_of_places.iter_mut().zip(&frame.right_of_places) {
+                *sum += share;
+            }
             normal += DMatrix::from_row_slice(n, n, &frame.normal);
             let share = DVector::from_vec(frame.right);
             right += &share;
@@ -568,6 +621,11 @@ impl JointEquations {
             weighed_at: std_grey,
             residual_std_grey: residual_std_grey.max(ROUNDING_STD_GREY),
             right_of_frames,
+            right_of_places: right_of_places
+                .chunks_exact(n)
+                .filter(|share| share.iter().any(|s| *s != 0.0))
+                .map(DVector::from_row_slice)
+                .collect(),
             radius_column: None,
         };
         if parameters.shared.exposure_s == 0.0 {
@@ -594,23 +652,30 @@ impl JointEquations {
         })
     }
 
-    /// Covariance of the light's terms, the residuals taken for independent.
+    /// Covariance of the shift and the light's terms, the residuals taken for independent.
     fn light_covariance(&self) -> Option<DMatrix<f64>> {
         let inverse = self.sums.inverse(DAMPING.least)?;
-        let n = inverse.nrows() - TERMS;
-        Some(inverse.view((TERMS, TERMS), (n, n)) * self.residual_std_grey.powi(2))
+        let unknowns: Vec<usize> = (0..LIGHT).chain(TERMS..inverse.nrows()).collect();
+        let variance = self.residual_std_grey.powi(2);
+        Some(DMatrix::from_fn(unknowns.len(), unknowns.len(), |i, j| {
+            variance * inverse[(unknowns[i], unknowns[j])]
+        }))
     }
 
-    /// Standard uncertainty of an unknown, allowing for residuals of a frame that are correlated.
+    /// Standard uncertainty of an unknown, allowing for residuals that are correlated in a frame, or at a place on the ball in all frames (each
+    /// cluster's share of the equations squared, White 1980 and Liang and Zeger 1986): the larger of the two.
     fn std(&self, unknown: usize) -> Option<f64> {
         let inverse = self.sums.inverse(DAMPING.least)?;
         let row = inverse.row(unknown);
+        let squares = |shares: &[DVector<f64>]| -> f64 {
+            shares.iter().map(|share| (row * share)[(0, 0)].powi(2)).sum()
+        };
         let n = self.right_of_frames.len() as f64;
-        let squares = self
-            .right_of_frames
-            .iter()
-            .map(|right| (row * right)[(0, 0)].powi(2));
-        let variance = squares.sum::<f64>() * n / (n - 1.0).max(1.0);
+        let by_frames = squares(&self.right_of_frames) * n / (n - 1.0).max(1.0);
+        // There are so few places that the unknowns take much of their freedom.
+        let places = self.right_of_places.len() as f64;
+        let by_places = squares(&self.right_of_places) * places / (places - row.len() as f64).max(1.0);
+        let variance = by_frames.max(by_places);
         (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
     }
 }
