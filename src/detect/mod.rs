@@ -83,10 +83,16 @@ struct SeenFrame {
 /// What moves in a frame in which the camera swings.
 #[derive(Debug)]
 struct SwungFrame {
+    swing: Swing,
+    sightings: Vec<Sighting>,
+}
+
+/// A swing of a camera that otherwise stands still, as one frame shows it.
+#[derive(Debug)]
+struct Swing {
     /// Whether it need not have swung before.
     is_onset: bool,
     registration: Registration,
-    sightings: Vec<Sighting>,
 }
 
 /// Looks at one frame after the other.
@@ -160,10 +166,9 @@ impl Detector {
     fn seen(&self, frame: &Frame, followed: &FollowedFrame, swings: bool) -> SeenFrame {
         let at_rest = self.sightings(frame, &followed.sums, followed.registration);
         let swung = self.swing(frame, &followed.registration, &at_rest, swings);
-        let swung = swung.map(|(is_onset, registration)| SwungFrame {
-            is_onset,
-            registration,
-            sightings: self.sightings(frame, &followed.sums, registration),
+        let swung = swung.map(|swing| SwungFrame {
+            sightings: self.sightings(frame, &followed.sums, swing.registration),
+            swing,
         });
         SeenFrame { at_rest, swung }
     }
@@ -177,15 +182,15 @@ impl Detector {
             _ => seen,
         };
         let change_grey = followed.change_grey;
-        match seen.swung.filter(|s| s.is_onset || swings) {
-            Some(swung) => {
-                if swung.is_onset {
+        match seen.swung.filter(|s| s.swing.is_onset || swings) {
+            Some(SwungFrame { swing, sightings }) => {
+                if swing.is_onset {
                     self.swung_s = Some(frame.time_s);
                 }
                 FrameReading {
-                    sightings: swung.sightings,
+                    sightings,
                     change_grey,
-                    registration: swung.registration,
+                    registration: swing.registration,
                 }
             }
             None => FrameReading {
@@ -250,14 +255,14 @@ impl Detector {
         vec![(bright, of_bright), (dark, of_dark)]
     }
 
-    /// The registration of a frame in which a camera that otherwise stands still swings, and whether a swing begins there; `None` where it stands.
+    /// The swing that `frame` shows, where the camera `swings` already or not; `None` where it stands.
     fn swing(
         &self,
         frame: &Frame,
         registration: &Registration,
         sightings: &[Sighting],
         swings: bool,
-    ) -> Option<(bool, Registration)> {
+    ) -> Option<Swing> {
         let balls: Vec<camera_swing::PixelRegion> = sightings
             .iter()
             .filter(|s| s.centre.is_some())
@@ -277,12 +282,14 @@ impl Detector {
         };
         let (exceeded, [shift_u_px, shift_v_px]) =
             edges.shift_above(&frame.luma, registration, &balls, thresholds)?;
-        let registration = Registration {
-            shift_u_px,
-            shift_v_px,
-            ..*registration
-        };
-        Some((exceeded == ShiftThreshold::ONSET, registration))
+        Some(Swing {
+            is_onset: exceeded == ShiftThreshold::ONSET,
+            registration: Registration {
+                shift_u_px,
+                shift_v_px,
+                ..*registration
+            },
+        })
     }
 
     fn frame_change_grey(&self, last: &[u16], now: &[u16]) -> f32 {

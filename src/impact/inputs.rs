@@ -107,9 +107,9 @@ impl<'a> InputValues<'a> {
             .find(|(arc, _)| *arc == k)
             .map(|(_, m)| *m);
         known.unwrap_or_else(|| {
-            let meeting = find();
-            self.impacts.borrow_mut().push((k, meeting));
-            meeting
+            let found = find();
+            self.impacts.borrow_mut().push((k, found));
+            found
         })
     }
 

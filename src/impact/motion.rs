@@ -197,10 +197,10 @@ impl MeasuredMotion<'_> {
 
     /// (time, motion before, motion after) of the impact between arcs k and k + 1.
     pub(super) fn impact(&self, p: &InputValues<'_>, k: usize) -> ImpactMotions {
-        p.impact(k, || self.meeting(p, k))
+        p.impact(k, || self.find_impact(p, k))
     }
 
-    fn meeting(&self, p: &InputValues<'_>, k: usize) -> ImpactMotions {
+    fn find_impact(&self, p: &InputValues<'_>, k: usize) -> ImpactMotions {
         let t = self.impact_time(p, k);
         let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
         let half_s = p.errors.half_contact_s * self.slower_contact(down.abs());

@@ -24,7 +24,7 @@ use super::ball::TERM_LEVELS;
 use super::disc::{Disc, bent_px};
 use super::edge_likelihood::{self, Appearance, NUISANCES, SIZE};
 use crate::numeric::robust::{STD_OF_MEDIAN, median};
-use joint_fit::{JointFit, gather_bands};
+use joint_fit::{JointFit, UNKNOWN_SHIFT_STD_PX, gather_bands};
 use parameters::{FrameEstimate, LEAST_FRAMES, SharedParameters};
 use rayon::prelude::*;
 
@@ -266,17 +266,18 @@ fn with_needed_terms(
     let common = stds.fold(f64::INFINITY, f64::min);
     let score = |joint: &JointFit| joint.cost(common) + 2.0 * joint.shared.terms.len() as f64;
     let best = (0..tried.len()).min_by(|&a, &b| score(&tried[a]).total_cmp(&score(&tried[b])))?;
-    let [none, sides, _] = TERM_LEVELS;
-    let [u, v] = match tried[best].shared.terms.len() {
-        // A light without sides shifts no centres.
-        count if count == none => [0.0; 2],
-        count if count == sides => tried[0].shift_by_terms_from(sides),
-        _ => tried[best].shift_by_terms_from(sides),
+    let [none, sides, most] = TERM_LEVELS;
+    // A light without sides shifts no centres. Where the fit with most terms found no minimum, nobody knows what it would shift.
+    let std_by_choice_px = if tried[best].shared.terms.len() == none {
+        0.0
+    } else {
+        let with_most = tried.iter().find(|joint| joint.shared.terms.len() == most);
+        with_most
+            .and_then(|joint| joint.shift_by_terms_from(sides))
+            .map_or(UNKNOWN_SHIFT_STD_PX, |px| OTHER_LIGHT_PART * px)
     };
     let mut best = tried.swap_remove(best);
-    best.shift_std_px = best
-        .shift_std_px
-        .hypot(OTHER_LIGHT_PART * (0.5 * (u * u + v * v)).sqrt());
+    best.shift_std_px = best.shift_std_px.hypot(std_by_choice_px);
     Some(best)
 }
 

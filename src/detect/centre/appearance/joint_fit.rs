@@ -69,7 +69,7 @@ const DAMPING: Damping = Damping {
 };
 
 /// Standard uncertainty of a shift whose own the equations do not tell, px.
-const UNKNOWN_SHIFT_STD_PX: f64 = 0.1;
+pub const UNKNOWN_SHIFT_STD_PX: f64 = 0.1;
 
 /// A frame and its pixels around the outline.
 pub type FrameBand<'a> = (&'a FrameEstimate<'a>, Vec<BandPixel>);
@@ -187,17 +187,17 @@ impl JointFit {
             .map_or(0.0, |(weighed, _)| others.dot(&weighed))
     }
 
-    /// How much further the shift is than with the first `count` of the light's terms alone, px, to first order.
+    /// How much further the shift is than with the first `count` of the light's terms alone, to first order, root mean square of the two
+    /// coordinates, px; `None` where the equations do not tell.
     #[must_use]
-    pub fn shift_by_terms_from(&self, count: usize) -> [f64; 2] {
-        let shift = |(weighed, covariance): (DVector<f64>, &DMatrix<f64>)| {
-            [0, 1].map(|i| {
-                (0..weighed.len())
-                    .map(|k| covariance[(i, LIGHT + count + k)] * weighed[k])
-                    .sum()
-            })
-        };
-        self.weighed_by_light(count).map_or([0.0; 2], shift)
+    pub fn shift_by_terms_from(&self, count: usize) -> Option<f64> {
+        let (weighed, covariance) = self.weighed_by_light(count)?;
+        let [u, v] = [0, 1].map(|i| -> f64 {
+            (0..weighed.len())
+                .map(|k| covariance[(i, LIGHT + count + k)] * weighed[k])
+                .sum()
+        });
+        Some((0.5 * (u * u + v * v)).sqrt())
     }
 
     /// The terms of the light from `count` on by the inverse of their covariance, and the whole covariance; `None` where there are none, or it is unknown.
@@ -410,18 +410,17 @@ struct FrameEquations {
     residuals: Vec<f64>,
 }
 
-/// Ends of the rings around the rim in which places on the ball lie, blurs beyond it, and places in a ring.
+/// A place on the ball is an octant of a ring around its middle: where the rings end, blurs beyond the rim.
 const RING_ENDS_BLURS: [f64; 6] = [-4.0, -2.5, -1.2, 0.0, 1.2, 2.5];
-const PLACES_IN_RING: usize = 8;
-const PLACES: usize = (RING_ENDS_BLURS.len() + 1) * PLACES_IN_RING;
+const OCTANTS: usize = 8;
+const PLACES: usize = (RING_ENDS_BLURS.len() + 1) * OCTANTS;
 
-/// The place of a pixel so far from the middle of a ball of this radius.
+/// The place of a pixel so far from the middle of a ball of this radius: the ring, and the octant in it.
 fn place_on_ball((x, y): (f64, f64), radius_px: f64, blur_px: f64) -> usize {
     let beyond = (norm(x, y) - radius_px) / blur_px;
     let ring = RING_ENDS_BLURS.iter().filter(|end| beyond > **end).count();
-    let turns = y.atan2(x) / std::f64::consts::TAU + 0.5;
-    let sector = (turns * PLACES_IN_RING as f64) as usize % PLACES_IN_RING;
-    ring * PLACES_IN_RING + sector
+    let octant = usize::from(x < 0.0) + 2 * usize::from(y < 0.0) + 4 * usize::from(x.abs() < y.abs());
+    ring * OCTANTS + octant
 }
 
 /// The model of one frame's pixels.
