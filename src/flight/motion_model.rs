@@ -51,7 +51,7 @@ pub trait MotionModel: Debug + Send + Sync {
         false
     }
 
-    /// Whether nothing bends an arc.
+    /// Whether nothing bends an arc but drag.
     fn is_straight(&self) -> bool {
         false
     }

@@ -3,7 +3,7 @@
 use super::BounceSurface;
 use super::bench_edge;
 use super::contact::half_contact_s;
-use super::error_budget::{SPHERE_LAW_STD, SQUARE_LAW_STD};
+use super::error_budget::{SPHERE_LAW_STD, SQUARE_LAW_STD, USUAL_IMPACT_M_S};
 use super::inputs::{MotionInputs, SystematicErrors};
 use super::motion::{DIRECTION_SIGMAS, MeasuredMotion, SlopeSources, Zero};
 use super::spin_lift::SpinLift;
@@ -158,9 +158,13 @@ impl<'a> MeasuredMotion<'a> {
     fn in_contact(mut self) -> Self {
         let p = self.inputs.best();
         let impacts = (0..self.arcs().saturating_sub(1)).filter(|&k| self.flight.impacts[k].is_some());
-        self.contact_speed_m_s = impacts
-            .map(|k| self.impact(&p, k).1.vh.abs())
-            .find(|&v| v.is_finite() && v > 0.0);
+        self.contact_speed_m_s = match self.calibration.view {
+            View::Side => impacts
+                .map(|k| self.impact(&p, k).1.vh.abs())
+                .find(|&v| v.is_finite() && v > 0.0),
+            // Nothing in the picture is the speed against the floor.
+            View::Top => Some(USUAL_IMPACT_M_S),
+        };
         let (half_s, std_s) = half_contact_s(&self.calibration.ball, self.contact_speed_m_s.unwrap_or(0.0));
         self.inputs
             .set(|errors, stds| (errors.half_contact_s, stds.half_contact_s) = (half_s, std_s));

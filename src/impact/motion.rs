@@ -203,10 +203,12 @@ impl MeasuredMotion<'_> {
     fn find_impact(&self, p: &InputValues<'_>, k: usize) -> ImpactMotions {
         let t = self.impact_time(p, k);
         let (down, up) = (self.world(p, k, t).vh, self.world(p, k + 1, t).vh);
-        let half_s = p.errors.half_contact_s * self.slower_contact(down.abs());
-        let kept = (-up / down).clamp(0.0, 1.0);
-        let is_known = kept.is_finite() && self.calibration.view == View::Side;
-        let kept = if is_known { kept } else { 1.0 };
+        let (kept, times) = match self.calibration.view {
+            View::Side => ((-up / down).clamp(0.0, 1.0), self.slower_contact(down.abs())),
+            View::Top => (1.0, 1.0),
+        };
+        let kept = if kept.is_finite() { kept } else { 1.0 };
+        let half_s = p.errors.half_contact_s * times;
         // What comes back more slowly takes longer to let go, up to twice as long; and a ball that touches at 0 and leaves at
         // T with e of its speed has arcs that meet at e T/(1 + e): from e = 1/2 up just half of a contact without loss.
         let contact_s = half_s * (1.0 + (1.0 / kept).min(2.0));
@@ -238,9 +240,10 @@ impl MeasuredMotion<'_> {
 
     /// The motion with what lift beyond its law may have changed in the speed along x, and drag beyond its law in both: a
     /// constant push a over an arc of duration T leaves about a T/4 in the speed at its end.
-    /// (Seen from above by a near camera, the arcs have a lift of their own.)
+    /// (Seen from above by a near camera, the arcs have a lift of their own; by a distant one, what is not known of the air is in their covariance.)
     fn pushed(&self, p: &InputValues<'_>, arc: usize, (lift, drag): (f64, f64), m: Motion) -> Motion {
-        if self.flight.fit.model.resolves_height() {
+        let model = &self.flight.fit.model;
+        if model.resolves_height() || model.is_straight() {
             return m;
         }
         let drag_per_m = p.arcs[DRAG] / self.scale(p);

@@ -58,8 +58,8 @@ impl MeasuredMotion<'_> {
         }
     }
 
-    /// The part of itself by which the velocity changes most over an arc, where straight lines were fitted to a path that
-    /// shows to be bent; `None` where none does.
+    /// The part of itself by which the velocity changes most over an arc beyond what drag does, where the path was fitted as one without a fall and
+    /// shows to be bent; `None` where it does not.
     #[must_use]
     pub fn bend(&self) -> Option<f64> {
         if self.calibration.view != View::Top || !self.flight.fit.model.is_straight() {
@@ -73,7 +73,9 @@ impl MeasuredMotion<'_> {
         let samples = |turned: bool| -> Vec<TrackSample> {
             let used = self.flight.points.iter().filter(|p| p.use_ == SpotUse::Used(k));
             used.map(|p| {
-                let (right, up) = (p.spot.place.right, p.spot.place.up);
+                // What is left of the bend once drag has its part.
+                let m = self.flight.fit.motion(k, p.spot.time_s);
+                let (right, up) = (p.spot.place.right - m.r, p.spot.place.up - m.h);
                 let place = if turned { (up, right) } else { (right, up) };
                 // What else centres scatter by is here the bend itself.
                 TrackSample::new(p.spot.time_s, place, 1.0 / (p.spot.std * p.spot.std))

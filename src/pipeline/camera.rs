@@ -13,7 +13,7 @@ use crate::detect::background::{Background, UnseenMotion};
 use crate::detect::colour::ColourChoice;
 use crate::flight::Flight;
 use crate::flight::bend::CameraFacts;
-use crate::flight::distant_top_view::DistantTopView;
+use crate::flight::distant_top_view::{self, DistantTopView};
 use crate::flight::drag::Drag;
 use crate::flight::flight_search::FlightSearch;
 use crate::flight::motion_model::VerticalPrior;
@@ -243,7 +243,12 @@ impl<'a> CalibratedCamera<'a> {
         }
         match self.near_top_view(scale, flight) {
             Some(near) => Box::new(near),
-            None => Box::new(DistantTopView),
+            None => Box::new(DistantTopView {
+                drag: flight.and_then(|f| {
+                    let along = distant_top_view::drag_along_floor;
+                    along(f.mean_speed(), scale?, |speed| self.drag(scale, speed))
+                }),
+            }),
         }
     }
 
@@ -263,7 +268,7 @@ impl<'a> CalibratedCamera<'a> {
     }
 
     /// Drag, where the ball's size and mass tell it. `speed` is that of the flight, plane units a second.
-    fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<Drag> {
+    pub fn drag(&self, metres_per_unit: Option<f64>, speed: f64) -> Option<Drag> {
         let (ball, scale) = (&self.calibration.ball, metres_per_unit?);
         Some(Drag::of_sphere(
             (ball.radius_m?, ball.mass_kg?),
@@ -322,7 +327,7 @@ impl<'a> CalibratedCamera<'a> {
         (c.view == View::Top && c.distance_m.is_none()).then(|| {
             warning!(
                 "perspective_uncorrected",
-                "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected, and not in the uncertainties. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor."
+                "seen from above, the ball nears the camera as it rises, which bends its path in the picture and turns its directions: without the camera's distance that is not corrected. The uncertainties have as much of it as the bend of the path leaves open. With the camera D above the floor and the ball H high, directions may be off by about H/D times the ball's distance from the picture's middle over the length of its path. Set \"distance_m\" to the distance from the lens to the floor."
             )
         })
     }

@@ -9,6 +9,7 @@ use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
 use super::rolling_shutter;
 use super::scaled::{self, Scaled};
+use super::unseen_fall;
 use super::unseen_motion;
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::{Calibration, CalibrationError};
@@ -64,6 +65,7 @@ pub fn impacts(
     if let Some(&first_s) = clocked.base.times_s.first() {
         free = unseen_motion::widened(free, camera, first_s);
     }
+    let free = unseen_fall::widened(free, camera, metres_per_unit.value);
     let mut motion = scaled.motion(&free, lift);
     let gravity_m_s2 = motion.gravity_m_s2();
     if let Some(part) = gravity_m_s2.and_then(|g| calibration.gravity_mismatch(g)) {

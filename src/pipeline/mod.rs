@@ -39,6 +39,7 @@ mod scene_colours;
 mod sighting_store;
 mod spots;
 mod track;
+mod unseen_fall;
 mod unseen_motion;
 mod warnings;
 

@@ -1,0 +1,240 @@
+//! The share of a result's uncertainty that comes from a fall that is not seen: a distant camera above the floor, or one at an unknown distance, shows
+//! the ball's way over the floor alone.
+//!
+//! ```text
+//! h(t)    height over the floor, by the times of the impacts and g: a bounce before and one after the arc tell it, else the arc is taken to
+//!         begin at its highest point, or to rise for three quarters as long as the ball fell
+//! v(t)    the whole speed, √(u² + g² (t − t_top)²), u being the speed along the floor
+//! air     drag differs from the model's mean over the flight by −β (v − q u) u; lift is up to a part of drag, along the way and across
+//! camera  at a distance D a place p is drawn h/D further from the point below the camera: 1/D is 0 ± 1 /m, and what the points show beside that
+//! ```
+//!
+//! Each of these moves every point of the flight from where the model without it has the ball. How the arcs follow is, to first order, the same least squares
+//! as their fit; the outer products of what the parameters change by add to their covariance. The air is taken from each impact on, whose velocities are what
+//! counts.
+//!
+//! Assumed: a launch from rest in height, and a camera above the middle of its picture. Nothing is corrected: the share is as large as what is not known.
+
+use super::camera::CalibratedCamera;
+use crate::flight::Flight;
+use crate::flight::drag::USUAL_LIGHT_DRAG;
+use crate::flight::motion_model::FitPoint;
+use crate::geometry::PixelPoint;
+use crate::impact::error_budget::UNKNOWN_SPIN_LIFT_STD;
+
+/// A rise after a bounce lasts this part of the fall before it.
+const RISE_OVER_FALL: f64 = 0.75;
+
+/// Of 1/D, where the calibration has no distance D: no camera that sees a whole launch is nearer than a metre or so.
+const NEAREST_PER_M: f64 = 1.0;
+
+/// How far points are moved to see how the arcs follow, at most, in parts of the ball's radius.
+const PROBE_PART: f64 = 1e-4;
+
+/// Steps of the integrals over time.
+const STEPS: usize = 16;
+
+/// The fall on one arc, by its impacts.
+struct UnseenFall {
+    /// When the ball is highest, s.
+    top_s: f64,
+    /// An impact that the arc has, s.
+    impact_s: f64,
+    gravity_m_s2: f64,
+}
+
+impl UnseenFall {
+    /// Of each arc that has an impact.
+    fn of_arcs(flight: &Flight, gravity_m_s2: f64) -> Vec<Option<Self>> {
+        let mut falls: Vec<Option<Self>> = Vec::new();
+        for (k, span) in flight.spans.iter().enumerate() {
+            let impact = |k: Option<usize>| flight.impacts.get(k?).copied().flatten();
+            let (before, after) = (impact(k.checked_sub(1)), impact(Some(k)));
+            let last_fall_s = match (before, falls.last()) {
+                (Some(at), Some(Some(fall))) => at - fall.top_s,
+                _ => 0.0,
+            };
+            let place = match (before, after) {
+                (Some(a), Some(b)) => Some((0.5 * (a + b), a)),
+                (None, Some(b)) => Some((span.0, b)),
+                (Some(a), None) => Some((a + (RISE_OVER_FALL * last_fall_s).max(0.5 * (span.1 - a)), a)),
+                (None, None) => None,
+            };
+            falls.push(place.map(|(top_s, impact_s)| Self {
+                top_s,
+                impact_s,
+                gravity_m_s2,
+            }));
+        }
+        falls
+    }
+
+    fn speed_m_s(&self, t: f64) -> f64 {
+        self.gravity_m_s2 * (t - self.top_s)
+    }
+
+    fn height_m(&self, t: f64) -> f64 {
+        let (impact, here) = (self.impact_s - self.top_s, t - self.top_s);
+        (0.5 * self.gravity_m_s2 * (impact * impact - here * here)).max(0.0)
+    }
+}
+
+/// `flight` with what an unseen fall may have done to it in its covariance, where its model sees none from above.
+pub fn widened(mut flight: Flight, camera: &CalibratedCamera<'_>, metres_per_unit: f64) -> Flight {
+    if camera.falls() || !flight.fit.model.is_straight() {
+        return flight;
+    }
+    let falls = UnseenFall::of_arcs(&flight, camera.calibration.gravity_m_s2);
+    let points = flight.fit_points();
+    let mut all = air(&flight, &points, &falls, camera, metres_per_unit);
+    if camera.calibration.distance_m.is_none() {
+        all.extend(perspective(&flight, &points, &falls, camera));
+    }
+    for shifts in all {
+        flight.fit.widen(&points, &shifts);
+    }
+    flight
+}
+
+/// By how much each point moves by what the air may do beyond the model, from each impact on.
+fn air(
+    flight: &Flight,
+    points: &[FitPoint],
+    falls: &[Option<UnseenFall>],
+    camera: &CalibratedCamera<'_>,
+    metres_per_unit: f64,
+) -> Vec<Vec<(f64, f64)>> {
+    let unknown = USUAL_LIGHT_DRAG / flight.radius();
+    let mut all = Vec::new();
+    for (k, fall) in falls.iter().enumerate() {
+        let Some(fall) = fall else { continue };
+        let m = flight.fit.motion(k, flight.fit.times[k]);
+        let along_floor = m.vr.hypot(m.vh);
+        let (along, across) = (
+            (m.vr / along_floor, m.vh / along_floor),
+            (-m.vh / along_floor, m.vr / along_floor),
+        );
+        let of_speed = |t: f64| (along_floor, fall.speed_m_s(t) / metres_per_unit);
+        let beta = |whole: f64| {
+            camera
+                .drag(Some(metres_per_unit), whole)
+                .map_or(unknown, |d| d.beta)
+        };
+        let drag = |t: f64| {
+            let (u, vz) = of_speed(t);
+            let whole = u.hypot(vz);
+            beta(whole) * whole * u - flight.fit.drag() * u * u
+        };
+        let lift = |t: f64| {
+            let (u, vz) = of_speed(t);
+            let whole = u.hypot(vz);
+            UNKNOWN_SPIN_LIFT_STD * beta(whole) * whole * whole
+        };
+        let impacts = [k.checked_sub(1), Some(k)];
+        for from_s in impacts
+            .iter()
+            .filter_map(|k| flight.impacts.get((*k)?).copied().flatten())
+        {
+            let shifts = |acceleration: &dyn Fn(f64) -> f64, towards: (f64, f64)| -> Vec<(f64, f64)> {
+                let shift = |p: &FitPoint| {
+                    let way = if p.arc == k {
+                        way_since(from_s, p.sample.t, acceleration)
+                    } else {
+                        0.0
+                    };
+                    (way * towards.0, way * towards.1)
+                };
+                points.iter().map(shift).collect()
+            };
+            all.extend([shifts(&drag, along), shifts(&lift, along), shifts(&lift, across)]);
+        }
+    }
+    all
+}
+
+/// The way that an acceleration makes from `from_s` on, where both place and velocity are as without it.
+fn way_since(from_s: f64, t: f64, acceleration: &dyn Fn(f64) -> f64) -> f64 {
+    let step_s = (t - from_s) / STEPS as f64;
+    let middle = |i: usize| from_s + (i as f64 + 0.5) * step_s;
+    (0..STEPS)
+        .map(|i| (t - middle(i)) * acceleration(middle(i)) * step_s)
+        .sum()
+}
+
+/// By how much each point moves by one standard uncertainty of the camera's distance.
+fn perspective(
+    flight: &Flight,
+    points: &[FitPoint],
+    falls: &[Option<UnseenFall>],
+    camera: &CalibratedCamera<'_>,
+) -> Option<Vec<(f64, f64)>> {
+    let middle = |size: usize| 0.5 * (size as f64 - 1.0);
+    let below = PixelPoint::new(middle(camera.size_px.0), middle(camera.size_px.1));
+    let below = camera.map.plane_from_pixel(below)?;
+    // For 1/D of 1 /m.
+    let shift = |p: &FitPoint| {
+        let height_m = falls[p.arc]
+            .as_ref()
+            .map_or(0.0, |fall| fall.height_m(p.sample.t));
+        (
+            height_m * (p.sample.r - below.right),
+            height_m * (p.sample.h - below.up),
+        )
+    };
+    let shifts: Vec<(f64, f64)> = points.iter().map(shift).collect();
+    let fit = &flight.fit;
+    // To first order: the arcs' motion is not linear in drag.
+    let largest = shifts.iter().map(|(r, h)| r.hypot(*h)).fold(0.0, f64::max);
+    let step_per_m = PROBE_PART * flight.radius() / largest;
+    let moved = &fit.parameters + step_per_m * fit.response(points, &shifts)?;
+    // What of that the arcs do not follow shows in the residuals.
+    let (mut told, mut information) = (0.0, 0.0);
+    for (p, (r, h)) in points.iter().zip(&shifts) {
+        let motion = |parameters: &[f64]| {
+            fit.model
+                .motion_in_picture(parameters, &fit.times, p.arc, p.sample.t)
+        };
+        let (here, there) = (motion(fit.parameters.as_slice()), motion(moved.as_slice()));
+        let left = (
+            r - (there.r - here.r) / step_per_m,
+            h - (there.h - here.h) / step_per_m,
+        );
+        told += p.sample.weight * (left.0 * (p.sample.r - here.r) + left.1 * (p.sample.h - here.h));
+        information += p.sample.weight * (left.0 * left.0 + left.1 * left.1);
+    }
+    let scatter = fit.reduced_chi.max(1.0).powi(2) * fit.autocorrelation_inflation;
+    let information = information / scatter + NEAREST_PER_M.powi(-2);
+    let per_m = (told / scatter / information).hypot(information.powf(-0.5));
+    per_m
+        .is_finite()
+        .then(|| shifts.iter().map(|(r, h)| (per_m * r, per_m * h)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_constant_acceleration_makes_half_of_it_times_the_square_of_time() {
+        for t in [0.1, -0.2] {
+            let way = way_since(0.3, 0.3 + t, &|_| 5.0);
+            assert!((way - 2.5 * t * t).abs() < 1e-12, "{way}");
+        }
+        // One that grows with the time since: t³/6.
+        let way = way_since(0.3, 0.5, &|s| s - 0.3);
+        assert!((way - 0.2_f64.powi(3) / 6.0).abs() < 0.002 * way, "{way}");
+    }
+
+    #[test]
+    fn a_fall_is_on_the_floor_at_its_impact_and_highest_at_its_top() {
+        let fall = UnseenFall {
+            top_s: 0.5,
+            impact_s: 0.7,
+            gravity_m_s2: 9.81,
+        };
+        assert_eq!(fall.height_m(0.7), 0.0);
+        assert!((fall.height_m(0.5) - 0.5 * 9.81 * 0.04).abs() < 1e-12);
+        assert!((fall.height_m(0.3)).abs() < 1e-12);
+        assert!((fall.speed_m_s(0.7) - 0.2 * 9.81).abs() < 1e-12);
+    }
+}
