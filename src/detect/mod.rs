@@ -83,13 +83,13 @@ struct SeenFrame {
 /// What moves in a frame in which the camera swings.
 #[derive(Debug)]
 struct SwungFrame {
-    swing: Swing,
+    swing: ShownSwing,
     sightings: Vec<Sighting>,
 }
 
 /// A swing of a camera that otherwise stands still, as one frame shows it.
 #[derive(Debug)]
-struct Swing {
+struct ShownSwing {
     /// Whether it need not have swung before.
     is_onset: bool,
     registration: Registration,
@@ -262,7 +262,7 @@ impl Detector {
         registration: &Registration,
         sightings: &[Sighting],
         swings: bool,
-    ) -> Option<Swing> {
+    ) -> Option<ShownSwing> {
         let balls: Vec<camera_swing::PixelRegion> = sightings
             .iter()
             .filter(|s| s.centre.is_some())
@@ -282,7 +282,7 @@ impl Detector {
         };
         let (exceeded, [shift_u_px, shift_v_px]) =
             edges.shift_above(&frame.luma, registration, &balls, thresholds)?;
-        Some(Swing {
+        Some(ShownSwing {
             is_onset: exceeded == ShiftThreshold::ONSET,
             registration: Registration {
                 shift_u_px,

@@ -90,10 +90,42 @@ pub fn widened(mut flight: Flight, camera: &CalibratedCamera<'_>, metres_per_uni
     if camera.calibration.distance_m.is_none() {
         all.extend(perspective(&flight, &points, &falls, camera));
     }
+    // A ball that stands has no direction, and points without a ball no radius.
+    all.retain(|shifts| shifts.iter().all(|(r, h)| r.is_finite() && h.is_finite()));
     for shifts in all {
         flight.fit.widen(&points, &shifts);
     }
     flight
+}
+
+/// What the air does to the ball on one arc, in plane units.
+struct ArcAir<'a> {
+    fall: &'a UnseenFall,
+    metres_per_unit: f64,
+    speed_along_floor: f64,
+    /// Drag β at a whole speed.
+    beta: &'a dyn Fn(f64) -> f64,
+    /// What the model has for it along the floor.
+    model_beta: f64,
+}
+
+impl ArcAir<'_> {
+    fn whole_speed(&self, t: f64) -> f64 {
+        let fall = self.fall.speed_m_s(t) / self.metres_per_unit;
+        self.speed_along_floor.hypot(fall)
+    }
+
+    /// The deceleration by drag beyond the model's.
+    fn drag_beyond_model(&self, t: f64) -> f64 {
+        let (u, whole) = (self.speed_along_floor, self.whole_speed(t));
+        ((self.beta)(whole) * whole - self.model_beta * u) * u
+    }
+
+    /// The acceleration by lift in any direction, one standard deviation.
+    fn lift(&self, t: f64) -> f64 {
+        let whole = self.whole_speed(t);
+        UNKNOWN_SPIN_LIFT_STD * (self.beta)(whole) * whole * whole
+    }
 }
 
 /// By how much each point moves by what the air may do beyond the model, from each impact on.
@@ -105,48 +137,40 @@ fn air(
     metres_per_unit: f64,
 ) -> Vec<Vec<(f64, f64)>> {
     let unknown = USUAL_LIGHT_DRAG / flight.radius();
+    let beta = |whole: f64| {
+        camera
+            .drag(Some(metres_per_unit), whole)
+            .map_or(unknown, |d| d.beta)
+    };
     let mut all = Vec::new();
     for (k, fall) in falls.iter().enumerate() {
         let Some(fall) = fall else { continue };
         let m = flight.fit.motion(k, flight.fit.times[k]);
-        let along_floor = m.vr.hypot(m.vh);
-        let (along, across) = (
-            (m.vr / along_floor, m.vh / along_floor),
-            (-m.vh / along_floor, m.vr / along_floor),
-        );
-        let of_speed = |t: f64| (along_floor, fall.speed_m_s(t) / metres_per_unit);
-        let beta = |whole: f64| {
-            camera
-                .drag(Some(metres_per_unit), whole)
-                .map_or(unknown, |d| d.beta)
+        let speed_along_floor = m.vr.hypot(m.vh);
+        let along = (m.vr / speed_along_floor, m.vh / speed_along_floor);
+        let across = (-along.1, along.0);
+        let air = ArcAir {
+            fall,
+            metres_per_unit,
+            speed_along_floor,
+            beta: &beta,
+            model_beta: flight.fit.drag(),
         };
-        let drag = |t: f64| {
-            let (u, vz) = of_speed(t);
-            let whole = u.hypot(vz);
-            beta(whole) * whole * u - flight.fit.drag() * u * u
-        };
-        let lift = |t: f64| {
-            let (u, vz) = of_speed(t);
-            let whole = u.hypot(vz);
-            UNKNOWN_SPIN_LIFT_STD * beta(whole) * whole * whole
-        };
-        let impacts = [k.checked_sub(1), Some(k)];
-        for from_s in impacts
-            .iter()
-            .filter_map(|k| flight.impacts.get((*k)?).copied().flatten())
-        {
+        let impacts = [k.checked_sub(1), Some(k)].into_iter().flatten();
+        for from_s in impacts.filter_map(|k| flight.impacts.get(k).copied().flatten()) {
             let shifts = |acceleration: &dyn Fn(f64) -> f64, towards: (f64, f64)| -> Vec<(f64, f64)> {
                 let shift = |p: &FitPoint| {
-                    let way = if p.arc == k {
-                        way_since(from_s, p.sample.t, acceleration)
-                    } else {
-                        0.0
-                    };
+                    if p.arc != k {
+                        return (0.0, 0.0);
+                    }
+                    let way = way_since(from_s, p.sample.t, acceleration);
                     (way * towards.0, way * towards.1)
                 };
                 points.iter().map(shift).collect()
             };
-            all.extend([shifts(&drag, along), shifts(&lift, along), shifts(&lift, across)]);
+            all.push(shifts(&|t| air.drag_beyond_model(t), along));
+            all.push(shifts(&|t| air.lift(t), along));
+            all.push(shifts(&|t| air.lift(t), across));
         }
     }
     all
