@@ -1,10 +1,14 @@
-//! The same flight once more: with its points moved, or under another motion model.
+//! The same flight once more: with its points moved, or under another motion model; and what of such a move its arcs do not follow.
 
 use super::free_flight::{Flight, FlightPoint, SpotUse};
 use super::launch;
 use super::linking::Spot;
-use super::motion_model::{MotionModel, VerticalPrior};
+use super::motion_model::{FitPoint, MotionModel, VerticalPrior};
 use super::outliers::refitted;
+use nalgebra::DVector;
+
+/// How far points are moved to see how their arcs follow, at most, in parts of the ball's radius: arcs with drag do not follow in proportion.
+const PROBE: f64 = 1e-4;
 
 impl Flight {
     /// The same points, each in use or off its arc moved by the `shift` of it and its arc (along right and up, plane units), with the
@@ -48,6 +52,35 @@ impl Flight {
         fitted.unwrap_or_else(|| self.clone())
     }
 
+    /// Where the `points` are against their arcs, two rows a point, in their standard deviations.
+    #[must_use]
+    pub fn whitened_residuals(&self, points: &[FitPoint]) -> DVector<f64> {
+        let residual = |p: &FitPoint| {
+            let m = self.fit.motion(p.arc, p.sample.t);
+            (p.sample.r - m.r, p.sample.h - m.h)
+        };
+        whitened(points, points.iter().map(residual))
+    }
+
+    /// Of `shifts` of the `points`, what their arcs do not follow, in the same form; `None` where the points do not determine the arcs.
+    #[must_use]
+    pub fn left_over(&self, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
+        let change = self.fit.response(points, shifts)?;
+        let (model, fit) = (&self.fit.model, &self.fit);
+        let largest = shifts
+            .iter()
+            .fold(0.0_f64, |most, s| most.max(s.0.abs()).max(s.1.abs()));
+        let part = PROBE * self.radius() / largest;
+        let moved = |by: f64| fit.parameters.clone() + by * &change;
+        let (ahead, behind) = (moved(part), moved(-part));
+        let followed = points.iter().zip(shifts).map(|(p, (r, h))| {
+            let at = |q: &DVector<f64>| model.motion_in_picture(q.as_slice(), &fit.times, p.arc, p.sample.t);
+            let (a, b) = (at(&ahead), at(&behind));
+            (r - (a.r - b.r) / (2.0 * part), h - (a.h - b.h) / (2.0 * part))
+        });
+        Some(whitened(points, followed))
+    }
+
     /// The arcs of these `points`, which keep their uses.
     pub(super) fn refitted(&self, points: Vec<FlightPoint>, model: &dyn MotionModel) -> Option<Self> {
         let spots: Vec<Spot> = points.iter().map(|p| p.spot).collect();
@@ -60,4 +93,13 @@ impl Flight {
             ..self.clone()
         })
     }
+}
+
+/// Two rows a point: its `shifts` in its standard deviations.
+pub(super) fn whitened(points: &[FitPoint], shifts: impl Iterator<Item = (f64, f64)>) -> DVector<f64> {
+    let rows = points.iter().zip(shifts).flat_map(|(p, (r, h))| {
+        let w = p.sample.weight.sqrt();
+        [w * r, w * h]
+    });
+    DVector::from_iterator(2 * points.len(), rows)
 }

@@ -10,6 +10,7 @@
 use super::free_flight::Flight;
 use super::linking::Spot;
 use super::motion_model::{FitPoint, autocorrelation_inflation};
+use super::refit::whitened;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
@@ -19,7 +20,7 @@ type Shift = fn(f64, f64) -> (f64, f64);
 /// What a plane seen at a slant does to a place, from the middle of the path: the scale grows along h, along r.
 const SLANTS: [Shift; 2] = [|r, h| (r * h, h * h), |r, h| (r * r, r * h)];
 
-/// Part of a direction, or turn rate, 1/s, with which its response is worked out: small enough for the arcs to be linear in.
+/// Turn rate, 1/s, with which its response is worked out: small enough for the arcs to be linear in.
 const PROBE: f64 = 1e-4;
 
 /// The time ρ, s, by which points are later for each unit of `share`, with its standard uncertainty; `None` where the flight's
@@ -47,19 +48,13 @@ pub fn estimate(
     directions.extend((0..flight.fit.arcs()).map(|k| points.iter().map(|p| lift(flight, p, k)).collect()));
     let free = directions.len();
     directions.extend(shifts);
-    let residuals = whitened(
-        &points,
-        points.iter().map(|p| {
-            let m = flight.fit.motion(p.arc, p.sample.t);
-            (p.sample.r - m.r, p.sample.h - m.h)
-        }),
-    );
+    let residuals = flight.whitened_residuals(&points);
     let columns: Vec<DVector<f64>> = directions
         .iter()
         .map(|d| whitened(&points, d.iter().copied()))
         .collect();
     let left_over: Option<Vec<DVector<f64>>> =
-        directions.iter().map(|d| left_over(flight, &points, d)).collect();
+        directions.iter().map(|d| flight.left_over(&points, d)).collect();
     let (columns, left_over) = (
         DMatrix::from_columns(&columns),
         DMatrix::from_columns(&left_over?),
@@ -115,31 +110,4 @@ fn lift(flight: &Flight, p: &FitPoint, k: usize) -> (f64, f64) {
     let planar = flight.fit.planar(flight.fit.parameters.as_slice());
     let pushed = planar.pushed_by(k, p.sample.t, |vr, vh| (-PROBE * vh, PROBE * vr));
     (pushed.r / PROBE, pushed.h / PROBE)
-}
-
-/// Of `shifts` of the points, what their arcs do not follow, whitened.
-fn left_over(flight: &Flight, points: &[FitPoint], shifts: &[(f64, f64)]) -> Option<DVector<f64>> {
-    let change = flight.fit.response(points, shifts)?;
-    let (model, fit) = (&flight.fit.model, &flight.fit);
-    let largest = shifts
-        .iter()
-        .fold(0.0_f64, |most, s| most.max(s.0.abs()).max(s.1.abs()));
-    let part = PROBE * flight.radius() / largest;
-    let moved = |by: f64| fit.parameters.clone() + by * &change;
-    let (ahead, behind) = (moved(part), moved(-part));
-    let followed = points.iter().zip(shifts).map(|(p, (r, h))| {
-        let at = |q: &DVector<f64>| model.motion_in_picture(q.as_slice(), &fit.times, p.arc, p.sample.t);
-        let (a, b) = (at(&ahead), at(&behind));
-        (r - (a.r - b.r) / (2.0 * part), h - (a.h - b.h) / (2.0 * part))
-    });
-    Some(whitened(points, followed))
-}
-
-/// Two rows a point: its `shifts` in its standard deviations.
-fn whitened(points: &[FitPoint], shifts: impl Iterator<Item = (f64, f64)>) -> DVector<f64> {
-    let rows = points.iter().zip(shifts).flat_map(|(p, (r, h))| {
-        let w = p.sample.weight.sqrt();
-        [w * r, w * h]
-    });
-    DVector::from_iterator(2 * points.len(), rows)
 }

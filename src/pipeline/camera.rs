@@ -178,9 +178,13 @@ impl<'a> CalibratedCamera<'a> {
 
     /// How the pictures draw the ball, as far as the camera's angles are known.
     pub fn silhouettes(&self, optics: Option<Optics>) -> Silhouettes<'_> {
+        Silhouettes::new(&self.map, optics, self.middle())
+    }
+
+    /// The middle of the picture.
+    pub fn middle(&self) -> PixelPoint {
         let middle = |size: usize| 0.5 * (size as f64 - 1.0);
-        let middle = PixelPoint::new(middle(self.size_px.0), middle(self.size_px.1));
-        Silhouettes::new(&self.map, optics, middle)
+        PixelPoint::new(middle(self.size_px.0), middle(self.size_px.1))
     }
 
     /// The camera's angles, where its lens, or its distance and the scale are known.

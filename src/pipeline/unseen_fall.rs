@@ -19,17 +19,13 @@ use super::camera::CalibratedCamera;
 use crate::flight::Flight;
 use crate::flight::drag::USUAL_LIGHT_DRAG;
 use crate::flight::motion_model::FitPoint;
-use crate::geometry::PixelPoint;
 use crate::impact::error_budget::UNKNOWN_SPIN_LIFT_STD;
 
 /// A rise after a bounce lasts this part of the fall before it.
 const RISE_OVER_FALL: f64 = 0.75;
 
-/// Of 1/D, where the calibration has no distance D: no camera that sees a whole launch is nearer than a metre or so.
+/// Standard deviation of 1/D, of whose distance D nothing is known: no camera that sees a whole launch is nearer than a metre or so.
 const NEAREST_PER_M: f64 = 1.0;
-
-/// How far points are moved to see how the arcs follow, at most, in parts of the ball's radius.
-const PROBE_PART: f64 = 1e-4;
 
 /// Steps of the integrals over time.
 const STEPS: usize = 16;
@@ -81,15 +77,13 @@ impl UnseenFall {
 
 /// `flight` with what an unseen fall may have done to it in its covariance, where its model sees none from above.
 pub fn widened(mut flight: Flight, camera: &CalibratedCamera<'_>, metres_per_unit: f64) -> Flight {
-    if camera.falls() || !flight.fit.model.is_straight() {
+    if !flight.fit.model.is_straight() {
         return flight;
     }
     let falls = UnseenFall::of_arcs(&flight, camera.calibration.gravity_m_s2);
     let points = flight.fit_points();
     let mut all = air(&flight, &points, &falls, camera, metres_per_unit);
-    if camera.calibration.distance_m.is_none() {
-        all.extend(perspective(&flight, &points, &falls, camera));
-    }
+    all.extend(perspective(&flight, &points, &falls, camera));
     // A ball that stands has no direction, and points without a ball no radius.
     all.retain(|shifts| shifts.iter().all(|(r, h)| r.is_finite() && h.is_finite()));
     for shifts in all {
@@ -192,9 +186,7 @@ fn perspective(
     falls: &[Option<UnseenFall>],
     camera: &CalibratedCamera<'_>,
 ) -> Option<Vec<(f64, f64)>> {
-    let middle = |size: usize| 0.5 * (size as f64 - 1.0);
-    let below = PixelPoint::new(middle(camera.size_px.0), middle(camera.size_px.1));
-    let below = camera.map.plane_from_pixel(below)?;
+    let below = camera.map.plane_from_pixel(camera.middle())?;
     // For 1/D of 1 /m.
     let shift = |p: &FitPoint| {
         let height_m = falls[p.arc]
@@ -206,28 +198,11 @@ fn perspective(
         )
     };
     let shifts: Vec<(f64, f64)> = points.iter().map(shift).collect();
-    let fit = &flight.fit;
-    // To first order: the arcs' motion is not linear in drag.
-    let largest = shifts.iter().map(|(r, h)| r.hypot(*h)).fold(0.0, f64::max);
-    let step_per_m = PROBE_PART * flight.radius() / largest;
-    let moved = &fit.parameters + step_per_m * fit.response(points, &shifts)?;
     // What of that the arcs do not follow shows in the residuals.
-    let (mut told, mut information) = (0.0, 0.0);
-    for (p, (r, h)) in points.iter().zip(&shifts) {
-        let motion = |parameters: &[f64]| {
-            fit.model
-                .motion_in_picture(parameters, &fit.times, p.arc, p.sample.t)
-        };
-        let (here, there) = (motion(fit.parameters.as_slice()), motion(moved.as_slice()));
-        let left = (
-            r - (there.r - here.r) / step_per_m,
-            h - (there.h - here.h) / step_per_m,
-        );
-        told += p.sample.weight * (left.0 * (p.sample.r - here.r) + left.1 * (p.sample.h - here.h));
-        information += p.sample.weight * (left.0 * left.0 + left.1 * left.1);
-    }
-    let scatter = fit.reduced_chi.max(1.0).powi(2) * fit.autocorrelation_inflation;
-    let information = information / scatter + NEAREST_PER_M.powi(-2);
+    let left_over = flight.left_over(points, &shifts)?;
+    let told = left_over.dot(&flight.whitened_residuals(points));
+    let scatter = flight.fit.reduced_chi.max(1.0).powi(2) * flight.fit.autocorrelation_inflation;
+    let information = left_over.norm_squared() / scatter + NEAREST_PER_M.powi(-2);
     let per_m = (told / scatter / information).hypot(information.powf(-0.5));
     per_m
         .is_finite()
