@@ -48,10 +48,10 @@ figures: demo
 
 # After a change that is meant to move numbers; look at the difference before it is committed.
 golden: setup
-	TRACK_GOLDEN=refresh cargo test --locked --test golden -- --nocapture | grep -E '^moved|^test result' || true
+	TRACK_GOLDEN=refresh cargo test --locked --test all golden:: -- --nocapture | grep -E '^moved|^test result' || true
 
 schemas: setup
-	TRACK_SCHEMAS=refresh cargo test --locked --test schemas
+	TRACK_SCHEMAS=refresh cargo test --locked --test all schemas::
 
 lint:
 	@scripts/setup.sh --lint

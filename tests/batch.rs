@@ -1,12 +1,6 @@
 //! `track batch` as its user calls it: what it takes, what it measures again, what it leaves when it or a recording is killed,
 //! hangs, or finds no room.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(
-    clippy::print_stdout,
-    reason = "what was skipped and found, for those who read along"
-)]
-
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;

@@ -2,9 +2,6 @@
 //! measured by `track batch`, fitted as one series. Every group's coefficients, transition and verdict are compared with what
 //! the scenes were made with.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
-
 use assert_cmd::Command;
 use rayon::prelude::*;
 use serde_json::{Value, json};

@@ -1,21 +1,12 @@
 //! `track calibrate board` on rendered pictures of a chessboard, whose lens and plane are known: `boards` renders them and
 //! shares no code with the program.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(
-    clippy::print_stdout,
-    reason = "the measured figures, for those who read along"
-)]
-
-mod boards;
-mod rendered;
-
+use crate::boards::{self, Board, Camera, Gaussian, Look, Pose, careful_views, render, write_png};
+use crate::rendered::{Rendered, standard};
 use assert_cmd::Command;
-use boards::{Board, Camera, Gaussian, Look, Pose, careful_views, render, write_png};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use predicates::prelude::*;
 use predicates::str::contains;
-use rendered::{Rendered, standard};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::OnceLock;

@@ -4,13 +4,8 @@
 //! Runs where there is a Chromium (or Chrome) in PATH, or where `TRACK_CHROMIUM` names one; elsewhere it says so and
 //! passes: a browser is too much to install for one test (Debian: apt-get install chromium).
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was skipped, for those who read along")]
-
-mod browser;
-
+use crate::browser::{self, chromium};
 use assert_cmd::Command;
-use browser::chromium;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::{TempDir, tempdir};

@@ -1,8 +1,6 @@
 //! `track calibrate ruler|show|check` through the binary: from a clip without a calibration to a result, exit statuses,
 //! messages, and what is left on the disk.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty};

@@ -1,10 +1,5 @@
 //! `calib.json` as its users meet it: the samples, the contract's own example, every kind of bad file.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "helpers of tests may stop the test, like the tests themselves"
-)]
-
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

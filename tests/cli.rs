@@ -1,20 +1,12 @@
 //! The built binary as its user calls it: exit statuses, what goes to stdout and what to stderr, and what is left on
 //! the disk.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(
-    clippy::print_stdout,
-    reason = "what was skipped and found, for those who read along"
-)]
-
-mod small;
-
+use crate::small::SCENE;
 use assert_cmd::Command;
 use assert_cmd::assert::Assert;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty, starts_with};
 use serde_json::{Value, json};
-use small::SCENE;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

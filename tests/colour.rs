@@ -1,15 +1,10 @@
 //! Balls that differ from what is behind them in colour: rendered with known truth, stored as cameras store colour (chroma at half the
 //! resolution), measured.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-#![allow(clippy::print_stdout)] // the errors found, for those who look
-
-mod rendered;
-
+use crate::rendered::{self, Rendered};
 use base64::Engine as _;
 use opencv::core::{Mat, MatTraitConst as _, MatTraitConstManual as _, Vec3b, Vector};
 use opencv::imgcodecs;
-use rendered::Rendered;
 use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::frames::{self, ChromaSiting, Coding, ColourMix, Luma, VideoOptions, VideoWriter, Yuv420, recode};

@@ -1,14 +1,10 @@
 //! What the program says and how much, what it replaces, what it leaves behind.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
-mod small;
-
+use crate::small::SCENE;
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty, starts_with};
 use serde_json::Value;
-use small::SCENE;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

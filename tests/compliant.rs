@@ -1,6 +1,4 @@
 //! The compliant contact against published values, against the same springs worked out in another way, and in its limits.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 
 use nalgebra::Vector3;
 use proptest::prelude::*;

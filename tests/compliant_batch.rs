@@ -1,7 +1,5 @@
 //! Launches onto a compliant contact through the whole chain: rendered (with the air and a contact that takes its time, coded by H.264),
 //! measured by `track batch`, fitted as one series; and one recording whose calibration says what ball and floor are made of.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 
 use assert_cmd::Command;
 use rayon::prelude::*;

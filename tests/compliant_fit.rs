@@ -1,14 +1,10 @@
 //! Series of bounces on compliant contacts, fitted: a published one, made-up ones whose truth is known, and what they do not tell.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 
-mod series;
-
-use rayon::prelude::*;
-use series::{
-    Deviations, EXACT, Maker, Noise, Truth, angles, compliant, distances, e_e, fitted, grip_slide, is_null,
-    model, mu_e, near, sound, spread, value, velocities,
+use crate::series::{
+    self, Deviations, EXACT, Maker, Noise, Truth, angles, compliant, distances, e_e, fitted, grip_slide,
+    is_null, model, mu_e, near, sound, spread, value, velocities,
 };
+use rayon::prelude::*;
 use track::rebound::compliant::stiffness::{Material, stiffness_ratio};
 use track::rebound::fit::{
     self, Column, GroupFit, ModelName, Options, Parameter, Preferred, Reading, RowRegime, Series,

@@ -1,8 +1,6 @@
 //! `track cost`: bad requirements through the binary, the files of a small run, and that a recommended setting holds on recordings
 //! that it was not chosen by. Nothing here asserts a time.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
 use assert_cmd::Command;
 use predicates::str::{contains, is_empty};
 use serde_json::Value;

@@ -1,18 +1,13 @@
 //! Do the intervals hold the truth as often as they say? Random recordings with small pictures, rendered, coded, measured.
 //!
-//! `TRACK_COVERAGE=400 cargo test --release --test coverage -- --nocapture` prints the table of the README; without the
+//! `TRACK_COVERAGE=400 cargo test --release --test all coverage:: -- --nocapture` prints the table of the README; without the
 //! variable fewer are made. The seeds are fixed, so the same number gives the same recordings.
 //!
 //! The recordings are of the lab as it is: floors that are not quite level, cameras that are not, balls seen on their bench
 //! before the launch and lit from one side, tables that are bumped. Numbers that are far out are printed one by one with
 //! their seed; where no warning names a cause they are counted, and next to none may be.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-#![allow(clippy::print_stdout, reason = "the table is what it is run for")]
-
-mod drawn;
-
-use drawn::{
+use crate::drawn::{
     CAUSES, Drawn, FAR_OUT, QUANTITIES, Tried, TruthOfFirst, compared, described, drawn, errors_of,
     faults_of, known, print_table, summary,
 };

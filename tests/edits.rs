@@ -2,14 +2,9 @@
 //!
 //! The browser's part runs where there is a Chromium in PATH, or where `TRACK_CHROMIUM` names one; elsewhere it says so and passes.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was skipped, for those who read along")]
-
-mod browser;
-mod rendered;
-
+use crate::browser;
+use crate::rendered::Rendered;
 use assert_cmd::Command;
-use rendered::Rendered;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};

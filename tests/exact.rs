@@ -3,15 +3,10 @@
 //! For every relation of the paper and of the readings: the error is below 1e-12 of the value, or below four units in the last
 //! place of every input, whichever is larger (`exactly::Relation::compare`). What a relation is, is written here once more
 //! from the paper, not taken from the code.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 
-mod exactly;
-mod noise;
-
-use exactly::{N, Relation, n};
+use crate::exactly::{N, Relation, n};
+use crate::noise::Noise;
 use nalgebra::{Matrix3, Vector2, Vector3};
-use noise::Noise;
 use track::calibration::{Calibration, MetresPerPixel, Ruler, Scale, ScaleEvidence};
 use track::flight::drag::DragLaw;
 use track::flight::planar::{ARCS, DRAG, GRAVITY, PlanarArcs};

@@ -1,15 +1,11 @@
 //! `fit` on series whose truth is known: the paper's balls and launches, published data, exactness, agreement with an
 //! independent solution, what intervals and preferences are worth, and what breaks such programs.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 
-mod series;
-
-use rayon::prelude::*;
-use series::{
-    Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, bounce, distances, e_e, fitted, grip_slide,
+use crate::series::{
+    self, Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, bounce, distances, e_e, fitted, grip_slide,
     is_null, model, mu_e, near, sound, spread, value, velocities,
 };
+use rayon::prelude::*;
 use track::rebound::fit::{
     self, Column, Fitted, GroupFit, ModelName, Options, Parameter, Preferred, Row, RowRegime, Series, Weights,
 };

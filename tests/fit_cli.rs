@@ -1,9 +1,6 @@
 //! `track fit` as its user calls it.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
-mod browser;
-
+use crate::browser;
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::{contains, is_empty};

@@ -1,11 +1,8 @@
 //! `fit` on tables as people make them: wrong units, angles from the floor, columns interchanged; and on long ones.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
-mod series;
-
-use series::{
-    Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, compliant, distances, e_e, fitted, grip_slide,
-    mu_e, series as made, spread, velocities,
+use crate::series::{
+    self, Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, compliant, distances, e_e, fitted,
+    grip_slide, mu_e, series as made, spread, velocities,
 };
 use track::rebound::ModelName;
 use track::rebound::fit::{self, Column, GroupFit, Options, Parameter, Preferred, Reading, Row, Series};

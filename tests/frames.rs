@@ -1,7 +1,5 @@
 //! Files to frames and back: what `track::frames` promises, on clips that the tests make themselves.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
 use std::fs;
 use std::path::Path;
 use tempfile::tempdir;

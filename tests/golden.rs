@@ -3,22 +3,17 @@
 //! They say nothing about what is right (the truth tests do); they hold still what a change should not touch.
 //!
 //! ```sh
-//! cargo test --test golden                        # compares
+//! cargo test --test all golden::                        # compares
 //! make golden                                     # writes them anew and says what moved
 //! ```
 //!
 //! Each case is a scene, rendered and measured by the built binary as a user would, or a series, or pictures of a board.
 //! Scenes are small and stored without loss, so that no encoder has a say in them.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what moved, for those who refresh")]
-
-mod boards;
-#[path = "golden/mod.rs"]
 mod compare;
 
+use crate::boards::{Board, Camera, Gaussian, Look, careful_views, render, write_png};
 use assert_cmd::Command;
-use boards::{Board, Camera, Gaussian, Look, careful_views, render, write_png};
 use compare::{differences_csv, differences_json};
 use serde_json::{Value, json};
 use std::fs;

@@ -1,15 +1,12 @@
 //! Series at the limits of what a fit can be asked. `fit.rs` has the same by velocities for most of them, and the outliers,
 //! regimes, transitions and zero deviations by any columns; here is what it leaves: collinear rows, the other columns, and
 //! numbers that no laboratory has.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
-mod series;
-
-use rayon::prelude::*;
-use series::{
-    EXACT, Maker, Noise, TRACK, angles, bounce, distances, e_e, fitted, grip_slide, is_null, model, mu_e,
-    near, sound, spread, value, velocities,
+use crate::series::{
+    self, EXACT, Maker, Noise, TRACK, angles, bounce, distances, e_e, fitted, grip_slide, is_null, model,
+    mu_e, near, sound, spread, value, velocities,
 };
+use rayon::prelude::*;
 use track::rebound::fit::{Column, GroupFit, ModelName, Parameter, Preferred, Row, Series};
 
 const SETS: [(&str, Maker); 3] = [

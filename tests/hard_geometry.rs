@@ -1,10 +1,7 @@
 //! Calibrations at the limits of what a camera can be: the right metres, or a refusal that names its reason. What each key may
 //! hold is in `calibration.rs`.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
-mod flown;
-
-use flown::{Film, G, Measured, quantities, sound, truths};
+use crate::flown::{Film, G, Measured, quantities, sound, truths};
 use nalgebra::{Matrix3, Vector3};
 use track::calibration::{Calibration, Lens, MetresPerPixel, Ruler, Scale, ScaleEvidence};
 use track::geometry::{PixelPoint, PlanePoint};

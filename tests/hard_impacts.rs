@@ -1,11 +1,8 @@
 //! Impacts at the limits of what a bounce can be: what the models make of them (first part), and what the numeric layer reads
 //! off flights with such an impact (second part). The right value within its uncertainty, or nothing; never a number that is
 //! not one. The symmetries of the models are in `models.rs`, their digits in `exact.rs`.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
 
-mod flown;
-
-use flown::{Film, Measured, quantities, sound, truths};
+use crate::flown::{self, Film, Measured, quantities, sound, truths};
 use nalgebra::Vector3;
 use track::flight::linking::Spot;
 use track::geometry::PixelPoint;

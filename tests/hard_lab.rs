@@ -6,11 +6,7 @@
 //! there were, or the row's warning must say what is wrong. A test goes through all of its rows before it fails, so that what
 //! it prints is the whole list.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
-mod hard;
-
-use hard::{Clip, HONEST_SIGMAS, Judged, scene, with};
+use crate::hard::{self, Clip, HONEST_SIGMAS, Judged, scene, with};
 use serde_json::{Value, json};
 use track::rebound::Regime;
 

@@ -3,11 +3,7 @@
 //!
 //! Every number of every launch must hold the truth within its own uncertainty.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
-mod hard;
-
-use hard::{Clip, HONEST_SIGMAS, Judged, paint_disc, scene, with};
+use crate::hard::{Clip, HONEST_SIGMAS, Judged, paint_disc, scene, with};
 use serde_json::json;
 use track::detect::centre::Accuracy;
 use track::frames::{Coding, Luma, Timing, VideoOptions, VideoWriter};

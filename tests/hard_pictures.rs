@@ -1,11 +1,7 @@
 //! Hard recordings, in the picture: balls small and large, faint, saturated, cut, hidden, before edges and mirrors, with
 //! others; cameras that move; light that changes. `docs/hard_cases.md` lists the cases.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
-mod hard;
-
-use hard::{
+use crate::hard::{
     Chance, Clip, HONEST_SIGMAS, assert_honest, assert_true, each, moved, paint_box, paint_disc, scene, with,
 };
 use serde_json::{Value, json};

@@ -1,11 +1,7 @@
 //! Hard recordings, in time: impacts on frames and at the ends, few frames an arc, slow and fast cameras, clocks that
 //! jitter, repeat, leave out and lie, bounces that pile up, a grazing touch. `docs/hard_cases.md` lists the cases.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
-mod hard;
-
-use hard::{Chance, Clip, HONEST_SIGMAS, Judged, assert_true, each, scene, with};
+use crate::hard::{Chance, Clip, HONEST_SIGMAS, Judged, assert_true, each, scene, with};
 use serde_json::{Value, json};
 use std::sync::OnceLock;
 use track::simulate::Scene;

@@ -4,8 +4,6 @@
 //! Read as text: `use` declarations and paths that begin with `crate::` or `super::`. A folder's `mod.rs` and the files
 //! under it may use each other, since the one is the face of the others.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};

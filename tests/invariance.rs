@@ -5,20 +5,12 @@
 //! part of 5e-11 of a centre's deviation of 0.02 px; a result that is a function of some hundred centres, and its
 //! uncertainty, move by no more than a few hundred such parts of their own standard uncertainty: ROUNDED. The search for the
 //! arcs asks yes-or-no questions, but none of them to the last digit.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(
-    clippy::duplicate_mod,
-    reason = "flights and series each come with their noise, so that either can be taken alone"
-)]
 
-mod flown;
-mod series;
-
-use flown::{Film, Measured, quantities};
+use crate::flown::{self, Film, Measured, quantities};
+use crate::series::{self, Noise, TRACK, Truth, angles, distances, spread, velocities};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use series::{Noise, TRACK, Truth, angles, distances, spread, velocities};
 use track::calibration::{MetresPerPixel, Scale};
 use track::flight::linking::Spot;
 use track::geometry::PlanePoint;

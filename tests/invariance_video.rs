@@ -3,11 +3,7 @@
 //!
 //! Each tolerance is in standard uncertainties of the numbers compared, with where it comes from.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
-mod hard;
-
-use hard::{Clip, HONEST_SIGMAS, scene};
+use crate::hard::{self, Clip, HONEST_SIGMAS, scene};
 use std::sync::OnceLock;
 use track::calibration::{MetresPerPixel, Scale};
 use track::frames::Luma;

@@ -1,7 +1,5 @@
 //! Balls with marks in rendered recordings: how they turn, where the picture has them, what the truth says of it, and what a scene may say.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use track::frames::Luma;
 use track::simulate::camera::{axis_px, nearness_m};

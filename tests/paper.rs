@@ -1,6 +1,5 @@
 //! The paper's figures through the whole program: launches rendered with the models' relations, measured by `track`,
 //! compared with the closed forms of Figs. 3-5. Rigid impacts and no air, as in the paper.
-#![allow(clippy::unwrap_used)] // helpers of tests, which clippy.toml's exception does not reach
 
 use assert_cmd::Command;
 use serde_json::Value;

@@ -1,5 +1,4 @@
 //! `track points`: centres that another program found, as tables of several forms, through the built binary.
-#![allow(clippy::unwrap_used)] // helpers of tests, which clippy.toml's exception does not reach
 
 use assert_cmd::Command;
 use serde_json::{Value, json};

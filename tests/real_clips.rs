@@ -3,12 +3,6 @@
 //!
 //! "Rough" figures come from a crude fit of colour blobs: restitution has to agree within 0.03.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(
-    clippy::print_stdout,
-    reason = "what was skipped and found, for those who read along"
-)]
-
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;

@@ -1,5 +1,4 @@
 //! Scenes: reading, flight, effects and their decision, rendering, files.
-#![allow(clippy::unwrap_used)] // helpers of tests, which clippy.toml's exception does not reach
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};

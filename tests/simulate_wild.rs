@@ -1,6 +1,5 @@
 //! What recordings outside of a laboratory have, as the simulator renders it: motion out of the calibrated plane, slanted and
 //! hand-held cameras, clocks of files that are not the camera's, shadows on walls, second balls.
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
 use serde_json::{Value, json};
 use track::simulate::scene::{EffectsChoice, Switch};

@@ -1,11 +1,7 @@
 //! Spin by the marks on the ball, whole recordings against their truth: rates and axes, what becomes of them at the bounces, and that a plain
 //! ball, a symmetric pattern and too few turns never give a rate that is not there.
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
-mod rendered;
-
-use rendered::Rendered;
+use crate::rendered::Rendered;
 use serde_json::{Value, json};
 use track::detect::centre::Accuracy;
 use track::edits::Edits;

@@ -1,20 +1,14 @@
 //! Do the intervals of spins that were seen hold the truth as often as they say, and does a plain ball never get one? Random recordings of
 //! marked and of plain balls: R 8 to 36 px, 120 to 480 Hz, up to 60 turns a second, axes along the line of sight and up to 60° off it.
 //!
-//! `TRACK_SPIN=300 cargo test --release --test spin_coverage -- --nocapture` prints the table of docs/accuracy.md, with two thirds as many plain
+//! `TRACK_SPIN=300 cargo test --release --test all spin_coverage:: -- --nocapture` prints the table of docs/accuracy.md, with two thirds as many plain
 //! balls; without the variable fewer are made. The seeds are fixed. `TRACK_SPIN_SEED` is the first, to look at one.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on should stop")]
-#![allow(clippy::print_stdout, reason = "the table is what it is run for")]
-
-mod drawn;
-mod rendered;
-
-use drawn::{Dice, FAR_OUT};
+use crate::drawn::{Dice, FAR_OUT};
+use crate::rendered::{Rendered, standard};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
-use rendered::{Rendered, standard};
 use serde_json::{Value, json};
 use track::pipeline::Outcome;
 

@@ -1,13 +1,8 @@
 //! Top views by near cameras, rendered and measured: the azimuth asked for to 0.2°, whatever the spin, the direction, the
 //! place in the picture and the camera's distance, and with it e; what an uncorrected perspective is called; what stays unknown.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-#![allow(clippy::print_stdout)] // the figures, with --nocapture
-
-mod rendered;
-
+use crate::rendered::{Rendered, standard};
 use assert_cmd::Command;
-use rendered::{Rendered, standard};
 use serde_json::{Value, json};
 use std::sync::OnceLock;
 use track::calibration::{Calibration, Lens, Scale};

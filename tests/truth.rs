@@ -2,12 +2,8 @@
 //! nothing but the relations of an impact. Figures asked for: e 0.001, μ 0.002, e_x 0.005, angles 0.05°, x0 and x 0.2 mm,
 //! times 0.1 ms, and the truth inside the stated 95 % intervals.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
-mod rendered;
-
+use crate::rendered::{self, Rendered};
 use rayon::prelude::*;
-use rendered::Rendered;
 use serde_json::{Value, json};
 use std::path::Path;
 use track::calibration::Calibration;

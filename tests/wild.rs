@@ -2,7 +2,7 @@
 //! nobody told the program: clocks of files that are not the camera's, motion out of the calibrated plane, slanted and panned
 //! cameras, shadows on walls, second balls, rolling shutters.
 //!
-//! `TRACK_WILD=1000 cargo test --release --test wild -- --nocapture` prints the tables of `docs/accuracy.md`; without the variable
+//! `TRACK_WILD=1000 cargo test --release --test all wild:: -- --nocapture` prints the tables of `docs/accuracy.md`; without the variable
 //! 100 are made. The seeds are fixed. To look at some of them:
 //!
 //! * `TRACK_WILD_SEED=220017` makes only that one, and says all that is compared;
@@ -14,12 +14,7 @@
 //! that say that something was put right (`frames_skipped`, `repeated_frames`, `camera_moved`, `several_things_fly`) name no cause of a
 //! number that is wrong all the same.
 
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-#![allow(clippy::print_stdout, reason = "the tables are what it is run for")]
-
-mod drawn;
-
-use drawn::{
+use crate::drawn::{
     CAUSES, Dice, Drawn, FAR_OUT, QUANTITIES, Tried, TruthOfFirst, compared, described, drawn, faults_of,
     known, print_table,
 };

@@ -4,9 +4,7 @@
 //! A pixel is the mean of the board over its area: the way from picture to board is linearised over a pixel (its bend
 //! there is below 1e-4 px) and sampled at 4 x 64 points of a low-discrepancy sequence where an edge crosses it.
 
-#![allow(dead_code, reason = "each test file uses its own part")]
-
-use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
+use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use track::frames::Luma;
@@ -36,11 +34,6 @@ impl Camera {
     /// The inverse of [`Self::distort`], by Newton's method from the point itself.
     pub fn undistort(&self, seen: Vector2<f64>) -> Vector2<f64> {
         self.pixel(&self.undistorted(&self.normalised(seen)))
-    }
-
-    pub fn matrix(&self) -> Matrix3<f64> {
-        let ([fx, fy], [cx, cy]) = (self.focal_px, self.centre_px);
-        Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
     }
 
     fn pixel(&self, p: &Vector2<f64>) -> Vector2<f64> {

@@ -1,9 +1,5 @@
 //! Pages in a real browser: headless Chromium, in which a script presses keys, clicks and reads what the page makes of it.
 
-#![allow(dead_code)] // each test file uses a part
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-#![allow(clippy::print_stdout)] // what was skipped, for those who read along
-
 use assert_cmd::Command;
 use base64::Engine as _;
 use serde_json::{Value, json};

@@ -2,13 +2,7 @@
 //!
 //! `tests/coverage.rs` has them as they are, `tests/wild.rs` with what recordings outside of a laboratory have besides.
 
-#![allow(dead_code, reason = "each test file takes what it needs")]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on should stop")]
-#![allow(clippy::print_stdout, reason = "the tables are what it is run for")]
-
-#[path = "../noise/mod.rs"]
-mod noise;
-
+use crate::noise;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::{Value, json};

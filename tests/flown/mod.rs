@@ -1,11 +1,7 @@
 //! Flights made of formulas, as the finder of spots would give them: no picture, so that what is asked is the arithmetic
 //! from centres to physics alone.
-#![allow(dead_code, reason = "each test file takes what it needs")]
 
-#[path = "../noise/mod.rs"]
-mod noise;
-
-pub use noise::Noise;
+pub use crate::noise::Noise;
 use track::calibration::{Calibration, Floor, MetresPerPixel, Scale};
 use track::flight::extra_variance::ExtraVariance;
 use track::flight::linking::{LinkedSpots, Spot};

@@ -1,9 +1,6 @@
 //! Numbers to choose by, the same in every run.
 
-#[path = "../noise/mod.rs"]
-mod noise;
-
-use noise::Noise;
+use crate::noise::Noise;
 
 /// Thrown with a seed.
 pub struct Dice(Noise);

@@ -4,8 +4,6 @@
 //! give is left out or said in a warning. What is never allowed: a number that is not finite, a bounce that did not
 //! happen, a wrong number without a word.
 
-#![allow(dead_code)] // each test file uses a part
-
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;
@@ -123,27 +121,6 @@ impl Clip {
                 *u = json!(-u.as_f64().unwrap());
             }
         })
-    }
-
-    /// The same judged by what its second ball does.
-    pub fn of_the_other(mut self) -> Self {
-        let other = self.truth.second_ball.take().unwrap();
-        (self.truth.bounces, self.truth.x0_m, self.truth.x_m) = (other.bounces, None, None);
-        self
-    }
-
-    /// The same, and after it all of `next`, whose clock goes on.
-    pub fn then(mut self, next: &Self) -> Self {
-        let shift_s = self.times_s.last().unwrap() + 1.0 / self.rate_hz - next.times_s[0];
-        self.frames.extend(next.frames.iter().cloned());
-        self.times_s.extend(next.times_s.iter().map(|t| t + shift_s));
-        self.truth.centres.extend(&next.truth.centres);
-        let later = next.truth.bounces.iter().map(|b| BounceTruth {
-            time_s: b.time_s + shift_s,
-            ..*b
-        });
-        self.truth.bounces.extend(later);
-        self
     }
 
     /// The same after the ball was held for `frames` where the clip begins. Of `scene`, whose ball begins at rest.

@@ -1,5 +1,4 @@
 //! Random numbers that are the same in every run.
-#![allow(dead_code, reason = "each test file takes what it needs")]
 
 /// SplitMix64, from its state.
 pub struct Noise(pub u64);

@@ -1,8 +1,5 @@
 //! Rendered recordings: written as `track simulate` does, with their calibration and truth.
 
-#![allow(dead_code)] // each test file uses a part
-#![allow(clippy::unwrap_used)] // a test that cannot go on should stop
-
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use track::calibration::Calibration;

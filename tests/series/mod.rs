@@ -1,11 +1,7 @@
 //! Series made from the models' own relations, with noise, for the tests of `fit`.
-#![allow(dead_code, reason = "each test file takes what it needs")]
 
-#[path = "../noise/mod.rs"]
-mod noise;
-
+pub use crate::noise::Noise;
 use nalgebra::Vector3;
-pub use noise::Noise;
 use track::rebound::fit::{
     self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series,
 };
@@ -70,7 +66,6 @@ impl Truth {
 pub struct Bounce {
     pub before: RigidMotion,
     pub after: RigidMotion,
-    pub k: f64,
 }
 
 /// A launch at `speed_m_s` that lands at `angle_deg` from the vertical.
@@ -82,7 +77,6 @@ pub fn bounce(truth: &Truth, speed_m_s: f64, angle_deg: f64, spin_ratio: f64) ->
     Bounce {
         before,
         after: truth.impact(&before, SOLID_SPHERE),
-        k: SOLID_SPHERE,
     }
 }
 

@@ -5,8 +5,6 @@
 //! correlation coefficient may differ by 1e-6, the first of itself. Everything else is compared to the letter, but
 //! for what says who measured and not what was measured ([`WHO`]).
 
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-
 use serde_json::Value;
 
 /// Keys that name the build or the files of a run.

@@ -6,15 +6,13 @@
 //! As long as you like, one kind or all:
 //!
 //! ```text
-//! TRACK_FUZZ=100000 cargo test --release --test fuzz -- calibrations
-//! TRACK_FUZZ=10000 TRACK_FUZZ_SEED=7 cargo test --release --test fuzz
+//! TRACK_FUZZ=100000 cargo test --release --test all fuzz::calibrations
+//! TRACK_FUZZ=10000 TRACK_FUZZ_SEED=7 cargo test --release --test all fuzz::
 //! ```
 //!
 //! An input that fails is written to `target/tmp/fuzz` and named; it becomes a test where it belongs. Not cargo-fuzz: its
 //! instrumented build of OpenCV's and FFmpeg's bindings needs a nightly compiler and takes longer than a million inputs
 //! here, and what these formats need is a valid file with one thing wrong, which coverage alone is slow to find.
-#![allow(clippy::unwrap_used, reason = "a test may fail where it stands")]
-#![allow(clippy::print_stdout, reason = "what was found, for those who read along")]
 #![allow(
     clippy::print_stderr,
     reason = "the input that hangs has to be named before the end"
