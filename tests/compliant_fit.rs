@@ -1,8 +1,9 @@
 //! Series of bounces on compliant contacts, fitted: a published one, made-up ones whose truth is known, and what they do not tell.
 
+use crate::noise::Noise;
 use crate::series::{
-    self, Deviations, EXACT, Maker, Noise, Truth, angles, compliant, distances, e_e, fitted, grip_slide,
-    is_null, model, mu_e, near, sound, spread, value, velocities,
+    self, Deviations, EXACT, Maker, Truth, angles, compliant, distances, e_e, fitted, grip_slide, is_null,
+    model, mu_e, near, sound, spread, value, velocities,
 };
 use rayon::prelude::*;
 use track::rebound::compliant::stiffness::{Material, stiffness_ratio};

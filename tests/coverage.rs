@@ -1,6 +1,6 @@
 //! Do the intervals hold the truth as often as they say? Random recordings with small pictures, rendered, coded, measured.
 //!
-//! `TRACK_COVERAGE=400 cargo test --release --test all coverage:: -- --nocapture` prints the table of the README; without the
+//! `TRACK_COVERAGE=400 cargo test --release --test all coverage::intervals_hold -- --nocapture` prints the table of the README; without the
 //! variable fewer are made. The seeds are fixed, so the same number gives the same recordings.
 //!
 //! The recordings are of the lab as it is: floors that are not quite level, cameras that are not, balls seen on their bench

@@ -1,8 +1,9 @@
 //! `fit` on series whose truth is known: the paper's balls and launches, published data, exactness, agreement with an
 //! independent solution, what intervals and preferences are worth, and what breaks such programs.
 
+use crate::noise::Noise;
 use crate::series::{
-    self, Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, bounce, distances, e_e, fitted, grip_slide,
+    self, Deviations, EXACT, Maker, TRACK, Truth, angles, bounce, distances, e_e, fitted, grip_slide,
     is_null, model, mu_e, near, sound, spread, value, velocities,
 };
 use rayon::prelude::*;

@@ -1,8 +1,9 @@
 //! `fit` on tables as people make them: wrong units, angles from the floor, columns interchanged; and on long ones.
 
+use crate::noise::Noise;
 use crate::series::{
-    self, Deviations, EXACT, Maker, Noise, TRACK, Truth, angles, compliant, distances, e_e, fitted,
-    grip_slide, mu_e, series as made, spread, velocities,
+    self, Deviations, EXACT, Maker, TRACK, Truth, angles, compliant, distances, e_e, fitted, grip_slide,
+    mu_e, series as made, spread, velocities,
 };
 use track::rebound::ModelName;
 use track::rebound::fit::{self, Column, GroupFit, Options, Parameter, Preferred, Reading, Row, Series};

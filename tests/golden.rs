@@ -3,8 +3,8 @@
 //! They say nothing about what is right (the truth tests do); they hold still what a change should not touch.
 //!
 //! ```sh
-//! cargo test --test all golden::                        # compares
-//! make golden                                     # writes them anew and says what moved
+//! cargo test --test all golden::     # compares
+//! make golden                        # writes them anew and says what moved
 //! ```
 //!
 //! Each case is a scene, rendered and measured by the built binary as a user would, or a series, or pictures of a board.

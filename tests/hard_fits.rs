@@ -2,9 +2,10 @@
 //! regimes, transitions and zero deviations by any columns; here is what it leaves: collinear rows, the other columns, and
 //! numbers that no laboratory has.
 
+use crate::noise::Noise;
 use crate::series::{
-    self, EXACT, Maker, Noise, TRACK, angles, bounce, distances, e_e, fitted, grip_slide, is_null, model,
-    mu_e, near, sound, spread, value, velocities,
+    self, EXACT, Maker, TRACK, angles, bounce, distances, e_e, fitted, grip_slide, is_null, model, mu_e,
+    near, sound, spread, value, velocities,
 };
 use rayon::prelude::*;
 use track::rebound::fit::{Column, GroupFit, ModelName, Parameter, Preferred, Row, Series};

@@ -3,6 +3,7 @@
 //! not one. The symmetries of the models are in `models.rs`, their digits in `exact.rs`.
 
 use crate::flown::{self, Film, Measured, quantities, sound, truths};
+use crate::noise::Noise;
 use nalgebra::Vector3;
 use track::flight::linking::Spot;
 use track::geometry::PixelPoint;
@@ -897,7 +898,7 @@ fn a_ball_between_two_plates_bounces_on_both() {
     truth.pop(); // The film ends with the flight to the fourth.
     let template = film.spots()[0];
     let map = film.calibration().rectification().unwrap();
-    let mut noise = flown::Noise(7);
+    let mut noise = Noise(7);
     let spots: Vec<_> = places
         .iter()
         .enumerate()

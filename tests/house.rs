@@ -1,5 +1,5 @@
 //! The layout of the source, held: imports run downwards through the rooms of `src/lib.rs`, no two files import each
-//! other in a circle, and a type's name stands for one idea.
+//! other in a circle, a type's name stands for one idea, and the documents' commands run the tests that they name.
 //!
 //! Read as text: `use` declarations and paths that begin with `crate::` or `super::`. A folder's `mod.rs` and the files
 //! under it may use each other, since the one is the face of the others.
@@ -242,4 +242,59 @@ fn a_type_name_is_one_idea() {
         "one name for several types:\n{}",
         twice.join("\n")
     );
+}
+
+/// Where commands that run tests stand, beside `docs` and the heads of the tests themselves.
+const TELLING: [&str; 4] = ["README.md", "CONTRIBUTING.md", "Makefile", "calib/README.md"];
+
+/// The names of the tests in each file.
+fn tests_by_file() -> BTreeMap<String, Vec<String>> {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
+    let main = fs::read_to_string(tests.join("main.rs")).unwrap();
+    let modules = main
+        .lines()
+        .filter_map(|l| l.strip_prefix("mod ")?.strip_suffix(';'));
+    let names = |module: &str| {
+        let in_folder = tests.join(module).join("mod.rs");
+        let file = Some(in_folder).filter(|p| p.exists());
+        let text = fs::read_to_string(file.unwrap_or_else(|| tests.join(format!("{module}.rs")))).unwrap();
+        let tests = text.split("#[test]\n").skip(1);
+        let name = |behind: &str| Some(behind.split_once("fn ")?.1.split('(').next()?.to_owned());
+        tests.filter_map(name).collect()
+    };
+    modules.map(|m| (m.to_owned(), names(m))).collect()
+}
+
+/// A filter that no test matches passes without a word, and one that is part of another file's name runs that one, too.
+#[test]
+fn commands_in_documents_run_tests_of_one_file() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut telling: Vec<PathBuf> = TELLING.iter().map(|p| root.join(p)).collect();
+    for folder in ["docs", "tests"] {
+        let entries = fs::read_dir(root.join(folder))
+            .unwrap()
+            .map(|e| e.unwrap().path());
+        telling.extend(entries.filter(|p| p.extension().is_some_and(|e| e == "md" || e == "rs")));
+    }
+    let files = tests_by_file();
+    let (mut told, mut wrong) = (0, Vec::new());
+    for path in telling {
+        let text = fs::read_to_string(&path).unwrap();
+        for (i, flag) in text.match_indices("--test all ") {
+            let line = text[i + flag.len()..].split(['\n', '`', '#']).next().unwrap();
+            for filter in line.split_whitespace().filter(|word| word.contains("::")) {
+                let (file, test) = filter.split_once("::").unwrap();
+                let run = files.iter().filter(|(name, tests)| {
+                    name.ends_with(file) && tests.iter().any(|t| t.starts_with(test))
+                });
+                let run: Vec<&String> = run.map(|(name, _)| name).collect();
+                if run != [file] && file != "FILE" {
+                    wrong.push(format!("{}: {filter} runs tests of {run:?}", path.display()));
+                }
+                told += 1;
+            }
+        }
+    }
+    assert!(told > 20, "{told} commands found");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -7,7 +7,8 @@
 //! arcs asks yes-or-no questions, but none of them to the last digit.
 
 use crate::flown::{self, Film, Measured, quantities};
-use crate::series::{self, Noise, TRACK, Truth, angles, distances, spread, velocities};
+use crate::noise::Noise;
+use crate::series::{self, TRACK, Truth, angles, distances, spread, velocities};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

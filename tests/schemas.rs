@@ -1,8 +1,8 @@
 //! The JSON Schemas in `docs/schemas/` are those of the program's types.
 //!
 //! ```sh
-//! cargo test --test all schemas::       # compares
-//! make schemas                    # writes them anew
+//! cargo test --test all schemas::    # compares
+//! make schemas                       # writes them anew
 //! ```
 
 use serde_json::{Map, Value, json};

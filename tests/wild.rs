@@ -2,7 +2,7 @@
 //! nobody told the program: clocks of files that are not the camera's, motion out of the calibrated plane, slanted and panned
 //! cameras, shadows on walls, second balls, rolling shutters.
 //!
-//! `TRACK_WILD=1000 cargo test --release --test all wild:: -- --nocapture` prints the tables of `docs/accuracy.md`; without the variable
+//! `TRACK_WILD=1000 cargo test --release --test all wild::no_number -- --nocapture` prints the tables of `docs/accuracy.md`; without the variable
 //! 100 are made. The seeds are fixed. To look at some of them:
 //!
 //! * `TRACK_WILD_SEED=220017` makes only that one, and says all that is compared;

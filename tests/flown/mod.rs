@@ -1,7 +1,7 @@
 //! Flights made of formulas, as the finder of spots would give them: no picture, so that what is asked is the arithmetic
 //! from centres to physics alone.
 
-pub use crate::noise::Noise;
+use crate::noise::Noise;
 use track::calibration::{Calibration, Floor, MetresPerPixel, Scale};
 use track::flight::extra_variance::ExtraVariance;
 use track::flight::linking::{LinkedSpots, Spot};

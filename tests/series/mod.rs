@@ -1,6 +1,6 @@
 //! Series made from the models' own relations, with noise, for the tests of `fit`.
 
-pub use crate::noise::Noise;
+use crate::noise::Noise;
 use nalgebra::Vector3;
 use track::rebound::fit::{
     self, Column, Fitted, GroupFit, ModelFit, ModelName, Options, Parameter, Row, Series,
