@@ -40,6 +40,7 @@ mod house;
 mod invariance;
 mod invariance_video;
 mod marked_balls;
+mod memory;
 mod models;
 mod paper;
 mod points;

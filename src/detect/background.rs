@@ -12,7 +12,8 @@ use super::faint_scene::{CorrelatedShifts, FaintScene};
 use super::noise::{ROUNDING_STD_GREY, frame_noise_grey, interpolated_median, spatial_noise_grey};
 use super::registrar::{Registrar, ShownMotion};
 use super::registration::Registration;
-use crate::frames::Luma;
+use super::scene_grey::SceneGrey;
+use crate::frames::{Luma, has_room_for_several};
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_median, median};
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -35,7 +36,7 @@ pub struct Background {
     pub luma: Arc<Luma>,
     /// The same to fractions of a grey level, row by row: where the camera is fixed, the mean of the frames in which nothing
     /// covers the pixel, since the median is biased towards the ball where that covers it often.
-    pub scene_grey: Vec<f32>,
+    pub scene_grey: SceneGrey,
     /// Standard deviation of a single pixel's noise, grey levels.
     pub noise_grey: f64,
     /// Side of a block, px.
@@ -133,6 +134,7 @@ impl Background {
         }
         let median = median_of(survey);
         let (mut registrations, fixed) = camera_shifts(&first, survey, &median);
+        drop(first);
         let scene = |followed: &mut [Registration]| {
             let registrar = if fixed {
                 Registrar::of_fixed(&median, noise_grey)
@@ -177,17 +179,19 @@ impl Background {
         let blocks = (luma.width / block_px, luma.height / block_px);
         let block_sums = sum_blocks(&luma, block_px);
         let noise_grey = pixel_noise_grey(&luma, survey, &registrations);
-        let scene_grey = if fixed {
-            uncovered_mean(&luma, survey, &registrations, noise_grey)
-        } else {
+        let scene_grey = if !fixed {
             // A hand also turns the camera: edges far from the middle do not quite meet, and a mean would smear them.
-            luma.data.iter().map(|&p| f32::from(p)).collect()
+            SceneGrey::Whole(Arc::clone(&luma))
+        } else if has_room_for_several((luma.width, luma.height)) {
+            SceneGrey::Exact(uncovered_mean(&luma, survey, &registrations, noise_grey))
+        } else {
+            SceneGrey::Fine(uncovered_mean(&luma, survey, &registrations, noise_grey))
         };
         let mut background = Self {
             noise_grey,
             edges: fixed.then(|| {
-                SceneEdges::new(&scene_grey, luma.width, noise_grey)
-                    .with_rest_shift_of(survey, &registrations)
+                let edges = scene_grey.edges(luma.width, noise_grey);
+                edges.with_rest_shift_of(survey, &registrations)
             }),
             scene_grey,
             luma,
@@ -508,33 +512,34 @@ pub fn median_of(frames: &[&Luma]) -> Luma {
 
 /// Per-pixel mean of `frames`, in the light and at the place of their `median`, without those that differ from it by more
 /// than noise: in them a thing covers the pixel.
-fn uncovered_mean(
+fn uncovered_mean<T: Copy + Default + Send + From<f32>>(
     median: &Luma,
     frames: &[&Luma],
     registrations: &[Registration],
     noise_grey: f64,
-) -> Vec<f32> {
+) -> Vec<T> {
     /// Where half of the frames are covered, the median is the outermost of the others: 1.5 standard deviations of the
     /// noise from their mean, whose other side must still be within reach.
     const REACH_SIGMAS: f64 = 4.0;
     let reach = (REACH_SIGMAS * noise_grey) as f32;
     let width = median.width;
-    let mut scene = vec![0.0; median.data.len()];
+    let mut scene = vec![T::default(); median.data.len()];
     let rows = scene.par_chunks_mut(width.max(1)).enumerate();
     rows.for_each(|(v, row)| {
-        let mut counts = vec![0.0_f32; width];
+        let (mut sums, mut counts) = (vec![0.0_f32; width], vec![0.0_f32; width]);
         for (frame, r) in frames.iter().zip(registrations) {
             let (scale, offset) = ((1.0 / r.gain) as f32, r.offset_grey as f32);
             let pixels = frame.row(v).iter().zip(median.row(v));
-            for ((&p, &m), (sum, count)) in pixels.zip(row.iter_mut().zip(&mut counts)) {
+            for ((&p, &m), (sum, count)) in pixels.zip(sums.iter_mut().zip(&mut counts)) {
                 let change = (f32::from(p) - offset) * scale - f32::from(m);
                 let shows = if change.abs() <= reach { 1.0 } else { 0.0 };
                 *sum += shows * change;
                 *count += shows;
             }
         }
-        for ((sum, count), &m) in row.iter_mut().zip(counts).zip(median.row(v)) {
-            *sum = f32::from(m) + *sum / count.max(1.0);
+        let means = sums.iter().zip(counts).map(|(sum, count)| sum / count.max(1.0));
+        for ((grey, change), &m) in row.iter_mut().zip(means).zip(median.row(v)) {
+            *grey = T::from(f32::from(m) + change);
         }
     });
     scene
@@ -671,7 +676,10 @@ mod tests {
                 .collect();
             chosen.iter().sum::<f64>() / chosen.len() as f64
         };
-        let scene = |k: usize| f64::from(background.scene_grey[k]);
+        let SceneGrey::Exact(scene_grey) = &background.scene_grey else {
+            panic!("a small picture's scene is exact");
+        };
+        let scene = |k: usize| f64::from(scene_grey[k]);
         let median = |k: usize| f64::from(background.luma.data[k]);
         // Four throws of 0 to 3 have the mean 6.
         assert!((mean(&scene, false) - 56.0).abs() < 0.1);

@@ -4,7 +4,7 @@ use super::background::{Background, BlockChanges};
 use super::centre::disc::Disc;
 use super::crop::Crop;
 use super::registration::Registration;
-use super::resample::bilinear;
+use super::scene_grey::behind;
 use crate::frames::Luma;
 use crate::geometry::PixelPoint;
 use opencv::core::{Mat, MatTraitConst, MatTraitConstManual};
@@ -322,38 +322,6 @@ pub fn pixel_changes(background: &Background, registration: &Registration, crop:
         .zip(&crop.luma.data)
         .map(|(&b, &i)| f32::from(i) - b)
         .collect()
-}
-
-/// What is behind a crop as `registration` sees it, grey levels, row by row, by a `scene` of rows of this width.
-#[must_use]
-pub fn behind<T: Copy + Into<f32>>(
-    scene: &[T],
-    width: usize,
-    registration: &Registration,
-    crop: &Crop,
-) -> Vec<f32> {
-    let (gain, offset) = (registration.gain as f32, registration.offset_grey as f32);
-    let mut values = Vec::with_capacity(crop.luma.data.len());
-    if registration.is_still() {
-        for v in 0..crop.luma.height {
-            let start = (crop.v + v) * width + crop.u;
-            let row = &scene[start..start + crop.luma.width];
-            values.extend(row.iter().map(|&p| gain * p.into() + offset));
-        }
-        return values;
-    }
-    let height = scene.len() / width;
-    let (w, h) = ((width - 1) as f64, (height - 1) as f64);
-    for v in 0..crop.luma.height {
-        for u in 0..crop.luma.width {
-            let here = PixelPoint::new((crop.u + u) as f64, (crop.v + v) as f64);
-            let there = registration.reference_from_frame(here);
-            let (u, v) = (there.u_px.clamp(0.0, w), there.v_px.clamp(0.0, h));
-            let value = bilinear(scene, (width, height), u, v);
-            values.push(gain * value.map_or(0.0, |b| b as f32) + offset);
-        }
-    }
-    values
 }
 
 struct Moments {

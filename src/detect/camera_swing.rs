@@ -106,38 +106,57 @@ pub type PixelRegion = (std::ops::Range<usize>, std::ops::Range<usize>);
 impl SceneEdges {
     /// The edges of the scene `grey`, row by row, whose frames have noise of `noise_grey`.
     #[must_use]
-    pub fn new(grey: &[f32], width: usize, noise_grey: f64) -> Self {
+    pub fn new<T: Copy + Into<f32> + Sync>(grey: &[T], width: usize, noise_grey: f64) -> Self {
         let height = grey.len() / width.max(1);
         let least = (GRADIENT_SIGMAS * noise_grey).max(LEAST_GRADIENT_GREY);
-        let at = |u: usize, v: usize| f64::from(grey[v * width + u]);
+        let at = |u: usize, v: usize| f64::from(grey[v * width + u].into());
         let margin = REACH_PX as usize + 2;
-        let mut pixels = Vec::new();
-        for v in margin..height.saturating_sub(margin) {
-            for u in margin..width.saturating_sub(margin) {
-                let gradient = Vector2::new(
-                    0.5 * (at(u + 1, v) - at(u - 1, v)),
-                    0.5 * (at(u, v + 1) - at(u, v - 1)),
-                );
-                if gradient.norm_squared() > least * least {
-                    pixels.push(EdgePixel {
-                        u: u as i32,
-                        v: v as i32,
-                        grey: at(u, v),
-                        gradient,
-                    });
-                }
-            }
-        }
-        // Evenly over the scene, but for edges of which there are few: those along the rarer direction all stay.
-        let upright = |e: &EdgePixel| e.gradient.x.abs() > e.gradient.y.abs();
-        let (mut a, mut b): (Vec<EdgePixel>, Vec<EdgePixel>) = pixels.into_iter().partition(upright);
-        for part in [&mut a, &mut b] {
-            let step = part.len().div_ceil(MOST_PIXELS / 2).max(1);
-            *part = part.iter().copied().step_by(step).collect();
-        }
-        a.extend(b);
+        let edge_at = |u: usize, v: usize| {
+            let gradient = Vector2::new(
+                0.5 * (at(u + 1, v) - at(u - 1, v)),
+                0.5 * (at(u, v + 1) - at(u, v - 1)),
+            );
+            (gradient.norm_squared() > least * least).then(|| EdgePixel {
+                u: u as i32,
+                v: v as i32,
+                grey: at(u, v),
+                gradient,
+            })
+        };
+        let edges_of_row = |v: usize| {
+            let columns = margin..width.saturating_sub(margin);
+            columns.filter_map(move |u| edge_at(u, v))
+        };
+        let rows = (margin..height.saturating_sub(margin)).into_par_iter();
+        // Evenly over the scene, but for edges of which there are few: those along the rarer direction all stay. They are counted first, since
+        // those of a textured scene would take many times its memory.
+        let is_upright = |e: &EdgePixel| e.gradient.x.abs() > e.gradient.y.abs();
+        let count = |v: usize| {
+            edges_of_row(v).fold([0_usize; 2], |mut counts, e| {
+                counts[usize::from(is_upright(&e))] += 1;
+                counts
+            })
+        };
+        let counts: Vec<[usize; 2]> = rows.clone().map(count).collect();
+        let part = |upright: bool| -> Vec<EdgePixel> {
+            let of_rows = counts.iter().map(|c| c[usize::from(upright)]);
+            let step = of_rows.clone().sum::<usize>().div_ceil(MOST_PIXELS / 2).max(1);
+            let before = of_rows.scan(0, |before, count| {
+                *before += count;
+                Some(*before - count)
+            });
+            let some_of_row = |(v, before): (usize, usize)| {
+                let numbered = (before..).zip(edges_of_row(v).filter(|e| is_upright(e) == upright));
+                numbered
+                    .filter(|(n, _)| n.is_multiple_of(step))
+                    .map(|(_, e)| e)
+                    .collect::<Vec<_>>()
+            };
+            let before: Vec<usize> = before.collect();
+            rows.clone().zip(before).flat_map_iter(some_of_row).collect()
+        };
         Self {
-            pixels: a,
+            pixels: [part(true), part(false)].concat(),
             noise_grey,
             rest_shift_px: 0.0,
         }

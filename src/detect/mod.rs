@@ -19,6 +19,7 @@ mod noise;
 mod registrar;
 pub mod registration;
 mod resample;
+mod scene_grey;
 
 pub use registrar::ShownMotion;
 
@@ -307,20 +308,18 @@ impl Detector {
     /// The patch of a blob, ready for a centre method.
     #[must_use]
     pub fn patch<'a>(&self, crop: &'a Crop, registration: &Registration) -> Patch<'a> {
-        let scene = &self.background.scene_grey;
-        self.patch_before(scene, crop, registration)
+        let background = &self.background;
+        let behind = background
+            .scene_grey
+            .behind(background.luma.width, registration, crop);
+        self.patch_before(behind, crop)
     }
 
-    /// The same before this `scene`.
-    fn patch_before<'a, T: Copy + Into<f32>>(
-        &self,
-        scene: &[T],
-        crop: &'a Crop,
-        registration: &Registration,
-    ) -> Patch<'a> {
+    /// The same before this, grey levels, row by row.
+    fn patch_before<'a>(&self, behind: Vec<f32>, crop: &'a Crop) -> Patch<'a> {
         Patch {
             crop,
-            background: blobs::behind(scene, self.background.luma.width, registration, crop),
+            background: behind,
             noise_grey: self.background.noise_grey,
             affine: None,
         }
@@ -347,7 +346,9 @@ impl Detector {
     /// the middle of the oval.
     fn first_centre(&self, blob: &Blob, registration: &Registration) -> Option<Centre> {
         // The median is the rougher picture of the scene, but that of one light where the light changes.
-        let patch = self.patch_before(&self.background.luma.data, &blob.crop, registration);
+        let median = &self.background.luma;
+        let behind = scene_grey::behind(&median.data, median.width, registration, &blob.crop);
+        let patch = self.patch_before(behind, &blob.crop);
         let round = outline::find(&patch, blob.centroid, None)
             .filter(|o| o.agreement >= LEAST_AGREEMENT)
             .map(|o| rough(blob, o.disc, o.agreement));

@@ -45,9 +45,13 @@ pub use encode::{ChromaSiting, Coding, EncodeError, Timing, VideoOptions, VideoW
 pub use error::FrameError;
 pub use folder::{is_picture, open_picture, pictures_in};
 pub use mixture::{ChromaGrid, ColourMix};
+pub use pixels::has_room_for_several;
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, recode};
-pub use survey::{EvenSample, evenly_of, held_together, open_sparse, open_sparse_at_once, open_sparse_mixed};
+pub use survey::{
+    EvenSample, LEAST_KEY_FRAMES, evenly_of, held_together, open_sparse, open_sparse_at_once,
+    open_sparse_mixed,
+};
 pub use video::FrameSource;
 
 use folder::FolderReader;

@@ -27,9 +27,16 @@ pub(super) struct ColouredPlane {
     pub colour: Option<FrameColour>,
 }
 
-/// Of larger pictures the chroma is copied at once and the decoder gets its picture back: holding it takes three times the memory, and spares
-/// the copy of what no thing covers.
+/// Pictures of more pixels are large ([`has_room_for_several`]).
 const MOST_HELD_PX: usize = 16 << 20;
+
+/// Whether memory has room for more pictures of this size than it must. Larger ones are decoded one at a time, by threads that share a picture's
+/// slices where it has several; and the chroma is copied at once, so that the decoder gets its picture back: holding it takes three times
+/// the memory, and spares the copy of what no thing covers.
+#[must_use]
+pub fn has_room_for_several((width_px, height_px): (usize, usize)) -> bool {
+    width_px.saturating_mul(height_px) <= MOST_HELD_PX
+}
 
 impl PixelReader {
     /// For pictures that `orientation` sets upright.
@@ -99,7 +106,7 @@ impl Pixels for ColouredPlane {
         let orientation = reader.orientation;
         let colour = FrameColour::of(picture, orientation)?;
         // (A cut with luma is asked for where a mixture stands in its place.)
-        let lets_go = reader.mix.is_none() && picture.width() * picture.height() > MOST_HELD_PX;
+        let lets_go = reader.mix.is_none() && !has_room_for_several((picture.width(), picture.height()));
         let colour = colour.map(|c| if lets_go { c.detached() } else { c });
         let mixed = match &reader.mix {
             Some(mix) => mixture::mixed(picture, mix)?,

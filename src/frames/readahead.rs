@@ -1,10 +1,11 @@
 //! Decoding in a thread of its own, a few frames ahead of whoever uses them.
 
 use super::error::FrameError;
+use super::pixels::has_room_for_several;
 use super::video::FrameSource;
 use super::{Frame, SourceInfo, StreamHealth};
 use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::thread::{self, JoinHandle};
 
 /// Frames ahead take at most about this much memory, bytes. More brings nothing: the system has to clear each page first, and a
@@ -19,9 +20,12 @@ const MOST: usize = 64;
 
 /// Runs a [`FrameSource`] in a thread of its own, so that decoding overlaps with the use of the frames.
 ///
-/// Frames and errors come in order. Dropping it stops the thread.
+/// Frames and errors come in order. Dropping it stops the thread. Of pictures that memory has no room for several of
+/// ([`has_room_for_several`]) a frame is taken from the decoder when it is asked for, and the one before was given back.
 pub struct ReadAhead {
     info: SourceInfo,
+    /// To ask for a frame; `None` where frames come as memory has room for them.
+    asking: Option<Sender<()>>,
     /// `None` once the thread has nothing more to give.
     incoming: Option<Receiver<ReadMessage>>,
     used: SyncSender<Frame>,
@@ -46,12 +50,19 @@ impl ReadAhead {
         let (sender, incoming) = sync_channel(depth);
         let (used, returned) = sync_channel(depth + 1);
         let health = source.health();
+        let (asking, asked) = if has_room_for_several((info.width_px, info.height_px)) {
+            (None, None)
+        } else {
+            let (asking, asked) = channel();
+            (Some(asking), Some(asked))
+        };
         let thread = thread::Builder::new()
             .name("decode".to_owned())
-            .spawn(move || run(source, &sender, &returned))
+            .spawn(move || run(source, &sender, &returned, asked.as_ref()))
             .map_err(|e| thread_error(&info.path, format!("could not be started: {e}")))?;
         Ok(Self {
             info,
+            asking,
             incoming: Some(incoming),
             used,
             health,
@@ -63,6 +74,7 @@ impl ReadAhead {
     fn join(&mut self) -> bool {
         // The receiver goes first: a thread that waits to send then gets an error and ends.
         self.incoming = None;
+        self.asking = None;
         self.thread.take().is_none_or(|thread| thread.join().is_ok())
     }
 }
@@ -76,6 +88,9 @@ impl FrameSource for ReadAhead {
         let Some(incoming) = &self.incoming else {
             return Ok(None);
         };
+        if let Some(asking) = &self.asking {
+            let _ = asking.send(()); // (A thread that died says nothing below.)
+        }
         let Ok(message) = incoming.recv() else {
             // The thread sends an end or an error last, so silence means that it died.
             self.join();
@@ -118,8 +133,15 @@ fn run(
     mut source: Box<dyn FrameSource + Send>,
     sender: &SyncSender<ReadMessage>,
     returned: &Receiver<Frame>,
+    asked: Option<&Receiver<()>>,
 ) {
     loop {
+        if let Some(asked) = asked {
+            source.prepare();
+            if asked.recv().is_err() {
+                return;
+            }
+        }
         for frame in returned.try_iter() {
             source.recycle(frame);
         }
@@ -152,10 +174,17 @@ mod tests {
         frames: usize,
         fails: bool,
         asked: Arc<AtomicUsize>,
+        /// Says that a frame was prepared.
+        prepared: Option<Sender<()>>,
     }
 
     impl FakeSource {
         fn boxed(frames: usize, fails: bool) -> (Box<dyn FrameSource + Send>, Arc<AtomicUsize>) {
+            let (source, asked) = Self::new(frames, fails);
+            (Box::new(source), asked)
+        }
+
+        fn new(frames: usize, fails: bool) -> (Self, Arc<AtomicUsize>) {
             let asked = Arc::new(AtomicUsize::new(0));
             let info = SourceInfo {
                 path: "fake".into(),
@@ -172,15 +201,14 @@ mod tests {
                 chroma_grid: None,
                 luma_shares: (0.299, 0.114),
             };
-            (
-                Box::new(Self {
-                    info,
-                    frames,
-                    fails,
-                    asked: Arc::clone(&asked),
-                }),
-                asked,
-            )
+            let source = Self {
+                info,
+                frames,
+                fails,
+                asked: Arc::clone(&asked),
+                prepared: None,
+            };
+            (source, asked)
         }
     }
 
@@ -208,6 +236,12 @@ mod tests {
                 Err(FrameError::Empty { path: "fake".into() })
             } else {
                 Ok(None)
+            }
+        }
+
+        fn prepare(&mut self) {
+            if let Some(prepared) = &self.prepared {
+                prepared.send(()).unwrap();
             }
         }
 
@@ -252,6 +286,26 @@ mod tests {
         drop(ahead); // joins: a hang would show here
         // One taken, up to 2 in the channel, one in the hand of the thread, one more slot freed by the one taken.
         assert!(asked.load(Ordering::SeqCst) <= 5);
+    }
+
+    #[test]
+    fn a_large_frame_is_prepared_at_once_and_taken_when_it_is_asked_for() {
+        let (mut source, asked) = FakeSource::new(2, false);
+        source.info.width_px = 7680;
+        let (prepared, is_prepared) = channel();
+        source.prepared = Some(prepared);
+        let mut ahead = ReadAhead::start(Box::new(source)).unwrap();
+        let wait = || {
+            let waited = is_prepared.recv_timeout(std::time::Duration::from_secs(60));
+            waited.unwrap();
+        };
+        for taken in 0..2 {
+            wait();
+            assert_eq!(asked.load(Ordering::SeqCst), taken);
+            assert_eq!(ahead.next_frame().unwrap().unwrap().index, taken);
+        }
+        wait();
+        assert!(ahead.next_frame().unwrap().is_none());
     }
 
     #[test]

@@ -79,6 +79,11 @@ impl<T> StampClock<T> {
         self.ready.pop_front()
     }
 
+    /// Whether no item has a settled time.
+    pub(super) fn is_empty(&self) -> bool {
+        self.ready.is_empty()
+    }
+
     /// Time of the last item, s.
     pub(super) fn last_s(&self) -> Option<f64> {
         self.last_s

@@ -4,7 +4,7 @@ use super::av::Input;
 use super::error::FrameError;
 use super::folder::ImageList;
 use super::mixture::ColourMix;
-use super::pixels::{ColouredPlane, PixelReader, Pixels};
+use super::pixels::{ColouredPlane, PixelReader, Pixels, has_room_for_several};
 use super::video::{
     PictureStream, WantedPictures, checked_size, count, ffmpeg, no_frames, open_error, open_input,
     orientation,
@@ -17,8 +17,12 @@ use std::path::Path;
 /// What frames that are held together may take, bytes.
 const HELD_BYTES: usize = 84 << 20;
 
-/// So few are held whatever they take: fewer have no median that is free of what moves.
-const LEAST_HELD: usize = 6;
+/// So few are held whatever they take, 3 or 4 of them between two frames: fewer have no median that is free of what moves.
+const LEAST_HELD: usize = 5;
+
+/// So many key frames spread over a recording of large pictures are scene enough to begin with: a ball is in one place in most of them only where
+/// it lies, and the scene of the whole tells that.
+pub const LEAST_KEY_FRAMES: usize = 3;
 
 /// How many frames of this size, with their chroma at half of the columns and rows, may be held together.
 #[must_use]
@@ -128,8 +132,9 @@ fn key_frames(
     #[allow(clippy::cast_possible_truncation, reason = "saturates")]
     let by_header = facts.duration_s.map_or(0, |s| (s / tick_s) as i64);
     let side = |px: i64| usize::try_from(px).unwrap_or(0);
-    let at_most = at_most.min(held_together(side(facts.width), side(facts.height)) - 1);
-    let at_least = at_least.min(at_most.div_ceil(2));
+    let size = (side(facts.width), side(facts.height));
+    let at_most = at_most.min(held_together(size.0, size.1) - 1);
+    let at_least = at_least.min(at_most.div_ceil(2).max(LEAST_KEY_FRAMES));
     // Matroska reads its index when it is first asked to seek.
     if !(whole_index || matroska && input.seek(0).is_ok()) {
         return Ok(None);
@@ -144,8 +149,13 @@ fn key_frames(
     if chosen.len() < at_least {
         return Ok(None);
     }
-    // Key frames stand alone, but a decoder takes them one after the other: one for each core.
-    let share = chosen.len().div_ceil(rayon::current_num_threads()).max(1);
+    // Key frames stand alone, but a decoder takes them one after the other: one for each core, where memory has room for a picture of each.
+    let decoders = if has_room_for_several(size) {
+        rayon::current_num_threads()
+    } else {
+        1
+    };
+    let share = chosen.len().div_ceil(decoders).max(1);
     let shares = chosen.chunks(share);
     let others: Vec<Input> = (1..shares.len())
         .map(|_| input.again(path).map_err(|failure| open_error(path, failure)))
@@ -252,6 +262,8 @@ fn all_frames(path: &Path, at_most: usize, mix: Option<ColourMix>) -> Result<Vec
                 });
             }
         }
+        // The decoder gets its picture back before it makes the next.
+        collector.stream.picture.clear();
         index += 1;
     }
     if index == 0 {
@@ -358,20 +370,21 @@ impl<T> EvenSample<T> {
         }
     }
 
-    /// Counts one more frame that could be had; whether it is to be added.
+    /// Counts one more frame that could be had; whether it is to be added. Makes room for it before it is read.
     pub fn wants_next(&mut self) -> bool {
+        let number = self.offered;
         self.offered += 1;
-        (self.offered - 1).is_multiple_of(self.stride)
+        if number.is_multiple_of(self.stride) && self.kept.len() + 1 >= self.room {
+            self.stride *= 2;
+            let stride = self.stride;
+            self.kept.retain(|(number, _)| number.is_multiple_of(stride));
+        }
+        number.is_multiple_of(self.stride)
     }
 
     /// Adds the frame that was wanted.
     pub fn add(&mut self, frame: T) {
         self.kept.push((self.offered.saturating_sub(1), frame));
-        if self.kept.len() >= self.room {
-            self.stride *= 2;
-            let stride = self.stride;
-            self.kept.retain(|(number, _)| number.is_multiple_of(stride));
-        }
     }
 
     /// Those kept, at most as many as wanted.

@@ -4,12 +4,12 @@
 //! rate and B-frames come out right. Pictures are turned upright by the rotation tag. Nothing but the named local
 //! file is ever opened.
 
-use super::av::{Decoder, DecoderSettings, Input, OpenFailure, Packet, Picture, StreamFacts};
+use super::av::{Decoder, DecoderSettings, DecoderThreads, Input, OpenFailure, Packet, Picture, StreamFacts};
 use super::encode::MAX_SIDE_PX;
 use super::error::FrameError;
 use super::mixture::{ColourMix, chroma_grid};
 use super::orientation::Orientation;
-use super::pixels::{ColouredPlane, PixelReader, Pixels, luma_range};
+use super::pixels::{ColouredPlane, PixelReader, Pixels, has_room_for_several, luma_range};
 use super::stamps::StampClock;
 use super::{Coded, Frame, SourceInfo, SourceNote, StreamHealth};
 use std::fs::File;
@@ -30,6 +30,9 @@ pub trait FrameSource {
     /// What went wrong so far; complete once [`next_frame`](Self::next_frame) gave `None`.
     fn health(&self) -> StreamHealth;
 
+    /// Does what can be done of the next frame without memory for it. Never necessary.
+    fn prepare(&mut self) {}
+
     /// Takes a used frame, so that its memory serves for one to come. Never necessary.
     fn recycle(&mut self, frame: Frame) {
         drop(frame);
@@ -40,11 +43,15 @@ pub trait FrameSource {
 const WAITING_BYTES: usize = 8 << 20;
 
 /// Threads to decode pictures of this size with. Each waits for parts of the picture before it, so that twice as many as run at once (all
-/// there are, or a job's share) keep those busy; of large pictures memory has no room for more than run at once.
-fn threads((width_px, height_px): (usize, usize)) -> usize {
+/// there are, or a job's share) keep those busy; of large pictures memory has no room for more than run at once, of the largest
+/// ([`has_room_for_several`]) for one.
+fn threads((width_px, height_px): (usize, usize)) -> DecoderThreads {
     let running = rayon::current_num_threads().min(16);
+    if !has_room_for_several((width_px, height_px)) {
+        return DecoderThreads::OfOnePicture(running);
+    }
     let bytes = width_px.saturating_mul(height_px).max(1).saturating_mul(3) / 2;
-    running + running.min(WAITING_BYTES / bytes.max(1))
+    DecoderThreads::APictureEach(running + running.min(WAITING_BYTES / bytes.max(1)))
 }
 
 /// A decoded frame before it is known as what.
@@ -66,6 +73,9 @@ pub(super) trait PictureReader<P> {
     /// What went wrong so far.
     fn health(&self) -> StreamHealth;
 
+    /// Decodes the next picture, but takes no pixels of it.
+    fn prepare(&mut self) {}
+
     /// Gives back pixels for later use.
     fn recycle(&mut self, pixels: P);
 }
@@ -81,6 +91,10 @@ impl<R: PictureReader<ColouredPlane>> FrameSource for R {
 
     fn health(&self) -> StreamHealth {
         self.health()
+    }
+
+    fn prepare(&mut self) {
+        PictureReader::prepare(self);
     }
 
     fn recycle(&mut self, frame: Frame) {
@@ -103,6 +117,8 @@ pub(super) struct VideoReader<P> {
     size: (usize, usize),
     pictures: usize,
     given: usize,
+    /// Whether the stream has another picture, where it stands at that already.
+    next_is_decoded: Option<bool>,
     interlaced: u64,
     damaged_frames: u64,
     /// What is wrong with the index of an mp4 that can be read all the same.
@@ -146,6 +162,7 @@ impl<P: Pixels> VideoReader<P> {
             size,
             pictures: 0,
             given: 0,
+            next_is_decoded: None,
             interlaced: 0,
             damaged_frames: 0,
             index_fault,
@@ -258,7 +275,8 @@ impl<P: Pixels> PictureReader<P> for VideoReader<P> {
             if self.ended {
                 return Ok(None);
             }
-            if self.stream.next() {
+            let is_another = self.next_is_decoded.take();
+            if is_another.unwrap_or_else(|| self.stream.next()) {
                 self.take_picture()?;
             } else {
                 self.ended = true;
@@ -280,6 +298,12 @@ impl<P: Pixels> PictureReader<P> for VideoReader<P> {
             },
             ended_early: if self.ended { self.ended_early() } else { None },
             notes: self.notes.clone(),
+        }
+    }
+
+    fn prepare(&mut self) {
+        if !self.ended && self.next_is_decoded.is_none() && self.clock.is_empty() {
+            self.next_is_decoded = Some(self.stream.next());
         }
     }
 
@@ -335,7 +359,7 @@ impl PictureStream {
         let settings = DecoderSettings {
             // A key frame is decoded alone: more threads would wait, each with pictures of its own.
             threads: if wanted == WantedPictures::Key {
-                1
+                DecoderThreads::APictureEach(1)
             } else {
                 let facts = input.facts();
                 let side_px = |px: i64| usize::try_from(px).unwrap_or(0);

@@ -101,10 +101,6 @@ const OPENING_BYTES: usize = 64 << 20;
 /// Where fewer fit into that, the ball is in one place in most of them, and the scene takes a pass of its own.
 const LEAST_OPENING: usize = 2 * SURVEY_FRAMES;
 
-/// So many key frames spread over a recording of large pictures are scene enough to begin with: a ball is in one place in most of them only where
-/// it lies, and the scene of the whole tells that.
-const LEAST_KEY_FRAMES: usize = 3;
-
 /// Frames looked at together take at most so many bytes, and are so many at most: enough for all cores of a machine while pictures are small.
 const TOGETHER_BYTES: usize = 4 << 20;
 const MOST_TOGETHER: usize = 8;
@@ -141,40 +137,62 @@ fn decode_all(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Decoded, MeasureError> {
     progress(Progress::Survey);
-    // It decodes its first frames while the survey does its own.
-    let mut source = frames::ReadAhead::start(source)?;
     let grid = source.info().chroma_grid;
     let size_px = (source.info().width_px, source.info().height_px);
+    let beside = if frames::has_room_for_several(size_px) {
+        // It decodes its first frames while the survey does its own.
+        Some(frames::ReadAhead::start(source)?)
+    } else {
+        drop(source);
+        None
+    };
+    let reading = || match beside {
+        Some(source) => Ok(source),
+        None => frames::ReadAhead::start(frames::open(video)?),
+    };
     let is_large = opening_frames(size_px) < LEAST_OPENING;
     let enough = SURVEY_FRAMES
         .min(frames::held_together(size_px.0, size_px.1) - 1)
-        .div_ceil(2);
-    let least = if is_large { LEAST_KEY_FRAMES } else { enough };
+        .div_ceil(2)
+        .max(frames::LEAST_KEY_FRAMES);
+    let least = if is_large {
+        frames::LEAST_KEY_FRAMES
+    } else {
+        enough
+    };
     if let Some(survey) = frames::open_sparse_at_once(video, SURVEY_FRAMES, least)? {
         let refs: Vec<&Frame> = survey.iter().collect();
         if let Some(choice) = colour::choose(&refs, grid) {
-            drop(source);
-            return decode_mixed(video, choice, &refs, progress);
+            drop(reading);
+            let colours = SceneColours::of_mixed(&refs);
+            drop(survey);
+            return decode_mixed(video, choice, colours, progress);
         }
         let mut pass = DecodingPass::new(background_of(video, &refs)?);
-        if survey.len() >= enough {
+        let is_whole = survey.len() >= enough;
+        if is_whole {
             pass.scene_colours = SceneColours::of(&refs, &pass.detector.background);
-            return pass.whole(source, progress);
         }
         drop(survey);
+        if is_whole {
+            return pass.whole(reading()?, progress);
+        }
         // The pass's first frames lie closer together than these key frames, so that only its end tells better.
         pass.provisional = Some(ProvisionalBackground::new(size_px, usize::MAX));
-        return pass.through(video, Vec::new(), source, progress);
+        return pass.through(video, Vec::new(), reading()?, progress);
     }
     if is_large {
-        drop(source);
+        drop(reading);
         return decode_surveyed(video, grid, progress);
     }
+    let mut source = reading()?;
     let (opening, is_all) = opening(&mut source)?;
     let survey = spread_over(&opening);
     if let Some(choice) = colour::choose(&survey, grid) {
         drop(source);
-        return decode_mixed(video, choice, &survey, progress);
+        let colours = SceneColours::of_mixed(&survey);
+        drop(opening);
+        return decode_mixed(video, choice, colours, progress);
     }
     let mut pass = DecodingPass::new(background_of(video, &survey)?);
     if is_all {
@@ -195,7 +213,9 @@ fn decode_surveyed(
     let survey = frames::open_sparse(video, SURVEY_FRAMES)?;
     let refs: Vec<&Frame> = survey.iter().collect();
     if let Some(choice) = colour::choose(&refs, grid) {
-        return decode_mixed(video, choice, &refs, progress);
+        let colours = SceneColours::of_mixed(&refs);
+        drop(survey);
+        return decode_mixed(video, choice, colours, progress);
     }
     let mut pass = DecodingPass::new(background_of(video, &refs)?);
     pass.scene_colours = SceneColours::of(&refs, &pass.detector.background);
@@ -203,11 +223,11 @@ fn decode_surveyed(
     pass.whole(frames::ReadAhead::start(frames::open(video)?)?, progress)
 }
 
-/// The same on a mixture of luma and chroma, chosen by the frames of `survey`.
+/// The same on a mixture of luma and chroma, of a scene of these `colours`.
 fn decode_mixed(
     video: &Path,
     choice: ColourChoice,
-    survey: &[&Frame],
+    colours: Option<SceneColours>,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Decoded, MeasureError> {
     progress(Progress::Survey);
@@ -216,7 +236,7 @@ fn decode_mixed(
     let mut pass = DecodingPass::new(scene);
     drop(mixed);
     pass.colour = Some(choice);
-    pass.scene_colours = SceneColours::of_mixed(survey);
+    pass.scene_colours = colours;
     let source = frames::open_mixed(video, Some(choice.mix))?;
     pass.whole(frames::ReadAhead::start(source)?, progress)
 }
@@ -289,8 +309,8 @@ enum PassEnd {
     Seen(Box<Decoded>),
     /// The scene it began with is not that of the whole.
     OtherScene,
-    /// These frames from all over it show a ball that luma hardly shows.
-    NeedsColour(ColourChoice, Vec<Frame>),
+    /// Frames from all over it show a ball that luma hardly shows, and a scene of these colours.
+    NeedsColour(Box<(ColourChoice, Option<SceneColours>)>),
 }
 
 /// What a scene taken from the opening is checked with.
@@ -347,9 +367,9 @@ impl DecodingPass {
         let grid = source.info().chroma_grid;
         match self.over(opening, source, progress)? {
             PassEnd::Seen(seen) => Ok(*seen),
-            PassEnd::NeedsColour(choice, spread) => {
-                let spread: Vec<&Frame> = spread.iter().collect();
-                decode_mixed(video, choice, &spread, progress)
+            PassEnd::NeedsColour(found) => {
+                let (choice, colours) = *found;
+                decode_mixed(video, choice, colours, progress)
             }
             PassEnd::OtherScene => decode_surveyed(video, grid, progress),
         }
@@ -396,8 +416,8 @@ impl DecodingPass {
         if let Some(provisional) = &self.provisional {
             let spread = provisional.spread.frames();
             if let Some(choice) = colour::choose(&spread, source.info().chroma_grid) {
-                let spread = spread.into_iter().cloned().collect();
-                return Ok(PassEnd::NeedsColour(choice, spread));
+                let colours = SceneColours::of_mixed(&spread);
+                return Ok(PassEnd::NeedsColour(Box::new((choice, colours))));
             }
             let Some((whole, light)) = self.scene_of_the_whole() else {
                 return Ok(PassEnd::OtherScene);

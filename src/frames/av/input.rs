@@ -451,11 +451,20 @@ fn facts_of(
     }
 }
 
+/// How many threads decode, and what each does where the codec allows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::frames) enum DecoderThreads {
+    /// Each a picture of its own, which takes the memory of as many.
+    APictureEach(usize),
+    /// All slices of one picture.
+    OfOnePicture(usize),
+}
+
 /// How to decode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::frames) struct DecoderSettings {
-    /// Threads, each on a frame of its own where the codec allows.
-    pub threads: usize,
+    /// Threads.
+    pub threads: DecoderThreads,
     /// Leaves out frames that no other refers to (quicker, for a survey).
     pub skip_unreferenced: bool,
 }
@@ -494,7 +503,7 @@ impl Decoder {
             Self::with(
                 codec,
                 DecoderSettings {
-                    threads: 1,
+                    threads: DecoderThreads::APictureEach(1),
                     skip_unreferenced: false,
                 },
                 |_| Ok(()),
@@ -512,9 +521,13 @@ impl Decoder {
         if codec.is_null() {
             return Ok(None);
         }
+        let (threads, kind) = match settings.threads {
+            DecoderThreads::APictureEach(n) => (n, "frame+slice"),
+            DecoderThreads::OfOnePicture(n) => (n, "slice"),
+        };
         let mut options = vec![
-            ("threads", settings.threads.max(1).to_string()),
-            ("thread_type", "frame+slice".to_owned()),
+            ("threads", threads.max(1).to_string()),
+            ("thread_type", kind.to_owned()),
             ("max_pixels", MAX_PIXELS.to_owned()),
             ("err_detect", "crccheck".to_owned()),
             // Crops exactly where the stream says, not at the next address that suits vector code.

@@ -11,7 +11,7 @@
 mod input;
 mod output;
 
-pub(super) use input::{Decoder, DecoderSettings, Input, OpenFailure, StreamFacts};
+pub(super) use input::{Decoder, DecoderSettings, DecoderThreads, Input, OpenFailure, StreamFacts};
 pub(super) use output::{Encoder, EncoderSettings, Failure};
 
 use crate::frames::Coded;
