@@ -43,7 +43,7 @@ fn write_clip(path: &Path, frames: usize, gop: u32) {
     writer.finish().unwrap();
 }
 
-/// The largest resident set of `track` on `video`, kB of 1024 bytes; what it found does not matter here.
+/// The largest resident set of `track` on `video`, with all files written beside it, kB of 1024 bytes; what it found does not matter here.
 fn peak_kb(video: &Path) -> u64 {
     let calib = video.with_extension("calib.json");
     let text =
@@ -51,6 +51,7 @@ fn peak_kb(video: &Path) -> u64 {
     std::fs::write(&calib, text).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_track"));
     command.arg(video).arg("--calib").arg(&calib);
+    command.arg("--out").arg(video.with_extension("out"));
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let mut running = command.spawn().unwrap();
     let status = format!("/proc/{}/status", running.id());
@@ -63,6 +64,8 @@ fn peak_kb(video: &Path) -> u64 {
         peak_kb = peak_kb.max(kb.unwrap_or(0));
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
+    let overlay = format!("{}.overlay.mp4", video.file_stem().unwrap().display());
+    assert!(video.with_extension("out").join(overlay).is_file());
     peak_kb
 }
 

@@ -47,7 +47,7 @@ pub use folder::{is_picture, open_picture, pictures_in};
 pub use mixture::{ChromaGrid, ColourMix};
 pub use pixels::has_room_for_several;
 pub use readahead::ReadAhead;
-pub use recode::{RecodeError, recode};
+pub use recode::{RecodeError, drawn_smaller, recode};
 pub use survey::{
     EvenSample, LEAST_KEY_FRAMES, evenly_of, held_together, open_sparse, open_sparse_at_once,
     open_sparse_mixed,
@@ -152,6 +152,36 @@ impl Yuv420 {
     #[must_use]
     pub fn chroma_height(&self) -> usize {
         self.height.div_ceil(2)
+    }
+
+    /// The same at a part of its size, with even sides: each pixel is the mean of a square of `times` pixels a side.
+    #[must_use]
+    pub fn reduced(&self, times: usize) -> Self {
+        let means = |plane: &[u8], stride: usize, (width, height): (usize, usize)| {
+            let mut out = Vec::with_capacity(width * height);
+            let mut sums = vec![0_usize; width];
+            for y in 0..height {
+                sums.fill(0);
+                for row in y * times..(y + 1) * times {
+                    let squares = plane[row * stride..][..width * times].chunks_exact(times);
+                    for (sum, pixels) in sums.iter_mut().zip(squares) {
+                        *sum += pixels.iter().map(|&p| usize::from(p)).sum::<usize>();
+                    }
+                }
+                let area = times * times;
+                out.extend(sums.iter().map(|sum| ((sum + area / 2) / area) as u8));
+            }
+            out
+        };
+        let half = (self.width / times / 2, self.height / times / 2);
+        let (width, height) = (2 * half.0, 2 * half.1);
+        Self {
+            width,
+            height,
+            y: means(&self.y, self.width, (width, height)),
+            u: means(&self.u, self.chroma_width(), half),
+            v: means(&self.v, self.chroma_width(), half),
+        }
     }
 
     /// Paints one pixel `[y, u, v]`; its three neighbours in the same 2x2 block take on the colour, not the

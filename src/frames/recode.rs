@@ -4,6 +4,7 @@ use super::Yuv420;
 use super::encode::{Coding, Effort, EncodeError, Timing, VideoOptions, VideoWriter};
 use super::error::FrameError;
 use super::folder::FolderReader;
+use super::pixels::has_room_for_several;
 use super::video::{PictureReader, TimedPicture, VideoReader};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,13 @@ const CODING: Coding = Coding::H264 {
 
 /// Rate at which a recording without a time base is shown, Hz.
 const RATE_WITHOUT_CLOCK_HZ: f64 = 25.0;
+
+/// How many times smaller, along each side, a recording of pictures of this size is drawn over: 1, but where memory has no room for several
+/// ([`has_room_for_several`]), as an encoder holds a dozen.
+#[must_use]
+pub fn drawn_smaller(size_px: (usize, usize)) -> usize {
+    if has_room_for_several(size_px) { 1 } else { 4 }
+}
 
 /// Why a recording could not be drawn over.
 #[derive(Debug, Error)]
@@ -52,7 +60,7 @@ pub enum RecodeError {
 /// Decodes every frame of `input` (a video or a folder of images) upright and in colour, lets `draw` paint on it, and
 /// writes an H.264 mp4 with the same time stamps. `draw` gets the frame's index, as in
 /// [`Frame::index`](super::Frame::index), and the picture; code values are of full range. An odd last column or row is
-/// cut off, for H.264 wants even sides. A folder of images is shown at 25 Hz. One frame is held at a time.
+/// cut off, for H.264 wants even sides; very large pictures are made smaller ([`drawn_smaller`]) before `draw` gets them. A folder of images is shown at 25 Hz. One frame is held at a time.
 ///
 /// # Errors
 /// What makes the input unreadable or the output unwritable; nothing of the output is left then.
@@ -83,7 +91,8 @@ fn copy(
     draw: &mut dyn FnMut(usize, &mut Yuv420),
 ) -> Result<(), RecodeError> {
     let info = reader.info();
-    let (width, height) = (info.width_px & !1, info.height_px & !1);
+    let times = drawn_smaller((info.width_px, info.height_px));
+    let [width, height] = [info.width_px, info.height_px].map(|side| (side / times) & !1);
     if width == 0 || height == 0 {
         let (width, height) = (info.width_px, info.height_px);
         return Err(RecodeError::TooSmall {
@@ -115,9 +124,16 @@ fn copy(
         ..
     }) = reader.next()?
     {
-        crop(&mut picture, width, height);
-        draw(index, &mut picture);
-        writer.write_yuv_at(&picture, time_s * seconds)?;
+        let mut smaller = (times > 1).then(|| picture.reduced(times));
+        let drawn = match &mut smaller {
+            Some(smaller) => smaller,
+            None => {
+                crop(&mut picture, width, height);
+                &mut picture
+            }
+        };
+        draw(index, drawn);
+        writer.write_yuv_at(drawn, time_s * seconds)?;
         reader.recycle(picture);
     }
     writer.finish()?;

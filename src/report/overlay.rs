@@ -9,7 +9,7 @@
 //! resolution, of which the chroma planes of 4:2:0 would have to be made once more for every shape of every frame.
 
 use super::drawing_geometry;
-use crate::frames::Yuv420;
+use crate::frames::{Yuv420, drawn_smaller};
 use crate::geometry::PixelPoint;
 use crate::pipeline::{Measurement, PointUse, TrackPoint, View};
 use std::collections::BTreeMap;
@@ -73,6 +73,22 @@ pub struct Overlay {
     impacts: Vec<(usize, PixelPoint)>,
 }
 
+/// A picture so many times smaller than the recording's, along each side.
+#[derive(Debug, Clone, Copy)]
+struct Smaller(f64);
+
+impl Smaller {
+    fn length(self, px: f64) -> f64 {
+        px / self.0
+    }
+
+    /// Pixels' centres have whole numbers: the middle of four is 1.5.
+    fn place(self, p: PixelPoint) -> PixelPoint {
+        let along = |px: f64| (px - 0.5 * (self.0 - 1.0)) / self.0;
+        PixelPoint::new(along(p.u_px), along(p.v_px))
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct DrawnBall {
     frame: usize,
@@ -87,24 +103,30 @@ impl Overlay {
     #[must_use]
     pub fn new(measurement: &Measurement) -> Self {
         let video = &measurement.video;
-        let stroke_px = (video.width_px.max(video.height_px) as f64 / 1280.0).max(1.0) * 1.4;
+        let smaller = Smaller(drawn_smaller((video.width_px, video.height_px)) as f64);
+        let side_px = smaller.length(video.width_px.max(video.height_px) as f64);
+        let stroke_px = (side_px / 1280.0).max(1.0) * 1.4;
         let radius_px = measurement
             .track
             .radius_px
-            .map(|radius| radius.value)
+            .map(|radius| smaller.length(radius.value))
             .filter(|radius| radius.is_finite() && *radius > 0.0)
             .unwrap_or(5.0 * stroke_px);
         let mut arcs = CoverageMask::default();
         let drawn = measurement.each_launch().iter().flat_map(|launch| &launch.arcs);
         for pair in drawn.flat_map(|arc| arc.samples.windows(2)) {
-            arcs.line(pair[0].pixel, pair[1].pixel, stroke_px);
+            arcs.line(
+                smaller.place(pair[0].pixel),
+                smaller.place(pair[1].pixel),
+                stroke_px,
+            );
         }
         Self {
-            balls: balls(measurement),
+            balls: balls(measurement, smaller),
             radius_px,
             stroke_px,
             arcs,
-            impacts: impacts(measurement, radius_px),
+            impacts: impacts(measurement, smaller, radius_px),
         }
     }
 
@@ -168,7 +190,7 @@ impl Overlay {
 }
 
 /// The centres with finite places, in the order of frames.
-fn balls(measurement: &Measurement) -> Vec<DrawnBall> {
+fn balls(measurement: &Measurement, smaller: Smaller) -> Vec<DrawnBall> {
     let points = measurement
         .each_launch()
         .iter()
@@ -177,7 +199,7 @@ fn balls(measurement: &Measurement) -> Vec<DrawnBall> {
         .filter(|(_, point)| point.pixel.u_px.is_finite() && point.pixel.v_px.is_finite())
         .map(|(launch, point)| DrawnBall {
             frame: point.frame,
-            centre: point.pixel,
+            centre: smaller.place(point.pixel),
             used: matches!(point.use_, PointUse::Used(_)),
             turned: turned(launch, point),
         })
@@ -199,7 +221,7 @@ fn turned(launch: &Measurement, point: &TrackPoint) -> Option<[[f64; 2]; 2]> {
 
 /// Where the ball touched: at the lowest place of its outline in a side view, at its centre in a top view. From the first
 /// frame after the impact in which the ball was seen.
-fn impacts(measurement: &Measurement, radius_px: f64) -> Vec<(usize, PixelPoint)> {
+fn impacts(measurement: &Measurement, smaller: Smaller, radius_px: f64) -> Vec<(usize, PixelPoint)> {
     let below = match measurement.view {
         View::Side => radius_px,
         View::Top => 0.0,
@@ -207,7 +229,7 @@ fn impacts(measurement: &Measurement, radius_px: f64) -> Vec<(usize, PixelPoint)
     let of_launch = |launch: &Measurement| {
         let points = &launch.track.points;
         let shown = |mark: &drawing_geometry::ImpactMark| {
-            let centre = mark.centre?;
+            let centre = smaller.place(mark.centre?);
             let frame = points.iter().find(|point| point.time_s >= mark.time_s)?.frame;
             Some((frame, PixelPoint::new(centre.u_px, centre.v_px + below)))
         };
@@ -370,6 +392,23 @@ mod tests {
         // Between cross and outline, away from path and trail, the ball itself stays visible.
         assert_eq!(luma(&picture, u + 0.6 * radius, v - 0.6 * radius), 80);
         assert_eq!(luma(&picture, 1200.0, 50.0), 80);
+    }
+
+    #[test]
+    fn of_a_very_large_picture_the_outline_lies_on_the_smaller_ball() {
+        let mut measurement = test_measurements::two_bounces();
+        (measurement.video.width_px, measurement.video.height_px) = (7680, 4320);
+        let point = &measurement.track.points[40];
+        let mut picture = grey(7680, 4320).reduced(4);
+        assert_eq!((picture.width, picture.height), (1920, 1080));
+        Overlay::new(&measurement).draw(point.frame, &mut picture);
+        // The middle of four by four pixels, 0 to 3, is 1.5.
+        let [u, v] = [point.pixel.u_px, point.pixel.v_px].map(|px| (px - 1.5) / 4.0);
+        let radius = measurement.track.radius_px.unwrap().value / 4.0;
+        for [x, y] in [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
+            assert!(luma(&picture, u + radius * x, v + radius * y) > 110, "{x} {y}");
+        }
+        assert_eq!(luma(&picture, 4.0 * u, 4.0 * v), 80);
     }
 
     #[test]
