@@ -1,7 +1,6 @@
 //! The empty scene to fractions of a grey level, and what of it lies behind a thing.
 //!
-//! Of pictures that leave no memory for it, it is kept to 1/256 of a grey level in place of all digits: that is a fiftieth of what rounding a
-//! frame to whole levels leaves.
+//! Of pictures that leave no memory for all digits it is rounded to 1/256 of a grey level, where those of a frame are rounded to 1.
 
 use super::camera_swing::SceneEdges;
 use super::crop::Crop;
