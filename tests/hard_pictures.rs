@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use track::calibration::Calibration;
 use track::detect::centre::Accuracy;
 use track::frames::Luma;
-use track::pipeline::{ShownMotion, measure};
+use track::pipeline::{PointUse, ShownMotion, measure};
 use track::simulate::{Scene, SimulatedRecording, write};
 
 fn of_radius(scene: Value, radius_px: f64) -> Value {
@@ -178,6 +178,35 @@ fn a_ball_that_meets_its_reflection() {
     assert_true(&mirrored.measured(), 2, "a mirror");
     let polished = with(high, "look", json!({"reflection": 0.5, "shadow": 0.3}));
     assert_true(&Clip::of(&polished).measured(), 2, "a polished floor");
+}
+
+/// At 30 Hz it is a streak of up to eight radii, of which no pixel near the edge is covered for a third of the exposure.
+#[test]
+fn a_ball_that_moves_by_radii_while_the_shutter_is_open() {
+    for exposure_s in [0.014, 0.02] {
+        let scene = json!({
+            "schema": "track.scene/1", "seed": 760,
+            "launch": {"drop_height_m": 1.26, "speed_m_s": 0.6},
+            "ball": {"radius_m": 0.01224, "mass_kg": 0.02},
+            "contact": {"model": "mu_e", "restitution": 0.8, "friction": 0.15},
+            "camera": {"image_size_px": [1280, 1920], "frame_rate_hz": 30, "exposure_s": exposure_s,
+                "metres_per_pixel": 0.00072, "origin_px": [150, 1850], "noise_grey": 2},
+            "look": {"ball_grey": 90, "background_grey": 210},
+            "stop": {"bounces": 2, "tail_s": 0.3}
+        });
+        let found = Clip::of(&scene).measured();
+        assert_true(&found, 2, &format!("{exposure_s} s"));
+        let falling = found
+            .found
+            .as_ref()
+            .unwrap()
+            .track
+            .points
+            .iter()
+            .filter(|p| p.time_s < 0.5);
+        let used = falling.filter(|p| matches!(p.use_, PointUse::Used(_))).count();
+        assert_eq!(used, 15, "{exposure_s} s");
+    }
 }
 
 #[test]

@@ -124,6 +124,11 @@ pub struct CentreFit {
 /// Least part of the outline that fixes a centre.
 pub const LEAST_OUTLINE: f64 = 0.3;
 
+/// Pixels that the ball covers by between these parts tell how bright it is at its edge. (Of a streak of more than three radii, that is all of it that
+/// is near the edge: less will do.)
+const LEAST_COVER: f64 = 0.3;
+const MOST_COVER: f64 = 0.99;
+
 /// A sector is an outlier where its mean square residual is this many times the typical one: mean squares of some ten pixels
 /// scatter by a half.
 const OUTLIER_SECTOR: f64 = 6.0;
@@ -319,6 +324,10 @@ impl<'a> CentreSearch<'a> {
             bent_px: disc.bent_px,
             points: self.points,
         };
+        let length_px = norm(disc.swept_px[0], disc.swept_px[1]);
+        // The longest that the ball is over a place, as a part of the exposure.
+        let longest = (2.0 * ball.radius_px / length_px).min(1.0);
+        let least_cover = LEAST_COVER.min(0.5 * longest);
         let (mut sum, mut magnitude, mut count) = (0.0, 0.0, 0.0);
         self.rows.clear();
         self.residuals.clear();
@@ -336,7 +345,7 @@ impl<'a> CentreSearch<'a> {
                 l.dipole[1],
                 p.background * l.outward[0] - strength * l.outward[1],
             ]));
-            if l.cover > 0.3 && l.cover < 0.99 {
+            if l.cover > least_cover && l.cover < MOST_COVER {
                 let step = strength * l.ball / l.cover - p.background;
                 sum += step;
                 magnitude += step.abs();
