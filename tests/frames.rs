@@ -1019,17 +1019,18 @@ fn a_picture_at_a_part_of_its_size_has_the_means_and_even_sides() {
     let mut picture = Yuv420::black(23, 17);
     let width = picture.width;
     for (at, y) in picture.y.iter_mut().enumerate() {
-        *y = (10 * (at % width) + at / width) as u8;
+        *y = (10 * (at % width) + 2 * (at / width)) as u8;
     }
     let chroma_width = picture.chroma_width();
     for (at, u) in picture.u.iter_mut().enumerate() {
         *u = (20 * (at % chroma_width)) as u8;
     }
-    let small = picture.reduced(4);
+    let small = picture.reduced(4).unwrap();
     assert_eq!((small.width, small.height), (4, 4));
     assert_eq!((small.y.len(), small.u.len(), small.v.len()), (16, 4, 4));
-    // Columns 4 to 7 and rows 8 to 11: 55 + 9.5.
-    assert_eq!(small.y[2 * 4 + 1], 65);
+    // Columns 4 to 7 and rows 8 to 11: 55 + 19.
+    assert_eq!(small.y[2 * 4 + 1], 74);
     assert_eq!((small.u[1], small.v[1]), (110, 128));
-    assert_eq!(picture.reduced(1).width, 22);
+    assert_eq!(picture.reduced(1).unwrap().width, 22);
+    assert_eq!(picture.reduced(12), None);
 }

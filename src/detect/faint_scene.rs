@@ -23,7 +23,6 @@
 //! only, as before a plain wall with a floor line, the camera's motion cannot be seen, and is not told.
 
 use super::registration::Registration;
-use super::resample::reduced;
 use crate::frames::Luma;
 use crate::numeric::robust::{STD_OF_MEDIAN, lower_median, median};
 use opencv::core::{
@@ -106,9 +105,9 @@ impl FaintScene {
         let pictures = if factor > 1 {
             small = survey
                 .par_iter()
-                .map(|f| reduced(f, factor))
+                .map(|f| f.reduced(factor))
                 .collect::<Option<_>>()?;
-            cleaned(&small.iter().collect::<Vec<_>>(), &reduced(scene, factor)?)
+            cleaned(&small.iter().collect::<Vec<_>>(), &scene.reduced(factor)?)
         } else {
             cleaned(survey, scene)
         }

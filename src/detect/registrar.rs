@@ -17,7 +17,7 @@
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
 use super::registration::Registration;
-use super::resample::{SMOOTH_NOISE_PART, SmoothShift, bilinear, reduced};
+use super::resample::{SMOOTH_NOISE_PART, SmoothShift, bilinear};
 use crate::frames::Luma;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_cost, tukey_weight};
@@ -215,7 +215,7 @@ impl Registrar {
     /// to be made up for.
     fn smoothing(mut self) -> Self {
         let small = (self.factor > 1)
-            .then(|| reduced(&self.reference, self.factor))
+            .then(|| self.reference.reduced(self.factor))
             .flatten();
         let compared = small.as_ref().unwrap_or(&self.reference);
         let here = SmoothShift::new(0.0, 0.0);
@@ -340,7 +340,7 @@ impl Registrar {
 
     /// The same comparing at one part in `factor` of the size; `None` where a picture cannot be reduced to that.
     fn at(&self, factor: usize) -> Option<Self> {
-        let small = reduced(&self.reference, factor)?;
+        let small = self.reference.reduced(factor)?;
         let noise_grey = self.noise_at_grey(factor);
         let (samples, sees_shift) = choose_samples(
             &small,
@@ -679,7 +679,7 @@ impl Registrar {
     fn at_its_size<'a>(&self, frame: &'a Luma) -> Option<Cow<'a, Luma>> {
         match self.factor {
             1 => Some(Cow::Borrowed(frame)),
-            factor => reduced(frame, factor).map(Cow::Owned),
+            factor => frame.reduced(factor).map(Cow::Owned),
         }
     }
 

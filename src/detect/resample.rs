@@ -1,8 +1,6 @@
-//! Pictures between their pixels, and at another size.
+//! Pictures between their pixels.
 
 use crate::frames::Luma;
-use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Size};
-use opencv::imgproc;
 
 /// `out(u, v) = luma(u + du, v + dv)`, bilinear, edges repeated.
 #[must_use]
@@ -148,32 +146,6 @@ impl SmoothShift {
         });
         Some(f64::from(sums.sum::<f32>()))
     }
-}
-
-/// `luma` at 1/`factor` of its size, each pixel the mean of those it replaces; `None` where OpenCV refuses.
-#[must_use]
-pub fn reduced(luma: &Luma, factor: usize) -> Option<Luma> {
-    let reduce = || -> opencv::Result<Luma> {
-        let flat = Mat::from_slice(&luma.data)?;
-        let mat = flat.reshape(1, i32::try_from(luma.height).unwrap_or(i32::MAX))?;
-        let scale = 1.0 / factor as f64;
-        let mut small = Mat::default();
-        imgproc::resize(
-            &mat,
-            &mut small,
-            Size::default(),
-            scale,
-            scale,
-            imgproc::INTER_AREA,
-        )?;
-        let (width, height) = (small.cols() as usize, small.rows() as usize);
-        Ok(Luma {
-            width,
-            height,
-            data: small.data_bytes()?.to_vec(),
-        })
-    };
-    reduce().ok()
 }
 
 #[cfg(test)]

@@ -33,6 +33,7 @@ mod orientation;
 mod pixels;
 pub mod readahead;
 pub mod recode;
+mod reduced;
 mod stamps;
 pub mod stills;
 pub mod survey;
@@ -49,13 +50,14 @@ pub use pixels::has_room_for_several;
 pub use readahead::ReadAhead;
 pub use recode::{RecodeError, drawn_smaller, recode};
 pub use survey::{
-    EvenSample, LEAST_KEY_FRAMES, evenly_of, held_together, open_sparse, open_sparse_at_once,
+    EvenSample, SparseFrames, Wanted, evenly_of, open_sparse, open_sparse_at_once, open_sparse_by_pass,
     open_sparse_mixed,
 };
 pub use video::FrameSource;
 
 use folder::FolderReader;
 use pixels::ColouredPlane;
+use reduced::reduced_plane;
 use std::path::Path;
 use video::VideoReader;
 
@@ -111,6 +113,14 @@ impl Luma {
     pub fn row(&self, v: usize) -> &[u8] {
         &self.data[v * self.width..(v + 1) * self.width]
     }
+
+    /// The same at 1/`times` of its size, each pixel the mean of those that it replaces; `None` where it has fewer.
+    #[must_use]
+    pub fn reduced(&self, times: usize) -> Option<Self> {
+        let (width, height) = (self.width / times, self.height / times);
+        let data = reduced_plane(&self.data, self.width, times, (width, height))?;
+        Some(Self { width, height, data })
+    }
 }
 
 /// A colour picture: luma, and chroma at half the columns and rows (rounded up), code values of full range.
@@ -154,34 +164,18 @@ impl Yuv420 {
         self.height.div_ceil(2)
     }
 
-    /// The same at a part of its size, with even sides: each pixel is the mean of a square of `times` pixels a side.
+    /// The same at 1/`times` of its size with even sides, each pixel the mean of those that it replaces; `None` where it has fewer.
     #[must_use]
-    pub fn reduced(&self, times: usize) -> Self {
-        let means = |plane: &[u8], stride: usize, (width, height): (usize, usize)| {
-            let mut out = Vec::with_capacity(width * height);
-            let mut sums = vec![0_usize; width];
-            for y in 0..height {
-                sums.fill(0);
-                for row in y * times..(y + 1) * times {
-                    let squares = plane[row * stride..][..width * times].chunks_exact(times);
-                    for (sum, pixels) in sums.iter_mut().zip(squares) {
-                        *sum += pixels.iter().map(|&p| usize::from(p)).sum::<usize>();
-                    }
-                }
-                let area = times * times;
-                out.extend(sums.iter().map(|sum| ((sum + area / 2) / area) as u8));
-            }
-            out
-        };
+    pub fn reduced(&self, times: usize) -> Option<Self> {
         let half = (self.width / times / 2, self.height / times / 2);
         let (width, height) = (2 * half.0, 2 * half.1);
-        Self {
+        Some(Self {
             width,
             height,
-            y: means(&self.y, self.width, (width, height)),
-            u: means(&self.u, self.chroma_width(), half),
-            v: means(&self.v, self.chroma_width(), half),
-        }
+            y: reduced_plane(&self.y, self.width, times, (width, height))?,
+            u: reduced_plane(&self.u, self.chroma_width(), times, half)?,
+            v: reduced_plane(&self.v, self.chroma_width(), times, half)?,
+        })
     }
 
     /// Paints one pixel `[y, u, v]`; its three neighbours in the same 2x2 block take on the colour, not the

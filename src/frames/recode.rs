@@ -124,7 +124,7 @@ fn copy(
         ..
     }) = reader.next()?
     {
-        let mut smaller = (times > 1).then(|| picture.reduced(times));
+        let mut smaller = (times > 1).then(|| picture.reduced(times).expect("its sides were checked"));
         let drawn = match &mut smaller {
             Some(smaller) => smaller,
             None => {

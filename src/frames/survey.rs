@@ -22,7 +22,7 @@ const LEAST_HELD: usize = 5;
 
 /// So many key frames spread over a recording of large pictures are scene enough to begin with: a ball is in one place in most of them only where
 /// it lies, and the scene of the whole tells that.
-pub const LEAST_KEY_FRAMES: usize = 3;
+const LEAST_KEY_FRAMES: usize = 3;
 
 /// How many frames of this size, with their chroma at half of the columns and rows, may be held together.
 #[must_use]
@@ -52,32 +52,62 @@ pub fn open_sparse_mixed(
     at_most: usize,
     mix: Option<ColourMix>,
 ) -> Result<Vec<Frame>, FrameError> {
-    match at_once(path, at_most, at_most.div_ceil(2), mix)? {
-        Some(frames) => Ok(frames),
+    match at_once(path, at_most, Wanted::Enough, mix)? {
+        Some(found) => Ok(found.frames),
         None => all_frames(path, at_most, mix),
     }
 }
 
-/// The same where it takes no pass over all frames; `None` where it would, as less than `at_least` key frames are spread over the recording.
+/// The same by a pass over all frames, where [`open_sparse_at_once`] found too few key frames.
+///
+/// # Errors
+/// As for [`open_sparse`].
+pub fn open_sparse_by_pass(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
+    all_frames(path, at_most, None)
+}
+
+/// Frames spread over a recording, found without a pass over all of them.
+#[derive(Debug)]
+pub struct SparseFrames {
+    /// The frames, in order.
+    pub frames: Vec<Frame>,
+    /// Whether they are at least half as many as were asked for, or as may be held together.
+    pub are_enough: bool,
+}
+
+/// How many frames a look at key frames alone is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// Half as many as at most, or as may be held together.
+    Enough,
+    /// Three, if there are no more.
+    Few,
+}
+
+/// The same where it takes no pass over all frames; `None` where it would, as fewer key frames than `wanted` are spread over the recording.
 ///
 /// # Errors
 /// As for [`open_sparse`].
 pub fn open_sparse_at_once(
     path: &Path,
     at_most: usize,
-    at_least: usize,
-) -> Result<Option<Vec<Frame>>, FrameError> {
-    at_once(path, at_most, at_least, None)
+    wanted: Wanted,
+) -> Result<Option<SparseFrames>, FrameError> {
+    at_once(path, at_most, wanted, None)
 }
 
 fn at_once(
     path: &Path,
     at_most: usize,
-    at_least: usize,
+    wanted: Wanted,
     mix: Option<ColourMix>,
-) -> Result<Option<Vec<Frame>>, FrameError> {
+) -> Result<Option<SparseFrames>, FrameError> {
+    let all = |frames| SparseFrames {
+        frames,
+        are_enough: true,
+    };
     if at_most == 0 {
-        return Ok(Some(Vec::new()));
+        return Ok(Some(all(Vec::new())));
     }
     if path.is_dir() {
         let listing = ImageList::of(path)?;
@@ -91,9 +121,10 @@ fn at_once(
                 listing.frame(i, mix)
             }
         };
-        return chosen.map(frame).collect::<Result<_, _>>().map(Some);
+        let frames = chosen.map(frame).collect::<Result<_, _>>()?;
+        return Ok(Some(all(frames)));
     }
-    key_frames(path, at_most, at_least, mix)
+    key_frames(path, at_most, wanted, mix)
 }
 
 /// `at_most` of the numbers below `count`, evenly spread, first and last included where there are two.
@@ -116,13 +147,13 @@ pub fn evenly_of<T>(all: impl ExactSizeIterator<Item = T>, at_most: usize) -> Ve
         .collect()
 }
 
-/// Key frames alone, when the index shows `at_least` so many that are evenly spread in time (or half as many as may be held).
+/// Key frames alone, when the index shows as many as are `wanted`, evenly spread in time.
 fn key_frames(
     path: &Path,
     at_most: usize,
-    at_least: usize,
+    wanted: Wanted,
     mix: Option<ColourMix>,
-) -> Result<Option<Vec<Frame>>, FrameError> {
+) -> Result<Option<SparseFrames>, FrameError> {
     let (mut input, _) = open_input(path)?;
     let facts = input.facts();
     // Other containers have an index only of what was read so far: it would show nothing but the beginning.
@@ -134,7 +165,11 @@ fn key_frames(
     let side = |px: i64| usize::try_from(px).unwrap_or(0);
     let size = (side(facts.width), side(facts.height));
     let at_most = at_most.min(held_together(size.0, size.1) - 1);
-    let at_least = at_least.min(at_most.div_ceil(2).max(LEAST_KEY_FRAMES));
+    let enough = at_most.div_ceil(2).max(LEAST_KEY_FRAMES.min(at_most));
+    let at_least = match wanted {
+        Wanted::Enough => enough,
+        Wanted::Few => LEAST_KEY_FRAMES.min(at_most),
+    };
     // Matroska reads its index when it is first asked to seek.
     if !(whole_index || matroska && input.seek(0).is_ok()) {
         return Ok(None);
@@ -187,7 +222,10 @@ fn key_frames(
             colour: pixels.colour,
         })
         .collect();
-    Ok((frames.len() >= at_least).then_some(frames))
+    Ok((frames.len() >= at_least).then(|| SparseFrames {
+        are_enough: frames.len() >= enough,
+        frames,
+    }))
 }
 
 /// The key frames of `input` with these stamps, of one size; a damaged one is one frame less, nothing worse.

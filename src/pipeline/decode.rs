@@ -19,7 +19,8 @@ use crate::detect::registration::Registration;
 use crate::detect::{Detector, FrameReading, Sighting};
 use crate::frames::even_clock::{self, EvenClock};
 use crate::frames::{
-    self, ChromaGrid, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, StreamHealth,
+    self, ChromaGrid, Coded, EvenSample, Frame, FrameSource, Luma, SourceInfo, SparseFrames, StreamHealth,
+    Wanted,
 };
 use crate::geometry::PixelPoint;
 use crate::numeric::robust::median;
@@ -151,16 +152,12 @@ fn decode_all(
         None => frames::ReadAhead::start(frames::open(video)?),
     };
     let is_large = opening_frames(size_px) < LEAST_OPENING;
-    let enough = SURVEY_FRAMES
-        .min(frames::held_together(size_px.0, size_px.1) - 1)
-        .div_ceil(2)
-        .max(frames::LEAST_KEY_FRAMES);
-    let least = if is_large {
-        frames::LEAST_KEY_FRAMES
-    } else {
-        enough
-    };
-    if let Some(survey) = frames::open_sparse_at_once(video, SURVEY_FRAMES, least)? {
+    let wanted = if is_large { Wanted::Few } else { Wanted::Enough };
+    if let Some(found) = frames::open_sparse_at_once(video, SURVEY_FRAMES, wanted)? {
+        let SparseFrames {
+            frames: survey,
+            are_enough,
+        } = found;
         let refs: Vec<&Frame> = survey.iter().collect();
         if let Some(choice) = colour::choose(&refs, grid) {
             drop(reading);
@@ -169,12 +166,11 @@ fn decode_all(
             return decode_mixed(video, choice, colours, progress);
         }
         let mut pass = DecodingPass::new(background_of(video, &refs)?);
-        let is_whole = survey.len() >= enough;
-        if is_whole {
+        if are_enough {
             pass.scene_colours = SceneColours::of(&refs, &pass.detector.background);
         }
         drop(survey);
-        if is_whole {
+        if are_enough {
             return pass.whole(reading()?, progress);
         }
         // The pass's first frames lie closer together than these key frames, so that only its end tells better.
@@ -210,7 +206,7 @@ fn decode_surveyed(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Decoded, MeasureError> {
     progress(Progress::Survey);
-    let survey = frames::open_sparse(video, SURVEY_FRAMES)?;
+    let survey = frames::open_sparse_by_pass(video, SURVEY_FRAMES)?;
     let refs: Vec<&Frame> = survey.iter().collect();
     if let Some(choice) = colour::choose(&refs, grid) {
         let colours = SceneColours::of_mixed(&refs);

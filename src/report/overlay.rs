@@ -399,7 +399,7 @@ mod tests {
         let mut measurement = test_measurements::two_bounces();
         (measurement.video.width_px, measurement.video.height_px) = (7680, 4320);
         let point = &measurement.track.points[40];
-        let mut picture = grey(7680, 4320).reduced(4);
+        let mut picture = grey(7680, 4320).reduced(4).unwrap();
         assert_eq!((picture.width, picture.height), (1920, 1080));
         Overlay::new(&measurement).draw(point.frame, &mut picture);
         // The middle of four by four pixels, 0 to 3, is 1.5.
