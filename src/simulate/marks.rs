@@ -11,7 +11,7 @@ use crate::frames::Luma;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, LazyLock};
 
 /// Marks on a ball.
 #[derive(Debug, Clone, PartialEq)]
@@ -260,28 +260,45 @@ fn seam_point(place: f64) -> Vector3<f64> {
     )
 }
 
+/// The points of the seam twice over, so that a stretch of it that goes over the end is one of them.
+static SEAM: LazyLock<Vec<Vector3<f64>>> = LazyLock::new(|| {
+    let twice = 0..2 * SEAM_POINTS + 2;
+    twice
+        .map(|place| seam_point((place % SEAM_POINTS) as f64))
+        .collect()
+});
+
 /// Cosine of the angle between a direction and the nearest point of the seam.
 fn nearest_of_seam(n: &Vector3<f64>) -> f64 {
-    static SEAM: OnceLock<Vec<Vector3<f64>>> = OnceLock::new();
-    let seam = SEAM.get_or_init(|| (0..SEAM_POINTS).map(|place| seam_point(place as f64)).collect());
-    let cosine = |place: usize| seam[place % SEAM_POINTS].dot(n);
-    let largest_of = |places: &mut dyn Iterator<Item = usize>| {
-        places
-            .map(|place| (place, cosine(place)))
-            .fold((0, -1.0), |best, next| if next.1 > best.1 { next } else { best })
-    };
+    let seam = &SEAM[..];
     // Near the seam its nearest point is near to the nearest of a few.
-    let (around, _) = largest_of(&mut (0..SEAM_POINTS).step_by(SEAM_STEP));
+    let (around, _) = nearest_point(seam, (0..SEAM_POINTS).step_by(SEAM_STEP), n);
     let first = around + SEAM_POINTS - SEAM_STEP;
-    let (nearest, largest) = largest_of(&mut (first..=first + 2 * SEAM_STEP));
+    let (nearest, largest) = nearest_point(seam, first..=first + 2 * SEAM_STEP, n);
     // The top of the parabola through it and its neighbours.
-    let (before, after) = (cosine(nearest + SEAM_POINTS - 1), cosine(nearest + 1));
+    let (before, after) = (seam[nearest - 1].dot(n), seam[nearest + 1].dot(n));
     let bend = 2.0 * largest - before - after;
     if bend > 0.0 {
         (largest + (after - before).powi(2) / (8.0 * bend)).min(1.0)
     } else {
         largest
     }
+}
+
+/// Which of the points at these places is the nearest to a direction, and the cosine between them.
+fn nearest_point(
+    seam: &[Vector3<f64>],
+    places: impl Iterator<Item = usize>,
+    n: &Vector3<f64>,
+) -> (usize, f64) {
+    let mut nearest = (0, -1.0);
+    for place in places {
+        let cosine = seam[place].dot(n);
+        if cosine > nearest.1 {
+            nearest = (place, cosine);
+        }
+    }
+    nearest
 }
 
 #[cfg(test)]
