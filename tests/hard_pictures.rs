@@ -2,7 +2,8 @@
 //! others; cameras that move; light that changes. `docs/hard_cases.md` lists the cases.
 
 use crate::hard::{
-    Chance, Clip, HONEST_SIGMAS, assert_honest, assert_true, each, moved, paint_box, paint_disc, scene, with,
+    Chance, Clip, HONEST_SIGMAS, Judged, assert_honest, assert_true, each, moved, paint_box, paint_disc,
+    scene, with,
 };
 use serde_json::{Value, json};
 use track::calibration::Calibration;
@@ -106,6 +107,43 @@ fn saturated_balls_and_backgrounds() {
         let look = json!({"background_grey": background, "ball_grey": ball, "shading": shading});
         let found = Clip::of(&with(scene(680), "look", look)).measured();
         assert_true(&found, 2, &format!("ball {ball} before {background}"));
+    }
+}
+
+/// By 1.7: the ball's lit side is cut off at white, or the wall is.
+#[test]
+fn an_overexposed_ball_or_wall_makes_the_radius_unsure() {
+    let radius_px = 12.0;
+    for (background, ball, shading, outwards, what) in [
+        (40, 200, 0.4, Some(1.0), "ball"),
+        (120, 170, 0.4, None, "ball whose dark side is like the wall"),
+        (200, 40, 0.3, Some(-1.0), "wall"),
+    ] {
+        let look = json!({
+            "background_grey": background, "ball_grey": ball, "shading": shading, "texture_grey": 3.0
+        });
+        let exposed = Clip::of(&with(of_radius(scene(690), radius_px), "look", look));
+        let well = exposed.measured();
+        assert!(!well.warns("overexposed"), "{what}: {:?}", well.warnings());
+        let found = exposed.changed(|_, frame, _| scaled(frame, 1.7)).measured();
+        assert_true(&found, 2, what);
+        assert!(found.warns("overexposed"), "{what}: {:?}", found.warnings());
+        let radius = |judged: &Judged| judged.found.as_ref().unwrap().track.radius_px.unwrap();
+        let (well, over) = (radius(&well), radius(&found));
+        let [well_std, over_std] = [well, over].map(|r| r.std_uncertainty.unwrap());
+        assert!(
+            (well.value - radius_px).abs() < 3.0 * well_std,
+            "{what}: {well:?}"
+        );
+        assert!(
+            (over.value - radius_px).abs() < 3.0 * over_std,
+            "{what}: {over:?}"
+        );
+        // The edge has moved by more than the usual uncertainty: the ball looks larger, before the wall smaller.
+        if let Some(outwards) = outwards {
+            let moved_px = outwards * (over.value - well.value);
+            assert!(moved_px > 2.0 * well_std, "{what}: {moved_px} px");
+        }
     }
 }
 

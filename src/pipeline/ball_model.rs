@@ -228,9 +228,13 @@ impl<'a> BallLesson<'a> {
         let behind = examples.iter().filter_map(|e| e.patch.background.first());
         let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
         let longest_exposure_s = tracked.flight.interval_s;
+        // A mixture of planes has no white of its own.
+        let decoded = pictures.decoded;
+        let luma_white = decoded.colour.is_none().then_some(decoded.info.luma_range.white);
+        let white_grey = luma_white.unwrap_or(u8::MAX);
         Some(Self {
             outlines,
-            estimation: settings.and_then(|s| Estimation::begun(examples, longest_exposure_s, s)),
+            estimation: settings.and_then(|s| Estimation::begun(examples, longest_exposure_s, white_grey, s)),
             behind_grey,
             shadowed: pictures.shadow.map_or(0.0, AttachedShadow::part_of_contrast),
         })

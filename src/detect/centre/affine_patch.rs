@@ -152,7 +152,7 @@ mod tests {
                 magnification: balls[i].1,
             })
             .collect();
-        let ball = Estimation::begun(frames, 0.01, &standard::METHOD.appearance)
+        let ball = Estimation::begun(frames, 0.01, 255, &standard::METHOD.appearance)
             .and_then(|begun| begun.by(RadiusSource::Fitted))
             .unwrap();
         assert!((ball.radius_px - radius_px).abs() < 0.05, "{}", ball.radius_px);

@@ -23,6 +23,7 @@ pub use parameters::{AppearanceFrame, AppearanceSettings};
 use super::ball::TERM_LEVELS;
 use super::disc::{Disc, bent_px};
 use super::edge_likelihood::{self, Appearance, NUISANCES, SIZE};
+use super::overexposure::Overexposure;
 use crate::numeric::robust::{STD_OF_MEDIAN, median};
 use joint_fit::{JointFit, UNKNOWN_SHIFT_STD_PX, gather_bands};
 use parameters::{FrameEstimate, LEAST_FRAMES, SharedParameters};
@@ -73,15 +74,18 @@ pub struct Estimation<'a> {
     nuisance_std: [f64; NUISANCES],
     /// The outlines' median radius, px.
     outline_px: f64,
+    /// What the recording means by white.
+    white_grey: u8,
 }
 
 impl<'a> Estimation<'a> {
-    /// Of the ball in all of `frames`; no shutter is open longer than `longest_exposure_s`. `None` where they have no one
-    /// appearance.
+    /// Of the ball in all of `frames`; no shutter is open longer than `longest_exposure_s`, and the recording means `white_grey` by white. `None`
+    /// where they have no one appearance.
     #[must_use]
     pub fn begun(
         frames: Vec<AppearanceFrame<'a>>,
         longest_exposure_s: f64,
+        white_grey: u8,
         settings: &AppearanceSettings,
     ) -> Option<Self> {
         if frames.len() < LEAST_FRAMES {
@@ -119,6 +123,7 @@ impl<'a> Estimation<'a> {
                 size_std_px.max(LOOSE_SIZE * outline_px),
             ],
             outline_px,
+            white_grey,
         })
     }
 
@@ -145,7 +150,7 @@ impl<'a> Estimation<'a> {
             radius_held: radius == RadiusSource::Outlines,
             ..self.start.clone()
         };
-        let mut best = None;
+        let mut best: Option<Appearance> = None;
         for round in 0..settings.rounds {
             let mut joint = JointFit::of_frames(&frames, &shared, settings)?;
             if round > 0 {
@@ -162,7 +167,21 @@ impl<'a> Estimation<'a> {
             shared.absorb(&mut frames, spread.median);
             best = Some(Appearance { nuisance_std, ..ball });
         }
-        best
+        let ball = best?;
+        let bands = gather_bands(&frames, &shared, settings);
+        let seen: Vec<_> = bands
+            .iter()
+            .map(|(frame, pixels)| (frame.disc_with(&shared), &pixels[..]))
+            .collect();
+        let overexposure = Overexposure::of(&seen, shared.blur_px, self.white_grey);
+        Some(Appearance {
+            shift_std_px: ball.shift_std_px.hypot(overexposure.shift_std_px()),
+            radius_std_px: ball
+                .radius_std_px
+                .map(|std| std.hypot(overexposure.radius_std_px())),
+            overexposure,
+            ..ball
+        })
     }
 }
 
@@ -181,6 +200,7 @@ fn appearance(joint: &JointFit, nuisance_std: [f64; NUISANCES], settings: &Appea
         terms: shared.terms.clone(),
         nuisance_std,
         residual_grey: joint.residual_std_grey,
+        overexposure: Overexposure::default(),
     }
 }
 

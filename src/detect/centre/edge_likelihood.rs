@@ -11,6 +11,7 @@
 
 use super::ball::{self, BandLimits, BandPixel, RadialTable, SweptBall, norm};
 use super::disc::{Centre, Disc};
+use super::overexposure::Overexposure;
 use super::patch::Patch;
 use crate::detect::noise::ROUNDING_STD_GREY;
 use crate::geometry::PixelPoint;
@@ -43,6 +44,8 @@ pub struct Appearance {
     pub nuisance_std: [f64; NUISANCES],
     /// Typical residual, grey levels.
     pub residual_grey: f64,
+    /// What overexposure hides.
+    pub overexposure: Overexposure,
 }
 
 impl Appearance {

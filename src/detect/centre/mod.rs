@@ -24,6 +24,7 @@ pub mod fast;
 pub mod fine;
 pub mod method;
 pub mod outline;
+pub mod overexposure;
 pub mod patch;
 mod shadow_disc;
 pub mod standard;

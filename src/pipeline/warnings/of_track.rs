@@ -2,6 +2,7 @@
 
 use super::warning;
 use crate::detect::centre::Accuracy;
+use crate::detect::centre::edge_likelihood::Appearance;
 use crate::flight::{Flight, OtherFlight};
 use crate::geometry::PlanePoint;
 use crate::pipeline::camera::CalibratedCamera;
@@ -84,6 +85,19 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
             "ball_lingers",
             "the ball covers one place in {:.0} % of the frames, so the empty scene behind it is not known for sure there: centres may be off by more than their uncertainties. Record the scene without the ball for as long as the flight lasts, before or after it.",
             100.0 * part
+        )
+    })
+}
+
+/// That the radius of a ball, or of its part before a white wall, is unsure mostly because pixels are white.
+pub fn overexposed(appearance: &Appearance) -> Option<Warning> {
+    let hidden_px = appearance.overexposure.radius_std_px();
+    let std_px = appearance.radius_std_px?;
+    (2.0 * hidden_px.powi(2) > std_px.powi(2)).then(|| {
+        warning!(
+            "overexposed",
+            "{:.0} % of the ball next to its outline, or of what is behind it there, is white: how bright it is cannot be seen, and so its edge may be elsewhere. The radius is unsure by {hidden_px:.2} px, and so is what is taken from it. Less light, a shorter exposure or another wall.",
+            100.0 * appearance.overexposure.white_part
         )
     })
 }
