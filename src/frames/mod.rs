@@ -114,10 +114,10 @@ impl Luma {
         &self.data[v * self.width..(v + 1) * self.width]
     }
 
-    /// The same at 1/`times` of its size, each pixel the mean of those that it replaces; `None` where it has fewer.
+    /// The same at 1/`times` of its size, each pixel the mean of those that it replaces; `None` where it is less than `times` (or nothing) pixels wide or high.
     #[must_use]
     pub fn reduced(&self, times: usize) -> Option<Self> {
-        let (width, height) = (self.width / times, self.height / times);
+        let (width, height) = (self.width.checked_div(times)?, self.height / times);
         let data = reduced_plane(&self.data, self.width, times, (width, height))?;
         Some(Self { width, height, data })
     }
@@ -164,10 +164,11 @@ impl Yuv420 {
         self.height.div_ceil(2)
     }
 
-    /// The same at 1/`times` of its size with even sides, each pixel the mean of those that it replaces; `None` where it has fewer.
+    /// The same at 1/`times` of its size with even sides, each pixel the mean of those that it replaces; `None` where it is less than 2 `times` (or nothing)
+    /// pixels wide or high.
     #[must_use]
     pub fn reduced(&self, times: usize) -> Option<Self> {
-        let half = (self.width / times / 2, self.height / times / 2);
+        let half = (self.width.checked_div(times)? / 2, self.height / times / 2);
         let (width, height) = (2 * half.0, 2 * half.1);
         Some(Self {
             width,

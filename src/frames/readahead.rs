@@ -21,8 +21,8 @@ const MOST: usize = 64;
 /// Runs a [`FrameSource`] in a thread of its own, so that decoding overlaps with the use of the frames.
 ///
 /// Frames and errors come in order. Dropping it stops the thread. Of pictures that memory has no room for several of
-/// ([`has_room_for_several`]) a frame is taken from the decoder only when it is asked for: who gives one back before asking for the next
-/// holds one.
+/// ([`has_room_for_several`]) a frame is taken from the decoder only when it is asked for: a caller that gives each frame back before it asks for
+/// the next holds one at a time.
 pub struct ReadAhead {
     info: SourceInfo,
     /// To ask for a frame; `None` where frames come as memory has room for them.

@@ -91,15 +91,16 @@ fn copy(
     draw: &mut dyn FnMut(usize, &mut Yuv420),
 ) -> Result<(), RecodeError> {
     let info = reader.info();
-    let times = drawn_smaller((info.width_px, info.height_px));
-    let [width, height] = [info.width_px, info.height_px].map(|side| (side / times) & !1);
+    let size_px = (info.width_px, info.height_px);
+    let times = drawn_smaller(size_px);
+    let [width, height] = [size_px.0, size_px.1].map(|side| (side / times) & !1);
+    let too_small = || RecodeError::TooSmall {
+        path: output.to_owned(),
+        width: size_px.0,
+        height: size_px.1,
+    };
     if width == 0 || height == 0 {
-        let (width, height) = (info.width_px, info.height_px);
-        return Err(RecodeError::TooSmall {
-            path: output.to_owned(),
-            width,
-            height,
-        });
+        return Err(too_small());
     }
     // Only a hint for rate control here: a nonsensical one must not stop the work.
     let rate_hz = info
@@ -124,7 +125,10 @@ fn copy(
         ..
     }) = reader.next()?
     {
-        let mut smaller = (times > 1).then(|| picture.reduced(times).expect("its sides were checked"));
+        let mut smaller = None;
+        if times > 1 {
+            smaller = Some(picture.reduced(times).ok_or_else(too_small)?);
+        }
         let drawn = match &mut smaller {
             Some(smaller) => smaller,
             None => {

@@ -4,7 +4,7 @@ use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Rect, Size};
 use opencv::imgproc;
 
 /// `width` by `height` means of squares of `times` pixels a side, from the first row and column of a plane of `columns` on; `None` where the plane
-/// has not as many pixels, or there are to be none.
+/// has not as many rows or columns, or there are to be none.
 pub(super) fn reduced_plane(
     plane: &[u8],
     columns: usize,

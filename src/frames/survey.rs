@@ -58,12 +58,16 @@ pub fn open_sparse_mixed(
     }
 }
 
-/// The same by a pass over all frames, where [`open_sparse_at_once`] found too few key frames.
+/// The same without a look at key frames, of which [`open_sparse_at_once`] found too few: by a pass over all frames of a video.
 ///
 /// # Errors
 /// As for [`open_sparse`].
 pub fn open_sparse_by_pass(path: &Path, at_most: usize) -> Result<Vec<Frame>, FrameError> {
-    all_frames(path, at_most, None)
+    if path.is_dir() {
+        open_sparse(path, at_most)
+    } else {
+        all_frames(path, at_most, None)
+    }
 }
 
 /// Frames spread over a recording, found without a pass over all of them.
@@ -71,16 +75,16 @@ pub fn open_sparse_by_pass(path: &Path, at_most: usize) -> Result<Vec<Frame>, Fr
 pub struct SparseFrames {
     /// The frames, in order.
     pub frames: Vec<Frame>,
-    /// Whether they are at least half as many as were asked for, or as may be held together.
+    /// Whether they are enough ([`Wanted::Enough`]), or all there are.
     pub are_enough: bool,
 }
 
 /// How many frames a look at key frames alone is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
-    /// Half as many as at most, or as may be held together.
+    /// At least half as many as are asked for, or as may be held together; three where that is less.
     Enough,
-    /// Three, if there are no more.
+    /// At least three.
     Few,
 }
 

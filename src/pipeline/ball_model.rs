@@ -228,7 +228,7 @@ impl<'a> BallLesson<'a> {
         let behind = examples.iter().filter_map(|e| e.patch.background.first());
         let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
         let longest_exposure_s = tracked.flight.interval_s;
-        // A mixture of planes has no white of its own.
+        // A mixture of planes keeps clear of the ends of its range: of it nothing is overexposed.
         let decoded = pictures.decoded;
         let luma_white = decoded.colour.is_none().then_some(decoded.info.luma_range.white);
         let white_grey = luma_white.unwrap_or(u8::MAX);

@@ -125,7 +125,12 @@ impl<'a> Scaled<'a> {
         };
         let known_px = known_m / (self.metres_per_unit.value * self.camera.ball_units_per_px());
         let scale = self.metres_per_unit.std_uncertainty.unwrap_or(0.0) / self.metres_per_unit.value;
-        let expected = seen.std_uncertainty.unwrap_or(0.0).hypot(scale * known_px);
+        // (Where ball or wall are white the edge is off on that side, too: that is no excuse.)
+        let appearance = self.ball.and_then(|ball| ball.appearance.as_ref());
+        let hidden_px = appearance.map_or(0.0, |a| a.overexposure.radius_std_px());
+        let std_px = seen.std_uncertainty.unwrap_or(0.0);
+        let own_px = (std_px.powi(2) - hidden_px.powi(2)).max(0.0).sqrt();
+        let expected = own_px.hypot(scale * known_px);
         0.5 * ((seen.value - known_px).abs() - 2.0 * expected).max(0.0)
     }
 }

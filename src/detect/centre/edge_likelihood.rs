@@ -44,7 +44,7 @@ pub struct Appearance {
     pub nuisance_std: [f64; NUISANCES],
     /// Typical residual, grey levels.
     pub residual_grey: f64,
-    /// What overexposure hides.
+    /// How much of it, or of the wall, is overexposed: the uncertainties above have that.
     pub overexposure: Overexposure,
 }
 

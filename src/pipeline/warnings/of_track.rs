@@ -5,6 +5,7 @@ use crate::detect::centre::Accuracy;
 use crate::detect::centre::edge_likelihood::Appearance;
 use crate::flight::{Flight, OtherFlight};
 use crate::geometry::PlanePoint;
+use crate::impact::error_budget::EDGE_STD_PX;
 use crate::pipeline::camera::CalibratedCamera;
 use crate::pipeline::decode::Decoded;
 use crate::pipeline::measurement::Warning;
@@ -89,15 +90,17 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
     })
 }
 
-/// That the radius of a ball, or of its part before a white wall, is unsure mostly because pixels are white.
+/// That a ball's radius is unsure because pixels next to its outline are white, more than for all other reasons.
 pub fn overexposed(appearance: &Appearance) -> Option<Warning> {
-    let hidden_px = appearance.overexposure.radius_std_px();
-    let std_px = appearance.radius_std_px?;
-    (2.0 * hidden_px.powi(2) > std_px.powi(2)).then(|| {
+    let white = &appearance.overexposure;
+    let hidden_px = white.radius_std_px();
+    let own_px2 = appearance.radius_std_px.map_or(0.0, |std| std.powi(2)) - hidden_px.powi(2);
+    (hidden_px.powi(2) > own_px2 + EDGE_STD_PX.powi(2)).then(|| {
         warning!(
             "overexposed",
-            "{:.0} % of the ball next to its outline, or of what is behind it there, is white: how bright it is cannot be seen, and so its edge may be elsewhere. The radius is unsure by {hidden_px:.2} px, and so is what is taken from it. Less light, a shorter exposure or another wall.",
-            100.0 * appearance.overexposure.white_part
+            "{:.0} % of the pixels next to the ball's outline, within it or beyond it, are white: how bright ball or wall are there cannot be seen, and so the edge may be elsewhere. The radius is unsure by {hidden_px:.2} px, places (x0) by {:.2} px, and so is what is taken from them; restitution and angles hardly are. Less light, a shorter exposure or another wall.",
+            100.0 * white.white_part,
+            white.shift_std_px()
         )
     })
 }
