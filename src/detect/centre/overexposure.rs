@@ -6,10 +6,10 @@
 //! frame least of all.) So centres are found as if white were the brightness itself, which repeats from frame to frame, and what is hidden is a
 //! standard uncertainty of the radius and of the shift that all centres share, in proportion to the blur.
 //!
-//! Assumed: a codec leaves half of what is cut off at white a little below it. A camera that goes on above what the file calls white (limited range,
-//! used beyond 235) has its ball taken for overexposed there, and a highlight that is cut off counts where it is among the pixels that are fitted: the
-//! uncertainties are larger than need be then. Not seen: one that goes no further than some
-//! level below white, a colour of which one channel alone is cut off, and a rim next to which no pixel is clear of the edge (a radius below two blurs).
+//! Assumed: a codec leaves half of what is cut off at white a little below it. The uncertainties are larger than need be where a camera goes on above
+//! what the file calls white (limited range, used beyond 235), and where a highlight is cut off among the pixels that are fitted. Not seen are a
+//! camera whose brightest pixels stay levels below white, a colour of which one channel alone is cut off, and a ball of a radius below two blurs, which
+//! has no pixel that is clear of the edge.
 
 use super::ball::{self, BandPixel, norm};
 use super::disc::Disc;
