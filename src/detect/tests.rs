@@ -4,7 +4,7 @@ use super::centre::appearance::{AppearanceFrame, AppearanceSettings, Estimation,
 use super::centre::edge_likelihood::{self, Appearance};
 use super::centre::{Accuracy, Centre, CentreInput, Disc, Patch, fine, outline, standard};
 use super::crop::Crop;
-use crate::frames::Luma;
+use crate::frames::{Luma, LumaRange};
 use crate::geometry::PixelPoint;
 use crate::test_noise::TestNoise;
 
@@ -164,7 +164,7 @@ impl CentreTrial {
                 magnification: 1.0,
             })
             .collect();
-        Estimation::begun(frames, 2.0 * EXPOSURE_S, 255, settings)
+        Estimation::begun(frames, 2.0 * EXPOSURE_S, LumaRange::FULL, settings)
             .and_then(|begun| begun.by(RadiusSource::Fitted))
             .expect("an appearance")
     }

@@ -234,6 +234,9 @@ pub struct LumaRange {
 }
 
 impl LumaRange {
+    /// All that eight bits hold.
+    pub const FULL: Self = Self { black: 0, white: 255 };
+
     /// A picture with black..white stretched to 0..=255, for people.
     #[must_use]
     pub fn stretched(self, luma: &Luma) -> Luma {

@@ -183,7 +183,7 @@ impl Pixels for Yuv420 {
 pub(super) fn luma_range(picture: &Picture) -> LumaRange {
     // What swscale converts comes out in full range; the rest is copied.
     if picture.kind() == PictureKind::Other || picture.is_full_range() {
-        LumaRange { black: 0, white: 255 }
+        LumaRange::FULL
     } else {
         LumaRange {
             black: 16,

@@ -193,7 +193,7 @@ mod tests {
                 height_px: 4096,
                 nominal_rate_hz: None,
                 frames_expected: None,
-                luma_range: LumaRange { black: 0, white: 255 },
+                luma_range: LumaRange::FULL,
                 codec: String::new(),
                 has_time_base: true,
                 time_resolution_s: None,

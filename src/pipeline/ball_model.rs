@@ -12,6 +12,7 @@ use crate::detect::centre::attached_shadow::{AttachedShadow, ShadowView};
 use crate::detect::centre::edge_likelihood::Appearance;
 use crate::detect::centre::{Accuracy, Disc, Patch, ball};
 use crate::flight::Flight;
+use crate::frames::LumaRange;
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::{
     EDGE_STD_PX, FADED_STD_PX, LASTING_PART, LEARNED_COMMON_STD_PX, OUTLINE_COMMON_STD_PX,
@@ -33,8 +34,11 @@ const READOUT_ROUNDS: usize = 6;
 /// What all frames share.
 #[derive(Debug, Clone)]
 pub struct BallModel {
-    /// The usual ball's radius, px: where the optical axis meets the calibrated plane ([`Silhouettes`]).
+    /// The usual ball's radius, px: where the optical axis meets the calibrated plane ([`Silhouettes`]). Its uncertainty is without what overexposure
+    /// hides ([`BallModel::hidden_px`]).
     pub radius_px: Quantity,
+    /// The radius of the edge that its grey levels have, px, which a camera's tone curve puts elsewhere: what centres are found with.
+    pub edge_px: f64,
     /// The radius that first outlines have, px: of a ball of few pixels it is larger.
     pub outline_px: f64,
     /// What it looks like; `None` where that is not asked for or could not be learned: then its outline has to do.
@@ -50,6 +54,12 @@ impl BallModel {
     /// How long the shutter is open, s; 0 where its smear cannot be seen.
     pub fn exposure_s(&self) -> f64 {
         self.appearance.as_ref().map_or(0.0, |a| a.exposure_s)
+    }
+
+    /// Standard uncertainty of the radius by what overexposure hides, px.
+    pub fn hidden_px(&self) -> f64 {
+        let appearance = self.appearance.as_ref();
+        appearance.map_or(0.0, |a| a.overexposure.radius_std_px())
     }
 }
 
@@ -230,11 +240,11 @@ impl<'a> BallLesson<'a> {
         let longest_exposure_s = tracked.flight.interval_s;
         // A mixture of planes keeps clear of the ends of its range: of it nothing is overexposed.
         let decoded = pictures.decoded;
-        let luma_white = decoded.colour.is_none().then_some(decoded.info.luma_range.white);
-        let white_grey = luma_white.unwrap_or(u8::MAX);
+        let of_luma = decoded.colour.is_none().then_some(decoded.info.luma_range);
+        let luma_range = of_luma.unwrap_or(LumaRange::FULL);
         Some(Self {
             outlines,
-            estimation: settings.and_then(|s| Estimation::begun(examples, longest_exposure_s, white_grey, s)),
+            estimation: settings.and_then(|s| Estimation::begun(examples, longest_exposure_s, luma_range, s)),
             behind_grey,
             shadowed: pictures.shadow.map_or(0.0, AttachedShadow::part_of_contrast),
         })
@@ -244,11 +254,12 @@ impl<'a> BallLesson<'a> {
     pub fn ball(&self, appearance: Option<RadiusSource>) -> Option<BallModel> {
         let appearance = appearance.and_then(|radius| self.estimation.as_ref()?.by(radius));
         let radius_px = match &appearance {
-            Some(a) => Quantity::new(a.radius_px, a.radius_std_px.unwrap_or(f64::NAN))?,
+            Some(a) => a.size_px()?,
             None => self.outlines,
         };
         Some(BallModel {
             radius_px,
+            edge_px: appearance.as_ref().map_or(radius_px.value, |a| a.radius_px),
             outline_px: self.outlines.value,
             faded: appearance
                 .as_ref()
@@ -384,6 +395,9 @@ pub fn radius_px(
         Quantity::undetermined(median(&mut radii)?)
     };
     let radius = ball.map(|b| b.radius_px).or_else(outlines)?;
-    let std = radius.std_uncertainty.map_or(f64::NAN, |s| s.hypot(EDGE_STD_PX));
-    Quantity::new(radius.value, std)
+    Some(
+        radius
+            .with_more_std(EDGE_STD_PX)
+            .with_more_std(ball.map_or(0.0, BallModel::hidden_px)),
+    )
 }

@@ -282,8 +282,7 @@ impl Refinement<'_> {
         let flown: Vec<usize> = flight.used_points().map(|p| p.spot.frame).collect();
         let warnings = [
             of_track::not_learned(self.accuracy, method),
-            ball.as_ref()
-                .and_then(|b| of_track::overexposed(b.appearance.as_ref()?)),
+            ball.as_ref().and_then(of_track::overexposed),
             of_track::light(self.decoded, &flown),
             of_track::lingering(flight, self.decoded.stamps_s.len()),
             of_track::others(&tracked.others, self.camera),

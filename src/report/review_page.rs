@@ -348,7 +348,7 @@ mod tests {
         LookedThrough {
             width_px: 200,
             height_px: 100,
-            luma_range: LumaRange { black: 0, white: 255 },
+            luma_range: LumaRange::FULL,
             luma_shares: (0.299, 0.114),
             times_s: (0..10).map(|f| f as f64 / 100.0).collect(),
             things: (0..10).filter(|f| *f != 4).map(thing).collect(),

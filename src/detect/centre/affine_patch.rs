@@ -152,9 +152,14 @@ mod tests {
                 magnification: balls[i].1,
             })
             .collect();
-        let ball = Estimation::begun(frames, 0.01, 255, &standard::METHOD.appearance)
-            .and_then(|begun| begun.by(RadiusSource::Fitted))
-            .unwrap();
+        let ball = Estimation::begun(
+            frames,
+            0.01,
+            crate::frames::LumaRange::FULL,
+            &standard::METHOD.appearance,
+        )
+        .and_then(|begun| begun.by(RadiusSource::Fitted))
+        .unwrap();
         assert!((ball.radius_px - radius_px).abs() < 0.05, "{}", ball.radius_px);
         let mut squares = 0.0;
         for (i, &(at, m)) in balls.iter().enumerate() {

@@ -12,11 +12,14 @@
 //! centres (by up to 0.03 px of balls of R 4 to 10 px): the shift is as uncertain as the choice of terms leaves it, and as places on the ball that are
 //! off by the same in all frames do.
 //!
+//! Centres are found as if grey levels were proportional to light. The ball's radius is not: see [`tone_curve`].
+//!
 //! Assumed: one rigid ball that looks alike in all frames up to the nuisance parameters, before a known background. A ball
 //! that does not has no estimate, or one whose tilt of the light is free.
 
 mod joint_fit;
 mod parameters;
+mod tone_curve;
 
 pub use parameters::{AppearanceFrame, AppearanceSettings};
 
@@ -24,10 +27,13 @@ use super::ball::TERM_LEVELS;
 use super::disc::{Disc, bent_px};
 use super::edge_likelihood::{self, Appearance, NUISANCES, SIZE};
 use super::overexposure::Overexposure;
+use crate::frames::LumaRange;
 use crate::numeric::robust::{STD_OF_MEDIAN, median};
-use joint_fit::{JointFit, UNKNOWN_SHIFT_STD_PX, gather_bands};
+use crate::quantity::Quantity;
+use joint_fit::{FrameBand, JointFit, UNKNOWN_SHIFT_STD_PX, gather_bands};
 use parameters::{FrameEstimate, LEAST_FRAMES, SharedParameters};
 use rayon::prelude::*;
+use tone_curve::ToneCurve;
 
 /// Where the ball's radius comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +55,9 @@ const LONGEST_EXPOSURE: f64 = 1.1;
 
 /// Exposures that the search for a sweep starts from, as parts of the time from frame to frame.
 const SWEEPS_TRIED: [f64; 4] = [0.08, 0.25, 0.6, 1.0];
+
+/// Frames that tell a tone curve, about.
+const TONE_FRAMES: usize = 12;
 
 /// A first guess of the blur, px: a lens in focus and the pixel's own square.
 const USUAL_BLUR_PX: f64 = 0.9;
@@ -74,18 +83,17 @@ pub struct Estimation<'a> {
     nuisance_std: [f64; NUISANCES],
     /// The outlines' median radius, px.
     outline_px: f64,
-    /// What the recording means by white.
-    white_grey: u8,
+    /// What the recording means by black and white.
+    luma_range: LumaRange,
 }
 
 impl<'a> Estimation<'a> {
-    /// Of the ball in all of `frames`; no shutter is open longer than `longest_exposure_s`, and the recording means `white_grey` by white. `None`
-    /// where they have no one appearance.
+    /// Of the ball in all of `frames`; no shutter is open longer than `longest_exposure_s`. `None` where they have no one appearance.
     #[must_use]
     pub fn begun(
         frames: Vec<AppearanceFrame<'a>>,
         longest_exposure_s: f64,
-        white_grey: u8,
+        luma_range: LumaRange,
         settings: &AppearanceSettings,
     ) -> Option<Self> {
         if frames.len() < LEAST_FRAMES {
@@ -107,6 +115,7 @@ impl<'a> Estimation<'a> {
             exposure_s: 0.0,
             longest_exposure_s: LONGEST_EXPOSURE * longest_exposure_s,
             terms: vec![0.0; TERM_LEVELS[1]],
+            tone: None,
         };
         let start = {
             let frames: Vec<FrameEstimate> = frames.iter().map(FrameEstimate::new).collect();
@@ -123,22 +132,29 @@ impl<'a> Estimation<'a> {
                 size_std_px.max(LOOSE_SIZE * outline_px),
             ],
             outline_px,
-            white_grey,
+            luma_range,
         })
     }
 
     /// The appearance, with the radius from there where that is possible.
     #[must_use]
     pub fn by(&self, radius: RadiusSource) -> Option<Appearance> {
+        let fitted = || self.ended(RadiusSource::Fitted);
+        let fitted = (radius == RadiusSource::Fitted).then(fitted).flatten();
+        let off_px = |a: &Appearance| (a.radius_px - self.outline_px).abs();
         // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
         // its radius is then the better one.
-        let near = |a: &Appearance| {
-            let far_px = FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * self.outline_px);
-            (a.radius_px - self.outline_px).abs() < far_px
-        };
-        let fitted = || self.ended(RadiusSource::Fitted).filter(near);
-        let fitted = (radius == RadiusSource::Fitted).then(fitted).flatten();
-        fitted.or_else(|| self.ended(RadiusSource::Outlines))
+        let far_px = FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * self.outline_px);
+        match fitted {
+            Some(near) if off_px(&near) < far_px => Some(near),
+            far => self.ended(RadiusSource::Outlines).map(|held| Appearance {
+                // (Of a small, blurred ball it is the outline that is too wide: either may be.)
+                radius_std_px: held
+                    .radius_std_px
+                    .map(|std| std.hypot(far.as_ref().map_or(0.0, off_px) / std::f64::consts::SQRT_2)),
+                ..held
+            }),
+        }
     }
 
     /// The appearance with the radius from there.
@@ -173,15 +189,50 @@ impl<'a> Estimation<'a> {
             .iter()
             .map(|(frame, pixels)| (frame.disc_with(&shared), &pixels[..]))
             .collect();
-        let overexposure = Overexposure::of(&seen, shared.blur_px, self.white_grey);
+        let overexposure = Overexposure::of(&seen, shared.blur_px, self.luma_range.white);
         Some(Appearance {
             shift_std_px: ball.shift_std_px.hypot(overexposure.shift_std_px()),
-            radius_std_px: ball
-                .radius_std_px
-                .map(|std| std.hypot(overexposure.radius_std_px())),
+            larger_in_light_px: if shared.radius_held {
+                None
+            } else {
+                self.larger_in_light_px(&bands, &shared)
+            },
             overexposure,
             ..ball
         })
+    }
+
+    /// How much larger the ball is where ball and wall are mixed as light, px, under a tone curve as far as these pixels and what is known of cameras
+    /// tell it; `None` where they do not tell.
+    fn larger_in_light_px(&self, bands: &[FrameBand<'_>], by_grey: &SharedParameters) -> Option<Quantity> {
+        let first = bands.iter().filter_map(|(_, pixels)| pixels.first());
+        let wall_grey = median(&mut first.map(|p| p.background).collect::<Vec<_>>())?;
+        let black_grey = f64::from(self.luma_range.black);
+        // What limits this is not noise, which a few frames leave little enough of.
+        let step = bands.len().div_ceil(TONE_FRAMES);
+        let few: Vec<FrameBand<'_>> = bands.iter().step_by(step).cloned().collect();
+        let fit = |log_gamma: f64| {
+            let start = SharedParameters {
+                tone: Some(ToneCurve::new(
+                    log_gamma.exp(),
+                    &by_grey.terms,
+                    wall_grey,
+                    black_grey,
+                )),
+                ..by_grey.clone()
+            };
+            JointFit::of_pixels(&few, &start, &self.settings)
+        };
+        let [none, some, most] = tone_curve::LOG_GAMMAS.map(fit);
+        let fits = [none?, some?, most?];
+        let stds = fits.each_ref().map(|joint| joint.residual_std_grey);
+        let common = stds.into_iter().fold(f64::INFINITY, f64::min);
+        let larger_px = |joint: &JointFit| joint.shared.radius_px - fits[0].shared.radius_px;
+        tone_curve::by_tone(
+            fits.each_ref().map(|joint| joint.cost(common)),
+            fits.each_ref().map(larger_px),
+            few.len(),
+        )
     }
 }
 
@@ -193,6 +244,7 @@ fn appearance(joint: &JointFit, nuisance_std: [f64; NUISANCES], settings: &Appea
         radius_px: shared.radius_px,
         radius_fitted: !shared.radius_held,
         radius_std_px: joint.radius_std_px,
+        larger_in_light_px: None,
         shift_std_px: joint.shift_std_px,
         blur_px: shared.blur_px,
         exposure_s: shared.exposure_s,

@@ -17,18 +17,21 @@ use crate::detect::noise::ROUNDING_STD_GREY;
 use crate::geometry::PixelPoint;
 use crate::numeric::least_squares::{Damping, NormalEquations, Problem, Termination, Trial, minimise};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, tukey_weight};
+use crate::quantity::Quantity;
 use nalgebra::SVector;
 use std::borrow::Cow;
 
 /// What all frames of a recording have in common.
 #[derive(Debug, Clone)]
 pub struct Appearance {
-    /// Radius, px.
+    /// Radius of the edge that grey levels have, px: what centres are found with.
     pub radius_px: f64,
     /// Whether the pixels told it; else it is that of the outlines.
     pub radius_fitted: bool,
-    /// Standard uncertainty of the radius, px.
+    /// Its standard uncertainty, px.
     pub radius_std_px: Option<f64>,
+    /// How much larger the ball is, px: by the edge that light has, before the camera's tone curve. `None` where the pixels do not tell.
+    pub larger_in_light_px: Option<Quantity>,
     /// Standard uncertainty of a shift that all centres found with it share, root mean square of the two coordinates, px.
     pub shift_std_px: f64,
     /// Standard deviation of the edge's blur (optics and pixel together), px.
@@ -44,11 +47,28 @@ pub struct Appearance {
     pub nuisance_std: [f64; NUISANCES],
     /// Typical residual, grey levels.
     pub residual_grey: f64,
-    /// How much of it, or of the wall, is overexposed: the uncertainties above have that.
+    /// How much of it, or of the wall, is overexposed: the uncertainty of the shift has that, those of the radii have not.
     pub overexposure: Overexposure,
 }
 
+/// By this part of the blur a tone curve moves the edge of a ball, where the pixels do not tell by how much.
+const TONE_BLURS: f64 = 0.3;
+
 impl Appearance {
+    /// The ball's radius, px; `None` where there is no number.
+    #[must_use]
+    pub fn size_px(&self) -> Option<Quantity> {
+        let edge = Quantity::new(self.radius_px, self.radius_std_px.unwrap_or(f64::NAN))?;
+        let (larger_px, std_px) = self
+            .larger_in_light_px
+            .map_or((0.0, None), |by| (by.value, by.std_uncertainty));
+        let by_tone = Quantity {
+            value: edge.value + larger_px,
+            ..edge
+        };
+        Some(by_tone.with_more_std(std_px.unwrap_or(TONE_BLURS * self.blur_px)))
+    }
+
     /// The same ball nearer to the camera or farther from it, so that it is `times` as large.
     #[must_use]
     pub fn magnified(&self, times: f64, settings: &FitSettings) -> Cow<'_, Self> {

@@ -2,10 +2,10 @@
 
 use super::warning;
 use crate::detect::centre::Accuracy;
-use crate::detect::centre::edge_likelihood::Appearance;
 use crate::flight::{Flight, OtherFlight};
 use crate::geometry::PlanePoint;
 use crate::impact::error_budget::EDGE_STD_PX;
+use crate::pipeline::ball_model::BallModel;
 use crate::pipeline::camera::CalibratedCamera;
 use crate::pipeline::decode::Decoded;
 use crate::pipeline::measurement::Warning;
@@ -91,11 +91,11 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
 }
 
 /// That a ball's radius is unsure because pixels next to its outline are white, more than for all other reasons.
-pub fn overexposed(appearance: &Appearance) -> Option<Warning> {
-    let white = &appearance.overexposure;
-    let hidden_px = white.radius_std_px();
-    let own_px2 = appearance.radius_std_px.map_or(0.0, |std| std.powi(2)) - hidden_px.powi(2);
-    (hidden_px.powi(2) > own_px2 + EDGE_STD_PX.powi(2)).then(|| {
+pub fn overexposed(ball: &BallModel) -> Option<Warning> {
+    let white = &ball.appearance.as_ref()?.overexposure;
+    let hidden_px = ball.hidden_px();
+    let otherwise_px = ball.radius_px.std_uncertainty.unwrap_or(0.0).hypot(EDGE_STD_PX);
+    (hidden_px > otherwise_px).then(|| {
         warning!(
             "overexposed",
             "{:.0} % of the pixels next to the ball's outline, within it or beyond it, are white: how bright ball or wall are there cannot be seen, and so the edge may be elsewhere. The radius is unsure by {hidden_px:.2} px, places (x0) by {:.2} px, and so is what is taken from them; restitution and angles hardly are. Less light, a shorter exposure or another wall.",

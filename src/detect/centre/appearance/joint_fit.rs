@@ -1,10 +1,12 @@
-//! One fit of what all frames share: radius, blur, exposure, the terms of the light, and a shift of all centres.
+//! One fit of what all frames share: radius, blur, exposure, the terms of the light, and a shift of all centres; of grey levels, or of light where
+//! there is a tone curve ([`ToneCurve`]).
 //!
 //! Levenberg-Marquardt ([`least_squares`]) with Tukey's weights: in a small ball radius, blur and the light's fall towards the
 //! rim can hardly be told apart, and undamped steps ran away. Jᵀ W J is summed frame by frame, in the frames' order, so that
 //! every run gives the same sums.
 
 use super::parameters::{AppearanceSettings, FrameEstimate, LEAST_FRAMES, OUTLINE_STD_PX, SharedParameters};
+use super::tone_curve::ToneCurve;
 use crate::detect::centre::ball::{
     self, BandLimits, BandPixel, LinearisedTable, PixelModel, SweptBall, norm,
 };
@@ -363,14 +365,21 @@ fn by_class<T: Send>(bands: &[FrameBand<'_>], make: impl Fn(f64) -> T + Sync) ->
 }
 
 impl ProfileTables {
-    fn new(magnification: f64, shared: &SharedParameters, settings: &AppearanceSettings) -> Self {
+    /// Of what is mixed: of grey levels, or of `light`.
+    fn new(
+        magnification: f64,
+        shared: &SharedParameters,
+        light: Option<&Light>,
+        settings: &AppearanceSettings,
+    ) -> Self {
         let radius_px = magnification * shared.radius_px;
         // Slopes by radius and blur are the model's own, by differences.
         let step_px = 1e-3 * shared.radius_px.min(1.0);
         let inside_px = settings.fit.profiles_inside_px(radius_px, shared.blur_px);
+        let terms = light.map_or(&shared.terms, |light| &light.terms);
         Self {
             magnification,
-            table: LinearisedTable::new(radius_px, shared.blur_px, &shared.terms, inside_px, step_px),
+            table: LinearisedTable::new(radius_px, shared.blur_px, terms, inside_px, step_px),
         }
     }
 }
@@ -423,21 +432,63 @@ fn place_on_ball((x, y): (f64, f64), radius_px: f64, blur_px: f64) -> usize {
     ring * OCTANTS + octant
 }
 
-/// The model of one frame's pixels.
-struct FrameModel {
+/// The model of one frame's pixels: of grey levels, or of light where there is a tone curve.
+struct FrameModel<'a> {
     centre: PixelPoint,
     swept: SweptBall,
     strength: f64,
     tilt: [f64; 2],
+    /// What it is of, where it is of light.
+    light: Option<&'a Light>,
 }
 
-impl FrameModel {
-    fn new(frame: &FrameEstimate<'_>, parameters: &JointParameters, tables_magnification: f64) -> Self {
+/// A tone curve, and the ball's light under it.
+struct Light {
+    tone: ToneCurve,
+    terms: Vec<f64>,
+    /// By how much more light a grey level is at the ball's rim.
+    by_grey: f64,
+}
+
+impl Light {
+    fn of(shared: &SharedParameters) -> Option<Self> {
+        let tone = shared.tone?;
+        let (terms, by_grey) = tone.of_ball(&shared.terms);
+        Some(Self { tone, terms, by_grey })
+    }
+}
+
+/// What the model has of a pixel.
+struct ModelledPixel {
+    /// What the pixel has beyond it, grey levels.
+    residual: f64,
+    /// The wall behind the ball, in what is mixed.
+    wall: f64,
+    /// How the grey level changes with what is mixed.
+    slope: f64,
+}
+
+impl<'a> FrameModel<'a> {
+    fn new(
+        frame: &FrameEstimate<'_>,
+        parameters: &JointParameters,
+        tables_magnification: f64,
+        light: Option<&'a Light>,
+    ) -> Self {
         let shared = &parameters.shared;
         let mut disc = frame.disc_with(shared);
         disc.centre.u_px += parameters.shift[0];
         disc.centre.v_px += parameters.shift[1];
         let magnification = frame.input.magnification;
+        let (strength, tilt) = (
+            frame.input.gain + frame.nuisance[0],
+            [frame.nuisance[1], frame.nuisance[2]],
+        );
+        let of_light = |light: &Light| {
+            let strength = light.tone.strength(strength, &shared.terms);
+            (strength, tilt.map(|t| t * light.by_grey))
+        };
+        let (strength, tilt) = light.map_or((strength, tilt), of_light);
         Self {
             centre: disc.centre,
             swept: SweptBall {
@@ -447,15 +498,30 @@ impl FrameModel {
                 bent_px: disc.bent_px,
                 points: ball::path_points(disc.swept_px, shared.blur_px),
             },
-            strength: frame.input.gain + frame.nuisance[0],
-            tilt: [frame.nuisance[1], frame.nuisance[2]],
+            strength,
+            tilt,
+            light,
         }
     }
 
-    /// What pixel `p` has beyond its model, grey levels.
-    fn residual(&self, p: &BandPixel, l: &PixelModel) -> f64 {
+    /// Pixel `p`, of which the ball has this.
+    fn pixel(&self, p: &BandPixel, l: &PixelModel) -> ModelledPixel {
         let tilt = self.tilt[0] * l.dipole[0] + self.tilt[1] * l.dipole[1];
-        p.grey - (p.background * (1.0 - l.cover) + self.strength * l.ball + tilt)
+        let mixed = |wall: f64| wall * (1.0 - l.cover) + self.strength * l.ball + tilt;
+        let Some(Light { tone, .. }) = self.light else {
+            return ModelledPixel {
+                residual: p.grey - mixed(p.background),
+                wall: p.background,
+                slope: 1.0,
+            };
+        };
+        let wall = tone.light(p.background);
+        let (grey, slope) = tone.grey(mixed(wall));
+        ModelledPixel {
+            residual: p.grey - grey,
+            wall,
+            slope,
+        }
     }
 }
 
@@ -466,17 +532,19 @@ fn residuals(
     settings: &AppearanceSettings,
 ) -> Vec<f64> {
     let shared = &parameters.shared;
+    let light = Light::of(shared);
+    let terms = light.as_ref().map_or(&shared.terms, |light| &light.terms);
     let tables = by_class(bands, |times| {
         let profiles = settings.fit.profiles(times * shared.radius_px, shared.blur_px);
-        (times, profiles.of_ball(&shared.terms))
+        (times, profiles.of_ball(terms))
     });
     let of_band = |(frame, pixels): &FrameBand<'_>| -> Vec<f64> {
         let Some((times, table)) = tables.get(&size_class(frame.input.magnification)) else {
             return Vec::new();
         };
-        let model = FrameModel::new(frame, parameters, *times);
-        let light = |p| ball::pixel_model(table, &model.swept, ball::offset(model.centre, p));
-        pixels.iter().map(|p| model.residual(p, &light(p))).collect()
+        let model = FrameModel::new(frame, parameters, *times, light.as_ref());
+        let held = |p| ball::pixel_model(table, &model.swept, ball::offset(model.centre, p));
+        pixels.iter().map(|p| model.pixel(p, &held(p)).residual).collect()
     };
     let each: Vec<Vec<f64>> = bands.par_iter().map(of_band).collect();
     each.concat()
@@ -488,12 +556,13 @@ impl FrameEquations {
         pixels: &[BandPixel],
         parameters: &JointParameters,
         tables: &ProfileTables,
+        light: Option<&Light>,
         std_grey: f64,
     ) -> Self {
         let shared = &parameters.shared;
-        let model = FrameModel::new(frame, parameters, tables.magnification);
+        let model = FrameModel::new(frame, parameters, tables.magnification, light);
         let FrameModel { swept, strength, .. } = model;
-        let n = TERMS + shared.terms.len();
+        let n = TERMS + parameters.shared.terms.len();
         let mut sums = Self {
             normal: vec![0.0; n * n],
             right: vec![0.0; n],
@@ -506,25 +575,31 @@ impl FrameEquations {
             let at = ball::offset(model.centre, p);
             let linearised = ball::linearised_model(&tables.table, &swept, at);
             let l = &linearised.model;
-            let residual = model.residual(p, l);
+            let ModelledPixel {
+                residual,
+                wall,
+                slope,
+            } = model.pixel(p, l);
             sums.residuals.push(residual);
             let weight = tukey_weight(residual, cut);
             if weight == 0.0 {
                 continue;
             }
-            row[0] = p.background * l.cover_slope[0] - strength * l.ball_slope[0];
-            row[1] = p.background * l.cover_slope[1] - strength * l.ball_slope[1];
-            let by = |slope: [f64; 2]| strength * slope[1] - p.background * slope[0];
+            let mixed = |of_wall: f64, of_ball: f64| slope * (strength * of_ball - wall * of_wall);
+            row[0] = -mixed(l.cover_slope[0], l.ball_slope[0]);
+            row[1] = -mixed(l.cover_slope[1], l.ball_slope[1]);
+            let by = |[cover, ball]: [f64; 2]| mixed(cover, ball);
             // The whole ball is larger by the magnification, for a pixel of the usual one.
             row[RADIUS] = tables.magnification * by(linearised.by_radius);
             row[BLUR] = by(linearised.by_blur);
             row[EXPOSURE] = if shared.exposure_s > 0.0 {
-                (strength * l.lengthening[1] - p.background * l.lengthening[0]) / shared.exposure_s
+                by(l.lengthening) / shared.exposure_s
             } else {
                 0.0
             };
-            for (slope, by_term) in row[TERMS..].iter_mut().zip(linearised.by_term) {
-                *slope = strength * by_term;
+            let by_grey = light.map_or(1.0, |light| light.by_grey);
+            for (column, by_term) in row[TERMS..].iter_mut().zip(linearised.by_term) {
+                *column = slope * strength * by_grey * by_term;
             }
             sums.add(&row, weight, residual);
             let place = place_on_ball(at, swept.radius_px, shared.blur_px);
@@ -587,14 +662,18 @@ impl JointEquations {
         std_grey: f64,
     ) -> Self {
         let n = TERMS + parameters.shared.terms.len();
+        let light = Light::of(&parameters.shared);
         let tables = by_class(bands, |times| {
-            ProfileTables::new(times, &parameters.shared, settings)
+            ProfileTables::new(times, &parameters.shared, light.as_ref(), settings)
         });
         let frames: Vec<FrameEquations> = bands
             .par_iter()
             .filter_map(|(frame, pixels)| {
                 let tables = tables.get(&size_class(frame.input.magnification))?;
-                Some(FrameEquations::build(frame, pixels, parameters, tables, std_grey))
+                let light = light.as_ref();
+                Some(FrameEquations::build(
+                    frame, pixels, parameters, tables, light, std_grey,
+                ))
             })
             .collect();
         let mut normal = DMatrix::zeros(n, n);
@@ -745,6 +824,7 @@ mod tests {
             exposure_s: 0.0,
             longest_exposure_s: 0.01,
             terms: vec![0.0; 4],
+            tone: None,
         };
         let settings = &standard::METHOD.appearance;
         let bands = gather_bands(&frames, &start, settings);

@@ -1,5 +1,6 @@
 //! What the appearance is estimated from, and the parameters: those of each frame, and those that all frames share.
 
+use super::tone_curve::ToneCurve;
 use crate::detect::centre::ball::{DIPOLE, norm};
 use crate::detect::centre::disc::{Disc, bent_px};
 use crate::detect::centre::edge_likelihood::{FitSettings, NUISANCES, SIZE};
@@ -86,8 +87,10 @@ pub struct SharedParameters {
     pub exposure_s: f64,
     /// No shutter is open longer.
     pub longest_exposure_s: f64,
-    /// Of the ball's light, see [`super::super::ball`].
+    /// Of the ball's light, see [`super::super::ball`], grey levels.
     pub terms: Vec<f64>,
+    /// The curve that light is stored by, where that is fitted: then ball and wall are mixed as light, else as grey levels.
+    pub tone: Option<ToneCurve>,
 }
 
 impl SharedParameters {
