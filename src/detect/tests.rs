@@ -164,7 +164,7 @@ impl CentreTrial {
                 magnification: 1.0,
             })
             .collect();
-        Estimation::begun(frames, 2.0 * EXPOSURE_S, LumaRange::FULL, settings)
+        Estimation::begun(frames, 2.0 * EXPOSURE_S, Some(LumaRange::FULL), settings)
             .and_then(|begun| begun.by(RadiusSource::Fitted))
             .expect("an appearance")
     }

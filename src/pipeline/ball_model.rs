@@ -12,7 +12,6 @@ use crate::detect::centre::attached_shadow::{AttachedShadow, ShadowView};
 use crate::detect::centre::edge_likelihood::Appearance;
 use crate::detect::centre::{Accuracy, Disc, Patch, ball};
 use crate::flight::Flight;
-use crate::frames::LumaRange;
 use crate::geometry::{PixelPoint, PlanePoint};
 use crate::impact::error_budget::{
     EDGE_STD_PX, FADED_STD_PX, LASTING_PART, LEARNED_COMMON_STD_PX, OUTLINE_COMMON_STD_PX,
@@ -35,10 +34,8 @@ const READOUT_ROUNDS: usize = 6;
 #[derive(Debug, Clone)]
 pub struct BallModel {
     /// The usual ball's radius, px: where the optical axis meets the calibrated plane ([`Silhouettes`]). Its uncertainty is without what overexposure
-    /// hides ([`BallModel::hidden_px`]).
+    /// hides ([`BallModel::hidden_std_px`]).
     pub radius_px: Quantity,
-    /// The radius of the edge that its grey levels have, px, which a camera's tone curve puts elsewhere: what centres are found with.
-    pub edge_px: f64,
     /// The radius that first outlines have, px: of a ball of few pixels it is larger.
     pub outline_px: f64,
     /// What it looks like; `None` where that is not asked for or could not be learned: then its outline has to do.
@@ -56,8 +53,14 @@ impl BallModel {
         self.appearance.as_ref().map_or(0.0, |a| a.exposure_s)
     }
 
+    /// The radius of the edge that its grey levels have, px, which a camera's tone curve puts elsewhere: what centres are found with.
+    pub fn edge_radius_px(&self) -> f64 {
+        let appearance = self.appearance.as_ref();
+        appearance.map_or(self.outline_px, |a| a.radius_px)
+    }
+
     /// Standard uncertainty of the radius by what overexposure hides, px.
-    pub fn hidden_px(&self) -> f64 {
+    pub fn hidden_std_px(&self) -> f64 {
         let appearance = self.appearance.as_ref();
         appearance.map_or(0.0, |a| a.overexposure.radius_std_px())
     }
@@ -238,10 +241,8 @@ impl<'a> BallLesson<'a> {
         let behind = examples.iter().filter_map(|e| e.patch.background.first());
         let behind_grey = median(&mut behind.map(|&b| f64::from(b)).collect::<Vec<_>>());
         let longest_exposure_s = tracked.flight.interval_s;
-        // A mixture of planes keeps clear of the ends of its range: of it nothing is overexposed.
         let decoded = pictures.decoded;
-        let of_luma = decoded.colour.is_none().then_some(decoded.info.luma_range);
-        let luma_range = of_luma.unwrap_or(LumaRange::FULL);
+        let luma_range = decoded.colour.is_none().then_some(decoded.info.luma_range);
         Some(Self {
             outlines,
             estimation: settings.and_then(|s| Estimation::begun(examples, longest_exposure_s, luma_range, s)),
@@ -254,12 +255,11 @@ impl<'a> BallLesson<'a> {
     pub fn ball(&self, appearance: Option<RadiusSource>) -> Option<BallModel> {
         let appearance = appearance.and_then(|radius| self.estimation.as_ref()?.by(radius));
         let radius_px = match &appearance {
-            Some(a) => a.size_px()?,
+            Some(a) => a.ball_radius_px()?,
             None => self.outlines,
         };
         Some(BallModel {
             radius_px,
-            edge_px: appearance.as_ref().map_or(radius_px.value, |a| a.radius_px),
             outline_px: self.outlines.value,
             faded: appearance
                 .as_ref()
@@ -398,6 +398,6 @@ pub fn radius_px(
     Some(
         radius
             .with_more_std(EDGE_STD_PX)
-            .with_more_std(ball.map_or(0.0, BallModel::hidden_px)),
+            .with_more_std(ball.map_or(0.0, BallModel::hidden_std_px)),
     )
 }

@@ -92,7 +92,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
     let tracked = &refined.tracked;
     let flight = &tracked.flight;
     let radius = match &refined.ball {
-        Some(ball) => ball.radius_px.with_more_std(ball.hidden_px()),
+        Some(ball) => ball.radius_px.with_more_std(ball.hidden_std_px()),
         None => return Vec::new(),
     };
     let radius_px = radius.value;
@@ -351,7 +351,10 @@ impl FlightPictures<'_> {
         let back = self.pictures.stretch(s, &disc, velocity)?.try_inverse()?;
         let black = f64::from(self.decoded.info.luma_range.black);
         let sweep_px = disc.swept_px[0].hypot(disc.swept_px[1]);
-        let inside = 1.0 - (CLEAR_BLURS * self.blur_px + CLEAR_PX + 0.5 * sweep_px) / disc.radius_px;
+        // (The disc's is the radius of the edge that grey levels have.)
+        let ball = self.refined.ball.as_ref()?;
+        let radius_px = disc.radius_px * ball.radius_px.value / ball.edge_radius_px();
+        let inside = 1.0 - (CLEAR_BLURS * self.blur_px + CLEAR_PX + 0.5 * sweep_px) / radius_px;
         let n = self.block;
         let reach = disc.radius_px * 1.5 + n as f64;
         let from = |centre: f64, corner: usize| ((centre - reach - corner as f64).floor().max(0.0)) as usize;
@@ -370,7 +373,7 @@ impl FlightPictures<'_> {
                     (crop.u + column) as f64 + middle - u,
                     (crop.v + row) as f64 + middle - v,
                 );
-                let place = back * off / disc.radius_px;
+                let place = back * off / radius_px;
                 if place.norm() > inside {
                     continue;
                 }

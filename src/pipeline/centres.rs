@@ -90,7 +90,7 @@ impl BallSearch<'_> {
                 let centre = first.map_or(s.blob.centroid, |c| c.disc.centre);
                 let start = Disc {
                     centre,
-                    radius_px: self.ball.edge_px * self.pictures.size(s, centre),
+                    radius_px: self.ball.edge_radius_px() * self.pictures.size(s, centre),
                     swept_px: first.map_or([0.0; 2], |c| c.disc.swept_px),
                     bent_px: [0.0; 2],
                 };
@@ -104,7 +104,7 @@ impl BallSearch<'_> {
         let pictures = &self.pictures;
         let s = &pictures.decoded.sightings[id];
         let (t, there) = pictures.predicted(flight, s, t)?;
-        let radius_px = self.ball.edge_px * flight.magnification_at(t) * pictures.size(s, there);
+        let radius_px = self.ball.edge_radius_px() * flight.magnification_at(t) * pictures.size(s, there);
         // Near the prediction the first look's own centre is the better start; far from it, it is another thing.
         let gate = 0.5 * radius_px + 2.0;
         let first = s.centre.filter(|c| c.disc.centre.distance_px(there) < gate);
@@ -146,7 +146,7 @@ impl BallSearch<'_> {
             patch: &patch,
             start: round,
             appearance,
-            magnification: start.radius_px / self.ball.edge_px,
+            magnification: start.radius_px / self.ball.edge_radius_px(),
             gain: s.registration.gain,
             contrast_grey: s.blob.contrast_grey,
         })?;
@@ -163,7 +163,7 @@ impl BallSearch<'_> {
     /// The centre wherever around `start` the patch holds an outline of the ball's size.
     fn outlined(&self, id: usize, start: &Disc, velocity_px_s: [f64; 2]) -> Option<BallCentre> {
         let s = &self.pictures.decoded.sightings[id];
-        let outline_px = self.ball.outline_px * start.radius_px / self.ball.edge_px;
+        let outline_px = self.ball.outline_px * start.radius_px / self.ball.edge_radius_px();
         let found = outline::find(
             &self.pictures.patch(s, start, velocity_px_s),
             start.centre,

@@ -200,7 +200,7 @@ impl Refinement<'_> {
                 }
                 // A ball of a few pixels may be too blurred for its edge to be fitted: its outline has to do. A larger thing
                 // without the outline of a ball is no ball.
-                flight if ball.radius_px.value > SMALL_BALL_PX && (flight.is_none() || kept < BALL_PART) => {
+                flight if ball.edge_radius_px() > SMALL_BALL_PX && (flight.is_none() || kept < BALL_PART) => {
                     let longest = first.flight.points.len();
                     let found = Err(NoFlight::NothingFalls { longest });
                     return Attempt { radius_fitted, found };

@@ -155,7 +155,7 @@ mod tests {
         let ball = Estimation::begun(
             frames,
             0.01,
-            crate::frames::LumaRange::FULL,
+            Some(crate::frames::LumaRange::FULL),
             &standard::METHOD.appearance,
         )
         .and_then(|begun| begun.by(RadiusSource::Fitted))

@@ -12,7 +12,8 @@
 //! centres (by up to 0.03 px of balls of R 4 to 10 px): the shift is as uncertain as the choice of terms leaves it, and as places on the ball that are
 //! off by the same in all frames do.
 //!
-//! Centres are found as if grey levels were proportional to light. The ball's radius is not: see [`tone_curve`].
+//! Centres are found as if grey levels were proportional to light. By how much the ball's radius is another where they are not is estimated beside that
+//! (`tone_curve`).
 //!
 //! Assumed: one rigid ball that looks alike in all frames up to the nuisance parameters, before a known background. A ball
 //! that does not has no estimate, or one whose tilt of the light is free.
@@ -83,8 +84,8 @@ pub struct Estimation<'a> {
     nuisance_std: [f64; NUISANCES],
     /// The outlines' median radius, px.
     outline_px: f64,
-    /// What the recording means by black and white.
-    luma_range: LumaRange,
+    /// What the recording means by black and white; `None` where pixels are no grey levels of light.
+    luma_range: Option<LumaRange>,
 }
 
 impl<'a> Estimation<'a> {
@@ -93,7 +94,7 @@ impl<'a> Estimation<'a> {
     pub fn begun(
         frames: Vec<AppearanceFrame<'a>>,
         longest_exposure_s: f64,
-        luma_range: LumaRange,
+        luma_range: Option<LumaRange>,
         settings: &AppearanceSettings,
     ) -> Option<Self> {
         if frames.len() < LEAST_FRAMES {
@@ -189,7 +190,9 @@ impl<'a> Estimation<'a> {
             .iter()
             .map(|(frame, pixels)| (frame.disc_with(&shared), &pixels[..]))
             .collect();
-        let overexposure = Overexposure::of(&seen, shared.blur_px, self.luma_range.white);
+        // A mixture of planes keeps clear of the ends of its range: of it nothing is overexposed.
+        let white_grey = self.luma_range.map_or(u8::MAX, |range| range.white);
+        let overexposure = Overexposure::of(&seen, shared.blur_px, white_grey);
         Some(Appearance {
             shift_std_px: ball.shift_std_px.hypot(overexposure.shift_std_px()),
             larger_in_light_px: if shared.radius_held {
@@ -205,20 +208,15 @@ impl<'a> Estimation<'a> {
     /// How much larger the ball is where ball and wall are mixed as light, px, under a tone curve as far as these pixels and what is known of cameras
     /// tell it; `None` where they do not tell.
     fn larger_in_light_px(&self, bands: &[FrameBand<'_>], by_grey: &SharedParameters) -> Option<Quantity> {
-        let first = bands.iter().filter_map(|(_, pixels)| pixels.first());
-        let wall_grey = median(&mut first.map(|p| p.background).collect::<Vec<_>>())?;
-        let black_grey = f64::from(self.luma_range.black);
+        let range = self.luma_range?;
         // What limits this is not noise, which a few frames leave little enough of.
-        let step = bands.len().div_ceil(TONE_FRAMES);
+        let step = bands.len().div_ceil(TONE_FRAMES).max(1);
         let few: Vec<FrameBand<'_>> = bands.iter().step_by(step).cloned().collect();
         let fit = |log_gamma: f64| {
+            let tone = ToneCurve::new(log_gamma.exp(), range, &by_grey.terms);
             let start = SharedParameters {
-                tone: Some(ToneCurve::new(
-                    log_gamma.exp(),
-                    &by_grey.terms,
-                    wall_grey,
-                    black_grey,
-                )),
+                terms: tone.terms(&by_grey.terms),
+                tone: Some(tone),
                 ..by_grey.clone()
             };
             JointFit::of_pixels(&few, &start, &self.settings)

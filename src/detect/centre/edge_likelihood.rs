@@ -28,9 +28,10 @@ pub struct Appearance {
     pub radius_px: f64,
     /// Whether the pixels told it; else it is that of the outlines.
     pub radius_fitted: bool,
-    /// Its standard uncertainty, px.
+    /// Standard uncertainty of the radius, px.
     pub radius_std_px: Option<f64>,
-    /// How much larger the ball is, px: by the edge that light has, before the camera's tone curve. `None` where the pixels do not tell.
+    /// How much larger the ball is, px: by the edge that light has, before the camera's tone curve. `None` where the radius is not fitted, or the pixels
+    /// do not tell.
     pub larger_in_light_px: Option<Quantity>,
     /// Standard uncertainty of a shift that all centres found with it share, root mean square of the two coordinates, px.
     pub shift_std_px: f64,
@@ -51,13 +52,14 @@ pub struct Appearance {
     pub overexposure: Overexposure,
 }
 
-/// By this part of the blur a tone curve moves the edge of a ball, where the pixels do not tell by how much.
+/// By this part of the blur a tone curve moves the edge of a ball, where the pixels do not tell by how much. (Half a white ball before a dark wall with γ =
+/// 2.2, none with 1.)
 const TONE_BLURS: f64 = 0.3;
 
 impl Appearance {
     /// The ball's radius, px; `None` where there is no number.
     #[must_use]
-    pub fn size_px(&self) -> Option<Quantity> {
+    pub fn ball_radius_px(&self) -> Option<Quantity> {
         let edge = Quantity::new(self.radius_px, self.radius_std_px.unwrap_or(f64::NAN))?;
         let (larger_px, std_px) = self
             .larger_in_light_px

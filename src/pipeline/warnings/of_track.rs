@@ -93,7 +93,7 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
 /// That a ball's radius is unsure because pixels next to its outline are white, more than for all other reasons.
 pub fn overexposed(ball: &BallModel) -> Option<Warning> {
     let white = &ball.appearance.as_ref()?.overexposure;
-    let hidden_px = ball.hidden_px();
+    let hidden_px = ball.hidden_std_px();
     let otherwise_px = ball.radius_px.std_uncertainty.unwrap_or(0.0).hypot(EDGE_STD_PX);
     (hidden_px > otherwise_px).then(|| {
         warning!(

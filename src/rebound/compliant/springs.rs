@@ -136,7 +136,7 @@ pub fn in_steps(psi: &[f64], stiffness: f64, restitution: f64, steps: usize) -> 
 
 /// What does not depend on ψ₁, λ or e: springs and time steps.
 pub struct Line {
-    /// s² of each spring, from the middle outwards, four times: to make four of one takes longer than all that is done with them.
+    /// s² of each spring, from the middle outwards, for four lanes: making four of one in the inner loop costs more than the arithmetic.
     square: Vec<f64x4>,
     /// 15/8 of its width.
     width: Vec<f64x4>,

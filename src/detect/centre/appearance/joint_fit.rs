@@ -1,4 +1,4 @@
-//! One fit of what all frames share: radius, blur, exposure, the terms of the light, and a shift of all centres; of grey levels, or of light where
+//! One fit of what all frames share: radius, blur, exposure, the terms of the light, and a shift of all centres. Grey levels are mixed, or light where
 //! there is a tone curve ([`ToneCurve`]).
 //!
 //! Levenberg-Marquardt ([`least_squares`]) with Tukey's weights: in a small ball radius, blur and the light's fall towards the
@@ -365,21 +365,14 @@ fn by_class<T: Send>(bands: &[FrameBand<'_>], make: impl Fn(f64) -> T + Sync) ->
 }
 
 impl ProfileTables {
-    /// Of what is mixed: of grey levels, or of `light`.
-    fn new(
-        magnification: f64,
-        shared: &SharedParameters,
-        light: Option<&Light>,
-        settings: &AppearanceSettings,
-    ) -> Self {
+    fn new(magnification: f64, shared: &SharedParameters, settings: &AppearanceSettings) -> Self {
         let radius_px = magnification * shared.radius_px;
         // Slopes by radius and blur are the model's own, by differences.
         let step_px = 1e-3 * shared.radius_px.min(1.0);
         let inside_px = settings.fit.profiles_inside_px(radius_px, shared.blur_px);
-        let terms = light.map_or(&shared.terms, |light| &light.terms);
         Self {
             magnification,
-            table: LinearisedTable::new(radius_px, shared.blur_px, terms, inside_px, step_px),
+            table: LinearisedTable::new(radius_px, shared.blur_px, &shared.terms, inside_px, step_px),
         }
     }
 }
@@ -433,48 +426,26 @@ fn place_on_ball((x, y): (f64, f64), radius_px: f64, blur_px: f64) -> usize {
 }
 
 /// The model of one frame's pixels: of grey levels, or of light where there is a tone curve.
-struct FrameModel<'a> {
+struct FrameModel {
     centre: PixelPoint,
     swept: SweptBall,
     strength: f64,
     tilt: [f64; 2],
-    /// What it is of, where it is of light.
-    light: Option<&'a Light>,
-}
-
-/// A tone curve, and the ball's light under it.
-struct Light {
-    tone: ToneCurve,
-    terms: Vec<f64>,
-    /// By how much more light a grey level is at the ball's rim.
-    by_grey: f64,
-}
-
-impl Light {
-    fn of(shared: &SharedParameters) -> Option<Self> {
-        let tone = shared.tone?;
-        let (terms, by_grey) = tone.of_ball(&shared.terms);
-        Some(Self { tone, terms, by_grey })
-    }
+    tone: Option<ToneCurve>,
 }
 
 /// What the model has of a pixel.
 struct ModelledPixel {
     /// What the pixel has beyond it, grey levels.
     residual: f64,
-    /// The wall behind the ball, in what is mixed.
+    /// The wall behind the ball, grey level or light.
     wall: f64,
-    /// How the grey level changes with what is mixed.
+    /// How the grey level changes with what is mixed, grey level or light.
     slope: f64,
 }
 
-impl<'a> FrameModel<'a> {
-    fn new(
-        frame: &FrameEstimate<'_>,
-        parameters: &JointParameters,
-        tables_magnification: f64,
-        light: Option<&'a Light>,
-    ) -> Self {
+impl FrameModel {
+    fn new(frame: &FrameEstimate<'_>, parameters: &JointParameters, tables_magnification: f64) -> Self {
         let shared = &parameters.shared;
         let mut disc = frame.disc_with(shared);
         disc.centre.u_px += parameters.shift[0];
@@ -484,11 +455,8 @@ impl<'a> FrameModel<'a> {
             frame.input.gain + frame.nuisance[0],
             [frame.nuisance[1], frame.nuisance[2]],
         );
-        let of_light = |light: &Light| {
-            let strength = light.tone.strength(strength, &shared.terms);
-            (strength, tilt.map(|t| t * light.by_grey))
-        };
-        let (strength, tilt) = light.map_or((strength, tilt), of_light);
+        let of_light = |tone: ToneCurve| (tone.strength(strength), tilt.map(|t| tone.tilt(t)));
+        let (strength, tilt) = shared.tone.map_or((strength, tilt), of_light);
         Self {
             centre: disc.centre,
             swept: SweptBall {
@@ -500,7 +468,7 @@ impl<'a> FrameModel<'a> {
             },
             strength,
             tilt,
-            light,
+            tone: shared.tone,
         }
     }
 
@@ -508,7 +476,7 @@ impl<'a> FrameModel<'a> {
     fn pixel(&self, p: &BandPixel, l: &PixelModel) -> ModelledPixel {
         let tilt = self.tilt[0] * l.dipole[0] + self.tilt[1] * l.dipole[1];
         let mixed = |wall: f64| wall * (1.0 - l.cover) + self.strength * l.ball + tilt;
-        let Some(Light { tone, .. }) = self.light else {
+        let Some(tone) = self.tone else {
             return ModelledPixel {
                 residual: p.grey - mixed(p.background),
                 wall: p.background,
@@ -532,19 +500,20 @@ fn residuals(
     settings: &AppearanceSettings,
 ) -> Vec<f64> {
     let shared = &parameters.shared;
-    let light = Light::of(shared);
-    let terms = light.as_ref().map_or(&shared.terms, |light| &light.terms);
     let tables = by_class(bands, |times| {
         let profiles = settings.fit.profiles(times * shared.radius_px, shared.blur_px);
-        (times, profiles.of_ball(terms))
+        (times, profiles.of_ball(&shared.terms))
     });
     let of_band = |(frame, pixels): &FrameBand<'_>| -> Vec<f64> {
         let Some((times, table)) = tables.get(&size_class(frame.input.magnification)) else {
             return Vec::new();
         };
-        let model = FrameModel::new(frame, parameters, *times, light.as_ref());
-        let held = |p| ball::pixel_model(table, &model.swept, ball::offset(model.centre, p));
-        pixels.iter().map(|p| model.pixel(p, &held(p)).residual).collect()
+        let model = FrameModel::new(frame, parameters, *times);
+        let of_ball = |p| ball::pixel_model(table, &model.swept, ball::offset(model.centre, p));
+        pixels
+            .iter()
+            .map(|p| model.pixel(p, &of_ball(p)).residual)
+            .collect()
     };
     let each: Vec<Vec<f64>> = bands.par_iter().map(of_band).collect();
     each.concat()
@@ -556,13 +525,12 @@ impl FrameEquations {
         pixels: &[BandPixel],
         parameters: &JointParameters,
         tables: &ProfileTables,
-        light: Option<&Light>,
         std_grey: f64,
     ) -> Self {
         let shared = &parameters.shared;
-        let model = FrameModel::new(frame, parameters, tables.magnification, light);
+        let model = FrameModel::new(frame, parameters, tables.magnification);
         let FrameModel { swept, strength, .. } = model;
-        let n = TERMS + parameters.shared.terms.len();
+        let n = TERMS + shared.terms.len();
         let mut sums = Self {
             normal: vec![0.0; n * n],
             right: vec![0.0; n],
@@ -585,10 +553,10 @@ impl FrameEquations {
             if weight == 0.0 {
                 continue;
             }
-            let mixed = |of_wall: f64, of_ball: f64| slope * (strength * of_ball - wall * of_wall);
-            row[0] = -mixed(l.cover_slope[0], l.ball_slope[0]);
-            row[1] = -mixed(l.cover_slope[1], l.ball_slope[1]);
-            let by = |[cover, ball]: [f64; 2]| mixed(cover, ball);
+            let by = |[cover, ball]: [f64; 2]| slope * (strength * ball - wall * cover);
+            // The pixel's place in the ball moves against the centre.
+            row[0] = -by([l.cover_slope[0], l.ball_slope[0]]);
+            row[1] = -by([l.cover_slope[1], l.ball_slope[1]]);
             // The whole ball is larger by the magnification, for a pixel of the usual one.
             row[RADIUS] = tables.magnification * by(linearised.by_radius);
             row[BLUR] = by(linearised.by_blur);
@@ -597,9 +565,8 @@ impl FrameEquations {
             } else {
                 0.0
             };
-            let by_grey = light.map_or(1.0, |light| light.by_grey);
             for (column, by_term) in row[TERMS..].iter_mut().zip(linearised.by_term) {
-                *column = slope * strength * by_grey * by_term;
+                *column = by([0.0, by_term]);
             }
             sums.add(&row, weight, residual);
             let place = place_on_ball(at, swept.radius_px, shared.blur_px);
@@ -662,18 +629,14 @@ impl JointEquations {
         std_grey: f64,
     ) -> Self {
         let n = TERMS + parameters.shared.terms.len();
-        let light = Light::of(&parameters.shared);
         let tables = by_class(bands, |times| {
-            ProfileTables::new(times, &parameters.shared, light.as_ref(), settings)
+            ProfileTables::new(times, &parameters.shared, settings)
         });
         let frames: Vec<FrameEquations> = bands
             .par_iter()
             .filter_map(|(frame, pixels)| {
                 let tables = tables.get(&size_class(frame.input.magnification))?;
-                let light = light.as_ref();
-                Some(FrameEquations::build(
-                    frame, pixels, parameters, tables, light, std_grey,
-                ))
+                Some(FrameEquations::build(frame, pixels, parameters, tables, std_grey))
             })
             .collect();
         let mut normal = DMatrix::zeros(n, n);
@@ -784,6 +747,67 @@ mod tests {
                 height,
                 data: (0..width * height).map(pixel).collect(),
             },
+        }
+    }
+
+    #[test]
+    fn equations_are_the_slopes_of_the_squares_of_residuals_with_a_tone_curve_and_without() {
+        let crop = picture(PixelPoint::new(70.0, 69.0), 1.1);
+        let seen: Vec<AppearanceFrame<'_>> = (0..3)
+            .map(|i| AppearanceFrame {
+                patch: Patch {
+                    crop: &crop,
+                    background: vec![60.0; crop.luma.data.len()],
+                    noise_grey: 0.5,
+                    affine: None,
+                },
+                disc: Disc {
+                    centre: PixelPoint::new(70.3, 68.8),
+                    radius_px: RADIUS_PX,
+                    swept_px: [0.0; 2],
+                    bent_px: [0.0; 2],
+                },
+                velocity_px_s: [900.0, -400.0],
+                acceleration_px_s2: [0.0; 2],
+                gain: 1.0 + 0.02 * f64::from(i),
+                magnification: 1.0,
+            })
+            .collect();
+        let frames: Vec<FrameEstimate> = seen.iter().map(FrameEstimate::new).collect();
+        let grey = vec![150.0, 20.0, 30.0, -10.0];
+        let limited = crate::frames::LumaRange {
+            black: 16,
+            white: 235,
+        };
+        let tone = ToneCurve::new(2.2, limited, &grey);
+        let settings = &standard::METHOD.appearance;
+        for (tone, terms) in [(None, grey.clone()), (Some(tone), tone.terms(&grey))] {
+            let here = JointParameters::new(&SharedParameters {
+                radius_px: RADIUS_PX,
+                radius_held: false,
+                blur_px: 1.2,
+                exposure_s: 0.004,
+                longest_exposure_s: 0.01,
+                terms,
+                tone,
+            });
+            let bands = gather_bands(&frames, &here.shared, settings);
+            let squares =
+                |at: &JointParameters| -> f64 { residuals(&bands, at, settings).iter().map(|r| r * r).sum() };
+            let right = JointEquations::build(&bands, &here, settings, f64::INFINITY)
+                .sums
+                .right;
+            for unknown in 0..right.len() {
+                let step = if unknown == EXPOSURE { 1e-6 } else { 1e-3 };
+                let moved = |by: f64| {
+                    let mut change = DVector::zeros(right.len());
+                    change[unknown] = by;
+                    squares(&here.moved(&change, RADIUS_PX).unwrap())
+                };
+                let slope = (moved(step) - moved(-step)) / (2.0 * step);
+                let off = (slope + 2.0 * right[unknown]).abs() / slope.abs();
+                assert!(off < 0.01, "{tone:?} {unknown}: {slope} {}", right[unknown]);
+            }
         }
     }
 

@@ -87,9 +87,9 @@ pub struct SharedParameters {
     pub exposure_s: f64,
     /// No shutter is open longer.
     pub longest_exposure_s: f64,
-    /// Of the ball's light, see [`super::super::ball`], grey levels.
+    /// Of the ball's light, see [`super::super::ball`]: grey levels, or light where there is a tone curve.
     pub terms: Vec<f64>,
-    /// The curve that light is stored by, where that is fitted: then ball and wall are mixed as light, else as grey levels.
+    /// The curve that light is stored by: ball and wall are mixed as light then, else as grey levels.
     pub tone: Option<ToneCurve>,
 }
 
