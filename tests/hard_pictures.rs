@@ -110,6 +110,40 @@ fn saturated_balls_and_backgrounds() {
     }
 }
 
+/// Stored by the power 1/2.2 of light, which makes a bright ball look larger and a dark one smaller.
+#[test]
+fn a_tone_curve_is_in_the_radius_and_in_its_uncertainty() {
+    let radius_px = 12.0;
+    for (background, ball, what) in [
+        (40, 200, "bright ball"),
+        (0, 200, "bright ball before black"),
+        (200, 60, "dark ball"),
+    ] {
+        let look = json!({"background_grey": background, "ball_grey": ball, "shading": 0.3});
+        let straight = Clip::of(&with(of_radius(scene(695), radius_px), "look", look));
+        let as_it_is = straight.measured();
+        let curved = straight.changed(|_, frame, _| {
+            for grey in &mut frame.data {
+                *grey = (255.0 * (f64::from(*grey) / 255.0).powf(1.0 / 2.2)).round() as u8;
+            }
+        });
+        for (stored, found) in [
+            ("as light", as_it_is),
+            ("by a curve", curved.measured()),
+            ("by a curve and H.264", curved.coded_to(14)),
+        ] {
+            let radius = found.found.as_ref().unwrap().track.radius_px.unwrap();
+            let off_px = (radius.value - radius_px).abs();
+            println!("{what} {stored}: {radius:?}");
+            assert!(
+                off_px < 2.5 * radius.std_uncertainty.unwrap(),
+                "{what} {stored}: {radius:?}"
+            );
+            assert!(off_px < 0.25, "{what} {stored}: {radius:?}");
+        }
+    }
+}
+
 /// By 1.7: the ball's lit side is cut off at white, or the wall is.
 #[test]
 fn an_overexposed_ball_or_wall_makes_the_radius_unsure() {
