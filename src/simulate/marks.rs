@@ -145,19 +145,16 @@ impl BallMarks {
     /// the difference of two directions). `limit` is its [`edge_level`](Self::edge_level).
     pub(super) fn plain_albedo(&self, n: &Vector3<f64>, reach: f64, limit: f64) -> Option<f64> {
         let mark = |is_marked: bool| if is_marked { self.albedo } else { 1.0 };
-        // A difference of directions changes c·n by its own length at most.
         match &self.pattern {
             MarkPattern::Dots { directions, .. } => {
+                let edge = CircleEdge::new(limit, reach);
                 let mut marked = false;
                 for direction in directions {
-                    let level = direction.dot(n) - limit;
-                    if level.abs() <= reach {
-                        return None;
-                    }
-                    marked |= level > 0.0;
+                    marked |= edge.is_within(direction.dot(n))?;
                 }
                 Some(mark(marked))
             }
+            // A difference of directions changes c·n by its own length at most.
             MarkPattern::Lines { poles, .. } => {
                 let mut marked = false;
                 for pole in poles {
@@ -173,10 +170,9 @@ impl BallMarks {
                 let level = pole.dot(n);
                 (level.abs() > reach).then(|| mark(level > 0.0))
             }
-            MarkPattern::Seam { .. } => {
-                let level = nearest_of_seam(n) - limit;
-                (level.abs() > reach).then(|| mark(level > 0.0))
-            }
+            MarkPattern::Seam { .. } => CircleEdge::new(limit, reach)
+                .is_within(nearest_of_seam(n))
+                .map(mark),
             // A cell that is smaller than the picture's pixels is as good as its middle.
             MarkPattern::Picture(map) => (reach <= 2.0 * map.pixel_rad()).then(|| map.albedo(n)),
         }
@@ -204,7 +200,15 @@ impl BallMarks {
             }
             MarkPattern::Half { pole } => beyond(pole, 0.0),
             MarkPattern::Seam { .. } => {
-                share_above_zero(corners.each_ref().map(|n| nearest_of_seam(n) - limit))
+                let level = nearest_of_seam(&first);
+                match CircleEdge::new(limit, reach).is_within(level) {
+                    Some(is_marked) => f64::from(u8::from(is_marked)),
+                    None => {
+                        let [_, b, c, d] = corners;
+                        let others = [b, c, d].map(nearest_of_seam);
+                        share_above_zero([level, others[0], others[1], others[2]].map(|at| at - limit))
+                    }
+                }
             }
             MarkPattern::Picture(map) => return map.albedo(&corners.iter().sum()),
         };
@@ -221,6 +225,42 @@ impl BallMarks {
             }
             _ => (1.0 - self.albedo).abs(),
         }
+    }
+}
+
+/// An edge at one angle from a point (the middle of a dot, the nearest of a seam), for directions that stand for all within some reach
+/// of theirs: the cosines at which those are on one side of it.
+struct CircleEdge {
+    /// Above it all are within the edge.
+    within: f64,
+    /// Below it all are beyond it.
+    beyond: f64,
+}
+
+impl CircleEdge {
+    /// An edge at the angle with this cosine; `reach` is the length of the difference of two directions.
+    fn new(cosine: f64, reach: f64) -> Self {
+        // Of the angle between two directions with that difference.
+        let half = 0.5 * reach.min(2.0);
+        let reach_cosine = 1.0 - 2.0 * half * half;
+        let sines = 2.0 * half * (1.0 - half * half).sqrt() * (1.0 - cosine * cosine).max(0.0).sqrt();
+        Self {
+            within: if reach_cosine > cosine {
+                cosine * reach_cosine + sines
+            } else {
+                f64::INFINITY
+            },
+            beyond: if reach_cosine > -cosine {
+                cosine * reach_cosine - sines
+            } else {
+                f64::NEG_INFINITY
+            },
+        }
+    }
+
+    /// Whether a direction with this cosine, and all within the reach of it, are within the edge; `None` where some are and some are not.
+    fn is_within(&self, cosine: f64) -> Option<bool> {
+        (cosine > self.within || cosine < self.beyond).then_some(cosine > self.within)
     }
 }
 
@@ -341,6 +381,26 @@ mod tests {
         }
         assert_eq!(share_above_zero([1.0; 4]), 1.0);
         assert_eq!(share_above_zero([-1.0; 4]), 0.0);
+    }
+
+    #[test]
+    fn what_is_within_reach_of_an_edge_is_on_neither_side_of_it() {
+        for edge_deg in [4.0_f64, 20.0, 90.0, 120.0] {
+            for reach_deg in [0.5_f64, 10.0, 70.0] {
+                let reach = 2.0 * (0.5 * reach_deg.to_radians()).sin();
+                let edge = CircleEdge::new(edge_deg.to_radians().cos(), reach);
+                for tenth in 0..=1800 {
+                    let from_edge_deg = f64::from(tenth) / 10.0 - edge_deg;
+                    // (At the reach itself rounding decides.)
+                    if (from_edge_deg.abs() - reach_deg).abs() < 1e-6 {
+                        continue;
+                    }
+                    let found = edge.is_within((f64::from(tenth) / 10.0).to_radians().cos());
+                    let expected = (from_edge_deg.abs() > reach_deg).then_some(from_edge_deg < 0.0);
+                    assert_eq!(found, expected, "{edge_deg} {reach_deg} {tenth}");
+                }
+            }
+        }
     }
 
     #[test]
