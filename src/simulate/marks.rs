@@ -145,34 +145,24 @@ impl BallMarks {
     /// the difference of two directions). `limit` is its [`edge_level`](Self::edge_level).
     pub(super) fn plain_albedo(&self, n: &Vector3<f64>, reach: f64, limit: f64) -> Option<f64> {
         let mark = |is_marked: bool| if is_marked { self.albedo } else { 1.0 };
+        let edge = CircleEdge::new(limit, reach);
         match &self.pattern {
             MarkPattern::Dots { directions, .. } => {
-                let edge = CircleEdge::new(limit, reach);
                 let mut marked = false;
                 for direction in directions {
-                    marked |= edge.is_within(direction.dot(n))?;
+                    marked |= edge.is_above(direction.dot(n))?;
                 }
                 Some(mark(marked))
             }
-            // A difference of directions changes c·n by its own length at most.
             MarkPattern::Lines { poles, .. } => {
                 let mut marked = false;
                 for pole in poles {
-                    let level = limit - pole.dot(n).abs();
-                    if level.abs() <= reach {
-                        return None;
-                    }
-                    marked |= level > 0.0;
+                    marked |= !edge.is_above(pole.dot(n).abs())?;
                 }
                 Some(mark(marked))
             }
-            MarkPattern::Half { pole } => {
-                let level = pole.dot(n);
-                (level.abs() > reach).then(|| mark(level > 0.0))
-            }
-            MarkPattern::Seam { .. } => CircleEdge::new(limit, reach)
-                .is_within(nearest_of_seam(n))
-                .map(mark),
+            MarkPattern::Half { pole } => edge.is_above(pole.dot(n)).map(mark),
+            MarkPattern::Seam { .. } => edge.is_above(nearest_of_seam(n)).map(mark),
             // A cell that is smaller than the picture's pixels is as good as its middle.
             MarkPattern::Picture(map) => (reach <= 2.0 * map.pixel_rad()).then(|| map.albedo(n)),
         }
@@ -182,34 +172,30 @@ impl BallMarks {
     pub(super) fn mean_albedo(&self, corners: &SquareCorners, limit: f64) -> f64 {
         let first = corners[0];
         let reach = corners.iter().map(|n| (n - first).norm()).fold(0.0, f64::max);
-        // The share of the square in which c·n is above a limit.
-        let beyond = |c: &Vector3<f64>, limit: f64| {
-            let level = c.dot(&first) - limit;
-            if level.abs() > reach {
-                return if level > 0.0 { 1.0 } else { 0.0 };
-            }
-            share_above_zero(corners.each_ref().map(|n| c.dot(n) - limit))
-        };
-        let marked = match &self.pattern {
-            MarkPattern::Dots { directions, .. } => {
-                1.0 - directions.iter().map(|c| 1.0 - beyond(c, limit)).product::<f64>()
-            }
-            MarkPattern::Lines { poles, .. } => {
-                let free = |c| 1.0 - beyond(c, -limit) + beyond(c, limit);
-                1.0 - poles.iter().map(free).product::<f64>()
-            }
-            MarkPattern::Half { pole } => beyond(pole, 0.0),
-            MarkPattern::Seam { .. } => {
-                let level = nearest_of_seam(&first);
-                match CircleEdge::new(limit, reach).is_within(level) {
-                    Some(is_marked) => f64::from(u8::from(is_marked)),
-                    None => {
-                        let [_, b, c, d] = corners;
-                        let others = [b, c, d].map(nearest_of_seam);
-                        share_above_zero([level, others[0], others[1], others[2]].map(|at| at - limit))
-                    }
+        let edge = CircleEdge::new(limit, reach);
+        // The share of the square in which a direction's cosine is above the limit.
+        let share = |cosine: &dyn Fn(&Vector3<f64>) -> f64| {
+            let at_first = cosine(&first);
+            match edge.is_above(at_first) {
+                Some(is_above) => f64::from(u8::from(is_above)),
+                None => {
+                    let [_, b, c, d] = corners;
+                    let levels = [at_first, cosine(b), cosine(c), cosine(d)];
+                    share_above_zero(levels.map(|cosine| cosine - limit))
                 }
             }
+        };
+        let above = |c: &Vector3<f64>| share(&|n| c.dot(n));
+        let marked = match &self.pattern {
+            MarkPattern::Dots { directions, .. } => {
+                1.0 - directions.iter().map(|c| 1.0 - above(c)).product::<f64>()
+            }
+            MarkPattern::Lines { poles, .. } => {
+                let free = |pole: &Vector3<f64>| above(pole) + above(&-pole);
+                1.0 - poles.iter().map(free).product::<f64>()
+            }
+            MarkPattern::Half { pole } => above(pole),
+            MarkPattern::Seam { .. } => share(&nearest_of_seam),
             MarkPattern::Picture(map) => return map.albedo(&corners.iter().sum()),
         };
         1.0 + marked * (self.albedo - 1.0)
@@ -228,13 +214,13 @@ impl BallMarks {
     }
 }
 
-/// An edge at one angle from a point (the middle of a dot, the nearest of a seam), for directions that stand for all within some reach
-/// of theirs: the cosines at which those are on one side of it.
+/// An edge at one angle from a point (the middle of a dot, a pole, the nearest of the seam), for directions that stand for all within some
+/// reach of theirs: the cosines at which those are on one side of it.
 struct CircleEdge {
-    /// Above it all are within the edge.
-    within: f64,
-    /// Below it all are beyond it.
-    beyond: f64,
+    /// With a larger cosine all are nearer to the point than the edge is.
+    above: f64,
+    /// With a smaller one all are further from it.
+    below: f64,
 }
 
 impl CircleEdge {
@@ -245,12 +231,12 @@ impl CircleEdge {
         let reach_cosine = 1.0 - 2.0 * half * half;
         let sines = 2.0 * half * (1.0 - half * half).sqrt() * (1.0 - cosine * cosine).max(0.0).sqrt();
         Self {
-            within: if reach_cosine > cosine {
+            above: if reach_cosine > cosine {
                 cosine * reach_cosine + sines
             } else {
                 f64::INFINITY
             },
-            beyond: if reach_cosine > -cosine {
+            below: if reach_cosine > -cosine {
                 cosine * reach_cosine - sines
             } else {
                 f64::NEG_INFINITY
@@ -258,9 +244,10 @@ impl CircleEdge {
         }
     }
 
-    /// Whether a direction with this cosine, and all within the reach of it, are within the edge; `None` where some are and some are not.
-    fn is_within(&self, cosine: f64) -> Option<bool> {
-        (cosine > self.within || cosine < self.beyond).then_some(cosine > self.within)
+    /// Whether the cosine of a direction, and of all within the reach of it, is above that of the edge; `None` where some are and some are
+    /// not.
+    fn is_above(&self, cosine: f64) -> Option<bool> {
+        (cosine > self.above || cosine < self.below).then_some(cosine > self.above)
     }
 }
 
@@ -282,63 +269,71 @@ fn share_above_zero([a, b, c, d]: [f64; 4]) -> f64 {
     if middle > 0.0 { above } else { 1.0 - above }
 }
 
-/// Points of the seam: so many that between two of them the cosine to a direction is a parabola.
-const SEAM_POINTS: usize = 144;
-const SEAM_STEP: usize = 6;
 /// How far the seam leaves the great circles of which it is bent, as a share.
 const SEAM_BEND: f64 = 0.25;
 
-/// The curve (a cos t + b cos 3t, a sin t − b sin 3t, 2 √(ab) sin 2t) with a + b = 1 lies on the sphere and has the symmetry of a
-/// tennis ball's seam.
-fn seam_point(place: f64) -> Vector3<f64> {
-    let t = place * TAU / SEAM_POINTS as f64;
-    let (a, b) = (1.0 - SEAM_BEND, SEAM_BEND);
-    Vector3::new(
-        a * t.cos() + b * (3.0 * t).cos(),
-        a * t.sin() - b * (3.0 * t).sin(),
-        2.0 * (a * b).sqrt() * (2.0 * t).sin(),
-    )
+/// Points along a quarter of the seam: so many that between two of them the cosine to a direction is a parabola. A power of two.
+const QUARTER: usize = 64;
+
+/// A point of the seam, and which way it goes on there (of any length).
+#[derive(Clone, Copy)]
+struct SeamPoint {
+    at: Vector3<f64>,
+    onward: Vector3<f64>,
 }
 
-/// The points of the seam twice over, so that a stretch of it that goes over the end is one of them.
-static SEAM: LazyLock<Vec<Vector3<f64>>> = LazyLock::new(|| {
-    let twice = 0..2 * SEAM_POINTS + 2;
-    twice
-        .map(|place| seam_point((place % SEAM_POINTS) as f64))
-        .collect()
+/// The curve (a cos t + b cos 3t, a sin t − b sin 3t, 2 √(ab) sin 2t) with a + b = 1 lies on the sphere and has the symmetry of a
+/// tennis ball's seam: it is the same after half a turn about x, y or z, and mirrored where x and y change places.
+fn seam_point(t: f64) -> SeamPoint {
+    let (a, b) = (1.0 - SEAM_BEND, SEAM_BEND);
+    let across = 2.0 * (a * b).sqrt();
+    let ((s, c), (s3, c3), (s2, c2)) = (t.sin_cos(), (3.0 * t).sin_cos(), (2.0 * t).sin_cos());
+    SeamPoint {
+        at: Vector3::new(a * c + b * c3, a * s - b * s3, across * s2),
+        onward: Vector3::new(-a * s - 3.0 * b * s3, a * c - 3.0 * b * c3, 2.0 * across * c2),
+    }
+}
+
+/// The points of the quarter around t = 0, and one more at each end.
+static SEAM: LazyLock<[SeamPoint; QUARTER + 3]> = LazyLock::new(|| {
+    let half = 0.5 * QUARTER as f64;
+    std::array::from_fn(|i| seam_point((i as f64 - 1.0 - half) * 0.25 * TAU / QUARTER as f64))
 });
 
 /// Cosine of the angle between a direction and the nearest point of the seam.
 fn nearest_of_seam(n: &Vector3<f64>) -> f64 {
-    let seam = &SEAM[..];
-    // Near the seam its nearest point is near to the nearest of a few.
-    let (around, _) = nearest_point(seam, (0..SEAM_POINTS).step_by(SEAM_STEP), n);
-    let first = around + SEAM_POINTS - SEAM_STEP;
-    let (nearest, largest) = nearest_point(seam, first..=first + 2 * SEAM_STEP, n);
-    // The top of the parabola through it and its neighbours.
-    let (before, after) = (seam[nearest - 1].dot(n), seam[nearest + 1].dot(n));
-    let bend = 2.0 * largest - before - after;
+    // Of the directions that are alike by the seam's symmetry, that with x ≥ y ≥ 0 is nearest to the quarter around t = 0, and all along
+    // that there is one point from which the seam leads away both ways.
+    let z = if n.x.is_sign_negative() == n.y.is_sign_negative() {
+        n.z
+    } else {
+        -n.z
+    };
+    let (x, y) = (n.x.abs(), n.y.abs());
+    let alike = Vector3::new(x.max(y), x.min(y), z);
+    let seam = &*SEAM;
+    let mut before = 1;
+    let mut step = QUARTER / 2;
+    while step > 0 {
+        if seam[before + step].onward.dot(&alike) > 0.0 {
+            before += step;
+        }
+        step /= 2;
+    }
+    let cosine = |i: usize| seam[i].at.dot(&alike);
+    let (one, other) = (cosine(before), cosine(before + 1));
+    // The top of the parabola through the nearest of the points and its neighbours.
+    let (largest, smaller, beyond) = if one > other {
+        (one, other, cosine(before - 1))
+    } else {
+        (other, one, cosine(before + 2))
+    };
+    let bend = 2.0 * largest - smaller - beyond;
     if bend > 0.0 {
-        (largest + (after - before).powi(2) / (8.0 * bend)).min(1.0)
+        (largest + (smaller - beyond).powi(2) / (8.0 * bend)).min(1.0)
     } else {
         largest
     }
-}
-
-/// Which of the points at these places is the nearest to a direction, and the cosine between them.
-fn nearest_point(
-    seam: &[Vector3<f64>],
-    places: impl Iterator<Item = usize>,
-    n: &Vector3<f64>,
-) -> (usize, f64) {
-    let mut nearest = (0, -1.0);
-    for place in places {
-        let cosine = seam[place].dot(n);
-        if cosine > nearest.1 {
-            nearest = (place, cosine);
-        }
-    }
-    nearest
 }
 
 #[cfg(test)]
@@ -395,7 +390,7 @@ mod tests {
                     if (from_edge_deg.abs() - reach_deg).abs() < 1e-6 {
                         continue;
                     }
-                    let found = edge.is_within((f64::from(tenth) / 10.0).to_radians().cos());
+                    let found = edge.is_above((f64::from(tenth) / 10.0).to_radians().cos());
                     let expected = (from_edge_deg.abs() > reach_deg).then_some(from_edge_deg < 0.0);
                     assert_eq!(found, expected, "{edge_deg} {reach_deg} {tenth}");
                 }
@@ -405,13 +400,30 @@ mod tests {
 
     #[test]
     fn the_seam_lies_on_the_ball_and_is_near_to_itself() {
-        // Of a seam 10 degrees wide that moves an edge by 0.0002 rad at most.
-        for place in 0..SEAM_POINTS {
-            let between = seam_point(place as f64 + 0.5);
-            assert!((between.norm() - 1.0).abs() < 1e-14);
-            assert!(nearest_of_seam(&between) > 1.0 - 2e-5, "{place}");
+        // Of a seam 10 degrees wide that moves an edge by 0.0001 rad at most.
+        for place in 0..1000 {
+            let on_seam = seam_point(TAU * f64::from(place) / 1000.0).at;
+            assert!((on_seam.norm() - 1.0).abs() < 1e-14);
+            assert!(nearest_of_seam(&on_seam) > 1.0 - 8e-6, "{place}");
         }
         assert!(nearest_of_seam(&Vector3::z()) < 0.9);
+    }
+
+    #[test]
+    fn the_nearest_point_of_the_seam_is_that_of_all() {
+        let seam: Vec<_> = (0..4000)
+            .map(|i| seam_point(TAU * f64::from(i) / 4000.0).at)
+            .collect();
+        // Directions spread evenly over the sphere.
+        for i in 0..2000 {
+            let z = (f64::from(i) + 0.5) / 1000.0 - 1.0;
+            let (sin, cos) = (2.399_963 * f64::from(i)).sin_cos();
+            let around = (1.0 - z * z).sqrt();
+            let n = Vector3::new(around * cos, around * sin, z);
+            let nearest = seam.iter().map(|at| at.dot(&n)).fold(-1.0, f64::max);
+            let found = nearest_of_seam(&n);
+            assert!((found - nearest).abs() < 8e-6, "{n:?}: {found} {nearest}");
+        }
     }
 
     #[test]
