@@ -693,21 +693,27 @@ mod tests {
         depth: f64,
         width: f64,
         step_px: f64,
-        shift: impl Fn(usize) -> f64,
+        shift_px: impl Fn(usize) -> usize,
     ) -> Vec<Luma> {
+        const FRAMES: usize = 15;
+        const SIZE: (usize, usize) = (480, 360);
         let mut random = crate::test_noise::TestNoise(11);
-        (0..15)
+        let spare = (0..FRAMES).map(&shift_px).max().unwrap();
+        let wave = |u: f64, v: f64, k: f64| {
+            let (number, (sin, cos)) = (0.03 + 0.05 * k, (2.4 * k).sin_cos());
+            (number * (u * cos + v * sin) + k * k).sin()
+        };
+        let waves = |u, v| (1..=12).map(|k| wave(u, v, f64::from(k))).sum();
+        let columns = || (0..SIZE.0 + spare).map(|u| u as f64 - spare as f64);
+        let wall: Vec<f64> = (0..SIZE.1)
+            .flat_map(|v| columns().map(move |u| waves(u, v as f64)))
+            .collect();
+        (0..FRAMES)
             .map(|i| {
-                let (middle, moved) = (60.0 + step_px * i as f64, shift(i));
-                Luma::from_fn(480, 360, |u, v| {
+                let (middle, left) = (60.0 + step_px * i as f64, spare - shift_px(i));
+                Luma::from_fn(SIZE.0, SIZE.1, |u, v| {
+                    let waves = wall[v * (SIZE.0 + spare) + left + u];
                     let (u, v) = (u as f64, v as f64);
-                    let waves: f64 = (1..=12)
-                        .map(|k| {
-                            let (k, turn) = (f64::from(k), 2.4 * f64::from(k));
-                            let number = 0.03 + 0.05 * k;
-                            (number * ((u - moved) * turn.cos() + v * turn.sin()) + k * k).sin()
-                        })
-                        .sum();
                     let away = ((u - middle) * 0.9 + (v - 180.0) * 0.4) / width;
                     let light = 1.0 - depth * (-0.5 * away * away).exp();
                     let grey = light * (90.0 + texture_grey * waves / 2.4) + 2.0 * random.normal();
@@ -726,7 +732,7 @@ mod tests {
                 (0.5, 150.0, 40.0),
                 (0.7, 60.0, 8.0),
             ] {
-                let survey = shaded(texture_grey, depth, width, step_px, |_| 0.0);
+                let survey = shaded(texture_grey, depth, width, step_px, |_| 0);
                 let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
                 assert!(
                     background.registrar.fixed,
@@ -735,7 +741,7 @@ mod tests {
             }
             // A camera that drifts by 14 px, with and without one.
             for depth in [0.0, 0.4] {
-                let survey = shaded(texture_grey, depth, 90.0, 25.0, |i| i as f64);
+                let survey = shaded(texture_grey, depth, 90.0, 25.0, |i| i);
                 let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
                 assert!(!background.registrar.fixed, "{texture_grey} {depth}: drifts");
             }
