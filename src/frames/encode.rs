@@ -525,6 +525,7 @@ fn settings<'a>(
         },
     };
     let small = |n: u32| i32::try_from(n).unwrap_or(i32::MAX);
+    let shared_pictures = options.effort.shares_pictures().then_some("sliced-threads=1");
     let (codec, container, format, gop, b_frames, codec_options) = match options.coding {
         Coding::H264 { crf, gop, b_frames } => (
             "libx264",
@@ -532,19 +533,19 @@ fn settings<'a>(
             PixelFormat::Yuv420,
             small(gop),
             small(b_frames),
-            vec![
-                ("preset", options.effort.preset().to_owned()),
-                ("crf", (f64::from(crf) + options.effort.more_crf()).to_string()),
+            [
+                ("preset", options.effort.preset()),
+                ("crf", &(f64::from(crf) + options.effort.more_crf()).to_string()),
                 // x264's output depends on the number of threads, so that is not left to the machine.
-                ("threads", "2".to_owned()),
-                (
-                    "x264-params",
-                    format!("sliced-threads={}", u8::from(options.effort.shares_pictures())),
-                ),
-                ("b_strategy", "0".to_owned()),
-                ("sc_threshold", "0".to_owned()),
-                ("rc-lookahead", "0".to_owned()),
-            ],
+                ("threads", "2"),
+                ("b_strategy", "0"),
+                ("sc_threshold", "0"),
+                ("rc-lookahead", "0"),
+            ]
+            .into_iter()
+            .chain(shared_pictures.map(|share| ("x264-params", share)))
+            .map(|(k, v)| (k, v.to_owned()))
+            .collect(),
         ),
         Coding::Lossless | Coding::LosslessColour => (
             "ffv1",

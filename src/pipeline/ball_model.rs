@@ -259,7 +259,7 @@ impl<'a> BallLesson<'a> {
             None => self.outlines,
         };
         Some(BallModel {
-            radius_px,
+            radius_px: radius_px.with_more_std(EDGE_STD_PX),
             outline_px: self.outlines.value,
             faded: appearance
                 .as_ref()
@@ -394,10 +394,6 @@ pub fn radius_px(
         let mut radii: Vec<f64> = tracked.centres.iter().map(usual).collect();
         Quantity::undetermined(median(&mut radii)?)
     };
-    let radius = ball.map(|b| b.radius_px).or_else(outlines)?;
-    Some(
-        radius
-            .with_more_std(EDGE_STD_PX)
-            .with_more_std(ball.map_or(0.0, BallModel::hidden_std_px)),
-    )
+    let of_model = |ball: &BallModel| ball.radius_px.with_more_std(ball.hidden_std_px());
+    ball.map(of_model).or_else(outlines)
 }

@@ -6,9 +6,7 @@ use super::camera::CalibratedCamera;
 use super::refine::Refined;
 use crate::calibration::CalibrationError;
 use crate::flight::Flight;
-use crate::impact::error_budget::{
-    CHROMA_COMMON_PART, CHROMA_PLACES_PART, EDGE_STD_PX, LASTING_PART, PLACES_STD_PX,
-};
+use crate::impact::error_budget::{CHROMA_COMMON_PART, CHROMA_PLACES_PART, LASTING_PART, PLACES_STD_PX};
 use crate::impact::from_flight::ImagingErrors;
 use crate::impact::motion::MeasuredMotion;
 use crate::impact::seen_spin::SeenSpin;
@@ -128,9 +126,7 @@ impl<'a> Scaled<'a> {
         let known_px = known_m / (self.metres_per_unit.value * self.camera.ball_units_per_px());
         let scale = self.metres_per_unit.std_uncertainty.unwrap_or(0.0) / self.metres_per_unit.value;
         // (Where ball or wall are white the edge is off on that side, too: what that hides is no excuse.)
-        let own = self
-            .ball
-            .map_or(seen, |ball| ball.radius_px.with_more_std(EDGE_STD_PX));
+        let own = self.ball.map_or(seen, |ball| ball.radius_px);
         let expected = own.std_uncertainty.unwrap_or(0.0).hypot(scale * known_px);
         0.5 * ((seen.value - known_px).abs() - 2.0 * expected).max(0.0)
     }

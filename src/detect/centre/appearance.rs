@@ -140,26 +140,29 @@ impl<'a> Estimation<'a> {
     /// The appearance, with the radius from there where that is possible.
     #[must_use]
     pub fn by(&self, radius: RadiusSource) -> Option<Appearance> {
-        let fitted = || self.ended(RadiusSource::Fitted);
+        let fitted = || self.fitted(RadiusSource::Fitted);
         let fitted = (radius == RadiusSource::Fitted).then(fitted).flatten();
-        let off_px = |a: &Appearance| (a.radius_px - self.outline_px).abs();
+        let off_px = |fit: &BallFit<'_>| (fit.ball.radius_px - self.outline_px).abs();
         // A small, shaded ball in noise may also be taken for a smaller one with a dim rim. The outline speaks against that;
         // its radius is then the better one.
         let far_px = FAR_FROM_OUTLINE_PX.max(FAR_FROM_OUTLINE * self.outline_px);
         match fitted {
-            Some(near) if off_px(&near) < far_px => Some(near),
-            far => self.ended(RadiusSource::Outlines).map(|held| Appearance {
-                // (Of a small, blurred ball it is the outline that is too wide: either may be.)
-                radius_std_px: held
-                    .radius_std_px
-                    .map(|std| std.hypot(far.as_ref().map_or(0.0, off_px) / std::f64::consts::SQRT_2)),
-                ..held
+            Some(near) if off_px(&near) < far_px => Some(self.with_light(near)),
+            far => self.fitted(RadiusSource::Outlines).map(|held| {
+                let held = self.with_light(held);
+                Appearance {
+                    // (Of a small, blurred ball it is the outline that is too wide: either may be.)
+                    radius_std_px: held
+                        .radius_std_px
+                        .map(|std| std.hypot(far.as_ref().map_or(0.0, off_px) / std::f64::consts::SQRT_2)),
+                    ..held
+                }
             }),
         }
     }
 
-    /// The appearance with the radius from there.
-    fn ended(&self, radius: RadiusSource) -> Option<Appearance> {
+    /// The appearance with the radius from there, as if grey levels were light.
+    fn fitted(&self, radius: RadiusSource) -> Option<BallFit<'_>> {
         let settings = &self.settings;
         let mut nuisance_std = self.nuisance_std;
         let mut frames: Vec<FrameEstimate> = self.frames.iter().map(FrameEstimate::new).collect();
@@ -184,8 +187,13 @@ impl<'a> Estimation<'a> {
             shared.absorb(&mut frames, spread.median);
             best = Some(Appearance { nuisance_std, ..ball });
         }
-        let ball = best?;
-        let bands = gather_bands(&frames, &shared, settings);
+        best.map(|ball| BallFit { ball, frames, shared })
+    }
+
+    /// That appearance with what white and a tone curve do to it.
+    fn with_light(&self, fit: BallFit<'_>) -> Appearance {
+        let BallFit { ball, frames, shared } = fit;
+        let bands = gather_bands(&frames, &shared, &self.settings);
         let seen: Vec<_> = bands
             .iter()
             .map(|(frame, pixels)| (frame.disc_with(&shared), &pixels[..]))
@@ -193,7 +201,7 @@ impl<'a> Estimation<'a> {
         // A mixture of planes keeps clear of the ends of its range: of it nothing is overexposed.
         let white_grey = self.luma_range.map_or(u8::MAX, |range| range.white);
         let overexposure = Overexposure::of(&seen, shared.blur_px, white_grey);
-        Some(Appearance {
+        Appearance {
             shift_std_px: ball.shift_std_px.hypot(overexposure.shift_std_px()),
             larger_in_light_px: if shared.radius_held {
                 None
@@ -202,7 +210,7 @@ impl<'a> Estimation<'a> {
             },
             overexposure,
             ..ball
-        })
+        }
     }
 
     /// How much larger the ball is where ball and wall are mixed as light, px, under a tone curve as far as these pixels and what is known of cameras
@@ -232,6 +240,13 @@ impl<'a> Estimation<'a> {
             few.len(),
         )
     }
+}
+
+/// An appearance with the frames as it was fitted to them.
+struct BallFit<'a> {
+    ball: Appearance,
+    frames: Vec<FrameEstimate<'a>>,
+    shared: SharedParameters,
 }
 
 /// The appearance that a joint fit found.

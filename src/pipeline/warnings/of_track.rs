@@ -4,7 +4,6 @@ use super::warning;
 use crate::detect::centre::Accuracy;
 use crate::flight::{Flight, OtherFlight};
 use crate::geometry::PlanePoint;
-use crate::impact::error_budget::EDGE_STD_PX;
 use crate::pipeline::ball_model::BallModel;
 use crate::pipeline::camera::CalibratedCamera;
 use crate::pipeline::decode::Decoded;
@@ -94,7 +93,7 @@ pub fn lingering(flight: &Flight, frames: usize) -> Option<Warning> {
 pub fn overexposed(ball: &BallModel) -> Option<Warning> {
     let white = &ball.appearance.as_ref()?.overexposure;
     let hidden_px = ball.hidden_std_px();
-    let otherwise_px = ball.radius_px.std_uncertainty.unwrap_or(0.0).hypot(EDGE_STD_PX);
+    let otherwise_px = ball.radius_px.std_uncertainty.unwrap_or(0.0);
     (hidden_px > otherwise_px).then(|| {
         warning!(
             "overexposed",
