@@ -279,11 +279,15 @@ impl LagProducts {
             found = self.scored(around, &lags, self.some);
         }
         let all: Vec<usize> = (1..=longest).collect();
-        let mut found = self.scored(found.into_iter().map(|(v, _)| v).collect(), &all, self.cells());
+        let by_all = |some: Vec<(Vector3<f64>, f64)>| {
+            let vectors = some.into_iter().map(|(v, _)| v).collect();
+            self.scored(vectors, &all, self.cells())
+        };
+        let mut found = by_all(varied(found, 0.9 * step, FOLLOWED, FOLLOWED_OF_PEAK));
         let others = found.first().into_iter().flat_map(|(v, _)| other_axes(v));
         let mut others = self.scored(others.collect(), &spread(longest), self.some);
         others.truncate(FOLLOWED);
-        found.extend(self.scored(others.into_iter().map(|(v, _)| v).collect(), &all, self.cells()));
+        found.extend(by_all(others));
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         varied(found, PEAK / longest as f64, most, MOST_OF_PEAK)
             .into_iter()
