@@ -59,6 +59,11 @@ impl BallModel {
         appearance.map_or(self.outline_px, |a| a.radius_px)
     }
 
+    /// The usual ball's radius with all that it is unsure by, px.
+    pub fn whole_radius_px(&self) -> Quantity {
+        self.radius_px.with_more_std(self.hidden_std_px())
+    }
+
     /// Standard uncertainty of the radius by what overexposure hides, px.
     pub fn hidden_std_px(&self) -> f64 {
         let appearance = self.appearance.as_ref();
@@ -394,6 +399,5 @@ pub fn radius_px(
         let mut radii: Vec<f64> = tracked.centres.iter().map(usual).collect();
         Quantity::undetermined(median(&mut radii)?)
     };
-    let of_model = |ball: &BallModel| ball.radius_px.with_more_std(ball.hidden_std_px());
-    ball.map(of_model).or_else(outlines)
+    ball.map(BallModel::whole_radius_px).or_else(outlines)
 }

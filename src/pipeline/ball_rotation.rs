@@ -92,7 +92,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
     let tracked = &refined.tracked;
     let flight = &tracked.flight;
     let radius = match &refined.ball {
-        Some(ball) => ball.radius_px.with_more_std(ball.hidden_std_px()),
+        Some(ball) => ball.whole_radius_px(),
         None => return Vec::new(),
     };
     let radius_px = radius.value;

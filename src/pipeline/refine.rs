@@ -173,7 +173,9 @@ impl Refinement<'_> {
             };
             radius_fitted |= ball.appearance.as_ref().is_some_and(|a| a.radius_fitted);
             let centres = self.search(&pictures, &ball, accuracy).along(&now.flight, known);
-            let scale = camera.metres_per_unit(&now.flight, Some(ball.radius_px)).ok();
+            let scale = camera
+                .metres_per_unit(&now.flight, Some(ball.whole_radius_px()))
+                .ok();
             let optics = camera.optics(scale);
             let model = camera.motion_model(Some(&now.flight), scale);
             let spots = spots_of(camera, clocked, &centres, optics);
