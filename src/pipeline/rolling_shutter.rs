@@ -7,10 +7,9 @@
 //! of all points are those of their rows, the ball is looked for once more with them, and the number's uncertainty is carried through to all results. What a camera moves by unseen
 //! ([`unseen_motion`]) is free beside it, since that, too, moves points on smooth ways that arcs do not follow. Where a flight was refused for its times, a few readouts are tried first.
 
-use super::ball_model;
 use super::camera::CalibratedCamera;
 use super::refine::Refined;
-use super::scaled;
+use super::scaled::{self, Scaled};
 use super::spots::with_id;
 use super::track::Tracked;
 use super::unseen_motion;
@@ -115,9 +114,8 @@ fn shown(camera: &CalibratedCamera<'_>, refined: &Refined, base: &TimeBase) -> O
 /// Odds of a scale that changes against one that does not, as a logarithm: it bends arcs much as a readout does.
 fn odds_of_scale_change(camera: &CalibratedCamera<'_>, refined: &Refined) -> Option<f64> {
     let open = opened(camera, refined);
-    let radius_px = ball_model::radius_px(camera, &refined.tracked, refined.ball.as_ref());
-    let metres_per_unit = camera.metres_per_unit(&open, radius_px).ok()?;
-    open.ln_odds_of_scale_change(&refined.tracked.first_look, &camera.facts(metres_per_unit))
+    let scaled = Scaled::new(camera, refined, &open).ok()?;
+    open.ln_odds_of_scale_change(&refined.tracked.first_look, &camera.facts(scaled.metres_per_unit))
 }
 
 /// The flight with all that its fit may leave open, and without lift.
