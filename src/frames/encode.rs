@@ -31,7 +31,7 @@ pub enum Coding {
         /// B-frames between two reference frames, 0 to 16.
         b_frames: u32,
     },
-    /// FFV1, grey, 8 bits; for a `.mkv`, which keeps times to 1 ms (our own decoding restores the constant rate).
+    /// FFmpeg's variant of HuffYUV, grey, 8 bits; for a `.mkv`, which keeps times to 1 ms (our own decoding restores the constant rate).
     Lossless,
     /// The same in colour, 4:2:0.
     LosslessColour,
@@ -139,7 +139,7 @@ pub enum EncodeError {
     /// A size that cannot be coded.
     #[error(
         "cannot write {}: the picture is {width}x{height} px; accepted are 1 to {MAX_SIDE_PX} px a side{}",
-        path.display(), if *even { ", both even for H.264: crop or pad by a pixel, or write lossless (.mkv)" } else { "" }
+        path.display(), if *even { ", both even for H.264 and in colour: crop or pad by a pixel, or write lossless grey (.mkv)" } else { "" }
     )]
     Size {
         /// The file.
@@ -458,7 +458,7 @@ fn check_settings(
     height: usize,
     options: &VideoOptions,
 ) -> Result<(), EncodeError> {
-    let even = matches!(options.coding, Coding::H264 { .. });
+    let even = options.coding != Coding::Lossless;
     let sides = [width, height];
     if sides
         .iter()
@@ -548,7 +548,7 @@ fn settings<'a>(
             .collect(),
         ),
         Coding::Lossless | Coding::LosslessColour => (
-            "ffv1",
+            "ffvhuff",
             "matroska",
             if options.coding == Coding::Lossless {
                 PixelFormat::Gray8
@@ -557,15 +557,11 @@ fn settings<'a>(
             },
             1,
             0,
-            // Version 3 has checksums, which tell damage.
-            [
-                ("level", "3"),
-                ("slicecrc", "1"),
-                ("slices", "4"),
-                ("threads", "2"),
-            ]
-            .map(|(k, v)| (k, v.to_owned()))
-            .to_vec(),
+            // Each frame has its own table of codes. With noise of 2 grey levels files are 5 % larger than FFV1's, made in a tenth and read in a
+            // sixth of its time; without noise many times as large. No checksums tell damage.
+            [("pred", "left"), ("context", "1"), ("threads", "1")]
+                .map(|(k, v)| (k, v.to_owned()))
+                .to_vec(),
         ),
     };
     let mut container_options = Vec::new();

@@ -90,17 +90,20 @@ impl Backdrop {
             }
             grey
         };
-        let grey = pixels(scene)
-            .map(|p| {
-                let at = Vector2::new(p.u_px, p.v_px) - shift_px;
-                let seen = PixelPoint::new(at.x, at.y);
-                let texture: f64 = renderer.textures.iter().map(|t| t.apply().grey(seen)).sum();
-                (plain(at) + texture) as f32
-            })
-            .collect();
+        let (width, height) = (scene.camera.width_px, scene.camera.height_px);
+        let u_px: Vec<f64> = (0..width).map(|u| u as f64 - shift_px.x).collect();
+        let mut grey = Vec::with_capacity(width * height);
+        for v_px in (0..height).map(|v| v as f64 - shift_px.y) {
+            let mut texture = vec![0.0; width];
+            for pattern in &renderer.textures {
+                pattern.apply().add_to_row(&u_px, v_px, &mut texture);
+            }
+            let row = u_px.iter().zip(texture);
+            grey.extend(row.map(|(&u_px, texture)| (plain(Vector2::new(u_px, v_px)) + texture) as f32));
+        }
         Self {
-            width: scene.camera.width_px,
-            height: scene.camera.height_px,
+            width,
+            height,
             grey,
             floor_line,
         }

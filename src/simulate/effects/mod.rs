@@ -317,8 +317,8 @@ pub trait Surface: Send + Sync {
 
 /// What is behind the ball.
 pub trait BackdropPattern: Send + Sync {
-    /// Added to the plain grey at a point of the picture.
-    fn grey(&self, at: PixelPoint) -> f64;
+    /// Adds to the plain grey of a row of the picture at `v_px`, whose points lie at `u_px`, from left to right.
+    fn add_to_row(&self, u_px: &[f64], v_px: f64, row: &mut [f64]);
 }
 
 /// A ball at a moment, for what it does to the picture around itself.

@@ -1,7 +1,6 @@
 //! Texture of the background: value noise of four octaves (Perlin 1985), fixed in the picture.
 
 use super::{Action, BackdropPattern, Effect, EffectEstimate, Ideal};
-use crate::geometry::PixelPoint;
 use crate::simulate::scene::Scene;
 
 /// Texture of the background.
@@ -40,24 +39,66 @@ struct ValueNoise {
 }
 
 impl BackdropPattern for ValueNoise {
-    fn grey(&self, at: PixelPoint) -> f64 {
-        let sum: f64 = OCTAVES
-            .iter()
-            .zip(self.seed..)
-            .map(|((grain, weight), seed)| weight * octave(at.u_px / grain, at.v_px / grain, seed))
-            .sum();
-        self.amplitude * sum
+    fn add_to_row(&self, u_px: &[f64], v_px: f64, row: &mut [f64]) {
+        let mut sums = vec![0.0; u_px.len()];
+        for ((grain, weight), seed) in OCTAVES.iter().zip(self.seed..) {
+            let mut octave = OctaveRow::new(v_px / grain, seed);
+            for (sum, u_px) in sums.iter_mut().zip(u_px) {
+                *sum += weight * octave.value(u_px / grain);
+            }
+        }
+        for (grey, sum) in row.iter_mut().zip(sums) {
+            *grey += self.amplitude * sum;
+        }
     }
 }
 
-fn octave(x: f64, y: f64, seed: u64) -> f64 {
-    let (i, j) = (x.floor(), y.floor());
-    let smooth = |t: f64| t * t * (3.0 - 2.0 * t);
-    let (s, t) = (smooth(x - i), smooth(y - j));
-    let value = |di: i64, dj: i64| lattice(i as i64 + di, j as i64 + dj, seed);
-    let top = value(0, 0) * (1.0 - s) + value(1, 0) * s;
-    let bottom = value(0, 1) * (1.0 - s) + value(1, 1) * s;
-    top * (1.0 - t) + bottom * t
+/// One octave along a row, in grains.
+struct OctaveRow {
+    seed: u64,
+    /// Of the lattice's row above, and the weight of the one below.
+    above: i64,
+    below_weight: f64,
+    /// The column of the lattice to the left, and the values of the two to the left and to the right: above, below.
+    left: i64,
+    values: [[f64; 2]; 2],
+}
+
+impl OctaveRow {
+    fn new(y: f64, seed: u64) -> Self {
+        let (above, t) = whole_and_rest(y);
+        Self {
+            seed,
+            above,
+            below_weight: smooth(t),
+            // No picture goes so far.
+            left: i64::MIN,
+            values: [[0.0; 2]; 2],
+        }
+    }
+
+    fn value(&mut self, x: f64) -> f64 {
+        let (left, s) = whole_and_rest(x);
+        if left != self.left {
+            self.left = left;
+            self.values =
+                [0, 1].map(|column| [0, 1].map(|row| lattice(left + column, self.above + row, self.seed)));
+        }
+        let s = smooth(s);
+        let [top, bottom] = [0, 1].map(|row| self.values[0][row] * (1.0 - s) + self.values[1][row] * s);
+        top * (1.0 - self.below_weight) + bottom * self.below_weight
+    }
+}
+
+/// The whole number below `x`, and what is left. (`f64::floor` is a call where a processor is not known to have it.)
+fn whole_and_rest(x: f64) -> (i64, f64) {
+    let towards_zero = x as i64;
+    let whole = towards_zero - i64::from(towards_zero as f64 > x);
+    (whole, x - whole as f64)
+}
+
+fn smooth(t: f64) -> f64 {
+    t * t * (3.0 - 2.0 * t)
 }
 
 /// A value in −1..1 for each lattice point (the finaliser of SplitMix64: Steele, Lea, Flood 2014).
