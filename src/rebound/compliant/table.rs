@@ -210,8 +210,14 @@ fn column(by_stiffness: usize, by_loss: usize) -> &'static [f64] {
         let (lambda, e) = (log_stiffness(by_stiffness).exp(), restitution(by_loss));
         let marks = Marks::new(lambda, e);
         let psi: Vec<f64> = (0..NODES).map(|node| marks.node(node)).collect();
+        // Nodes between two marks that are one are one.
+        let mut apart = psi.clone();
+        apart.dedup();
         // Less than the interpolation's own error.
-        springs::rougher(&psi, lambda, e)
+        let e_x = springs::rougher(&apart, lambda, e);
+        let each = psi.chunk_by(|a, b| a == b).zip(e_x);
+        each.flat_map(|(same, e_x)| std::iter::repeat_n(e_x, same.len()))
+            .collect()
     })
 }
 
