@@ -144,6 +144,61 @@ fn a_tone_curve_is_in_the_radius_and_in_its_uncertainty() {
     }
 }
 
+/// The `frame` with `part` of what it differs by from one that is blurred by `std_px` more, as cameras sharpen pictures.
+fn sharpened(frame: &mut Luma, part: f64, std_px: f64) {
+    let reach = (3.5 * std_px).ceil() as isize;
+    let bell: Vec<f64> = (-reach..=reach)
+        .map(|i| (-0.5 * (i as f64 / std_px).powi(2)).exp())
+        .collect();
+    let all: f64 = bell.iter().sum();
+    let (width, height) = (frame.width, frame.height);
+    // Along columns by `step` 1, along rows by the width; the border goes on outside.
+    let blurred = |from: &[f64], along: usize, step: usize| -> Vec<f64> {
+        let at = |k: usize| {
+            let place = (k / step) % along;
+            let near = |i: isize| (place as isize + i).clamp(0, along as isize - 1) as usize;
+            let terms = (-reach..=reach).zip(&bell);
+            terms
+                .map(|(i, b)| b * from[k - place * step + near(i) * step])
+                .sum::<f64>()
+                / all
+        };
+        (0..from.len()).map(at).collect()
+    };
+    let sharp: Vec<f64> = frame.data.iter().map(|g| f64::from(*g)).collect();
+    let soft = blurred(&blurred(&sharp, width, 1), height, width);
+    for ((grey, sharp), soft) in frame.data.iter_mut().zip(sharp).zip(soft) {
+        *grey = (sharp + part * (sharp - soft)).round().clamp(0.0, 255.0) as u8;
+    }
+}
+
+/// A mask makes a shaded ball look smaller.
+#[test]
+fn sharpening_is_in_the_radius_and_in_its_uncertainty() {
+    let radius_px = 14.0;
+    for (background, ball, shading, part, std_px) in [
+        (60, 180, 0.5, 1.0, 1.2),
+        (120, 200, 0.4, 0.7, 2.0),
+        (150, 60, 0.4, 1.0, 1.2),
+    ] {
+        let look = json!({"background_grey": background, "ball_grey": ball, "shading": shading});
+        let plain = with(of_radius(scene(696), radius_px), "look", look);
+        let sharp = Clip::of(&plain).changed(|_, frame, _| sharpened(frame, part, std_px));
+        for (stored, found) in [("lossless", sharp.measured()), ("H.264", sharp.coded_to(14))] {
+            let what = format!("{ball} before {background}, {part} of {std_px} px, {stored}");
+            assert_true(&found, 2, &what);
+            let radius = found.found.as_ref().unwrap().track.radius_px.unwrap();
+            let off_px = (radius.value - radius_px).abs();
+            println!("{what}: {radius:?}");
+            assert!(
+                off_px < 2.5 * radius.std_uncertainty.unwrap(),
+                "{what}: {radius:?}"
+            );
+            assert!(off_px < 0.3, "{what}: {radius:?}");
+        }
+    }
+}
+
 /// By 1.7: the ball's lit side is cut off at white, or the wall is.
 #[test]
 fn an_overexposed_ball_or_wall_makes_the_radius_unsure() {

@@ -12,14 +12,15 @@
 //! centres (by up to 0.03 px of balls of R 4 to 10 px): the shift is as uncertain as the choice of terms leaves it, and as places on the ball that are
 //! off by the same in all frames do.
 //!
-//! Centres are found as if grey levels were proportional to light. By how much the ball's radius is another where they are not is estimated beside that
-//! (`tone_curve`).
+//! Centres are found as if grey levels were proportional to light. By how much the ball's radius is another where they are not, or where the camera
+//! sharpens, is estimated beside that (`tone_curve`, `sharpening`).
 //!
 //! Assumed: one rigid ball that looks alike in all frames up to the nuisance parameters, before a known background. A ball
 //! that does not has no estimate, or one whose tilt of the light is free.
 
 mod joint_fit;
 mod parameters;
+mod sharpening;
 mod tone_curve;
 
 pub use parameters::{AppearanceFrame, AppearanceSettings};
@@ -34,6 +35,7 @@ use crate::quantity::Quantity;
 use joint_fit::{FrameBand, JointFit, UNKNOWN_SHIFT_STD_PX, gather_bands};
 use parameters::{FrameEstimate, LEAST_FRAMES, SharedParameters};
 use rayon::prelude::*;
+use sharpening::Sharpening;
 use tone_curve::ToneCurve;
 
 /// Where the ball's radius comes from.
@@ -57,8 +59,8 @@ const LONGEST_EXPOSURE: f64 = 1.1;
 /// Exposures that the search for a sweep starts from, as parts of the time from frame to frame.
 const SWEEPS_TRIED: [f64; 4] = [0.08, 0.25, 0.6, 1.0];
 
-/// Frames that tell a tone curve, about.
-const TONE_FRAMES: usize = 12;
+/// Frames that tell what a camera makes of light, about.
+const LIGHT_FRAMES: usize = 12;
 
 /// A first guess of the blur, px: a lens in focus and the pixel's own square.
 const USUAL_BLUR_PX: f64 = 0.9;
@@ -113,6 +115,7 @@ impl<'a> Estimation<'a> {
             radius_px: outline_px,
             radius_held: true,
             blur_px: USUAL_BLUR_PX,
+            sharpening: 0.0,
             exposure_s: 0.0,
             longest_exposure_s: LONGEST_EXPOSURE * longest_exposure_s,
             terms: vec![0.0; TERM_LEVELS[1]],
@@ -213,33 +216,54 @@ impl<'a> Estimation<'a> {
         }
     }
 
-    /// How much larger the ball is where ball and wall are mixed as light, px, under a tone curve as far as these pixels and what is known of cameras
-    /// tell it; `None` where they do not tell.
+    /// How much larger the ball is than grey levels have it, px, for what a camera makes of light: sharpening and a tone curve, as far as these pixels
+    /// and what is known of cameras tell them; `None` where they do not tell.
     fn larger_in_light_px(&self, bands: &[FrameBand<'_>], by_grey: &SharedParameters) -> Option<Quantity> {
         let range = self.luma_range?;
         // What limits this is not noise, which a few frames leave little enough of.
-        let step = bands.len().div_ceil(TONE_FRAMES).max(1);
+        let step = bands.len().div_ceil(LIGHT_FRAMES).max(1);
         let few: Vec<FrameBand<'_>> = bands.iter().step_by(step).cloned().collect();
-        let fit = |log_gamma: f64| {
+        let fit = |sharpening: f64, log_gamma: f64| {
             let tone = ToneCurve::new(log_gamma.exp(), range, &by_grey.terms);
             let start = SharedParameters {
                 terms: tone.terms(&by_grey.terms),
                 tone: Some(tone),
+                sharpening,
                 ..by_grey.clone()
             };
             JointFit::of_pixels(&few, &start, &self.settings)
         };
-        let [none, some, most] = tone_curve::LOG_GAMMAS.map(fit);
-        let fits = [none?, some?, most?];
-        let stds = fits.each_ref().map(|joint| joint.residual_std_grey);
-        let common = stds.into_iter().fold(f64::INFINITY, f64::min);
-        let larger_px = |joint: &JointFit| joint.shared.radius_px - fits[0].shared.radius_px;
-        tone_curve::by_tone(
-            fits.each_ref().map(|joint| joint.cost(common)),
-            fits.each_ref().map(larger_px),
-            few.len(),
-        )
+        let [none, some, most] = tone_curve::LOG_GAMMAS.map(|log_gamma| fit(0.0, log_gamma));
+        let curved = [&none?, &some?, &most?];
+        let by_tone = tone_curve::by_tone(costs(curved), larger_px(curved), few.len())?;
+        // What a tone curve does to an edge is no sharpening: under the curve that suits it best.
+        let by_sharpening = || {
+            let of_curves = costs(curved);
+            let best = (0..curved.len()).min_by(|&a, &b| of_curves[a].total_cmp(&of_curves[b]))?;
+            let [some, most] = [1, 2].map(|i| fit(sharpening::TRIED[i], tone_curve::LOG_GAMMAS[best]));
+            let sharpened = [curved[best], &some?, &most?];
+            Sharpening::by_cost(costs(sharpened))?.larger_px(larger_px(sharpened))
+        };
+        Some(by_sharpening().map_or(by_tone, |more| {
+            let both = Quantity {
+                value: by_tone.value + more.value,
+                ..by_tone
+            };
+            both.with_more_std(more.std_uncertainty.unwrap_or(0.0))
+        }))
     }
+}
+
+/// What three fits to the same pixels cost, in noise variances.
+fn costs(fits: [&JointFit; 3]) -> [f64; 3] {
+    let stds = fits.map(|joint| joint.residual_std_grey);
+    let common = stds.into_iter().fold(f64::INFINITY, f64::min);
+    fits.map(|joint| joint.cost(common))
+}
+
+/// By how much the ball is larger than by the first of them, px.
+fn larger_px(fits: [&JointFit; 3]) -> [f64; 3] {
+    fits.map(|joint| joint.shared.radius_px - fits[0].shared.radius_px)
 }
 
 /// An appearance with the frames as it was fitted to them.

@@ -62,6 +62,56 @@ pub fn rim_grey(terms: &[f64]) -> [f64; RIM_DIRECTIONS] {
 /// Directions around the rim.
 pub const RIM_DIRECTIONS: usize = 36;
 
+/// What optics, pixels and camera make of a sharp edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Standard deviation of the blur, px.
+    pub blur_px: f64,
+    /// How many times what a picture differs by from one that is blurred by `SHARPENING_PX` more was added to it (unsharp mask).
+    pub sharpening: f64,
+}
+
+/// Standard deviation of the blur that a camera sharpens by, px: a usual one.
+const SHARPENING_PX: f64 = 1.5;
+
+impl Edge {
+    /// That of a camera that does not sharpen.
+    #[must_use]
+    pub fn blurred(blur_px: f64) -> Self {
+        Self {
+            blur_px,
+            sharpening: 0.0,
+        }
+    }
+
+    /// Standard deviation of the widest blur in it, px.
+    fn widest_px(self) -> f64 {
+        if self.sharpening == 0.0 {
+            self.blur_px
+        } else {
+            self.softer_px()
+        }
+    }
+
+    fn softer_px(self) -> f64 {
+        norm(self.blur_px, SHARPENING_PX)
+    }
+
+    /// The profiles of a ball of `radius_px` at r.
+    fn profile_row(self, r: f64, radius_px: f64) -> [f64; RADIAL] {
+        let blurred =
+            |blur_px: f64| profile_row(r, radius_px - half_height_shift(radius_px, blur_px), blur_px);
+        let mut row = blurred(self.blur_px);
+        if self.sharpening != 0.0 {
+            let softer = blurred(self.softer_px());
+            for (own, softer) in row.iter_mut().zip(softer) {
+                *own += self.sharpening * (*own - softer);
+            }
+        }
+        row
+    }
+}
+
 /// Radial functions on equal steps of r, with slopes.
 #[derive(Debug, Clone)]
 pub struct RadialTable {
@@ -77,15 +127,15 @@ const ROWS_A_BLUR: f64 = 10.0;
 const NODES: usize = 24;
 
 impl RadialTable {
-    /// The profiles F for a disc of `radius_px` blurred by `blur_px`, from `inside_px` within the rim outwards.
+    /// The profiles F for a disc of `radius_px` with such an edge, from `inside_px` within the rim outwards.
     #[must_use]
-    pub fn profiles(radius_px: f64, blur_px: f64, inside_px: f64) -> Self {
-        let rim = radius_px - half_height_shift(radius_px, blur_px);
-        let step_px = blur_px / ROWS_A_BLUR;
+    pub fn profiles(radius_px: f64, edge: Edge, inside_px: f64) -> Self {
+        let rim = radius_px - half_height_shift(radius_px, edge.blur_px);
+        let step_px = edge.blur_px / ROWS_A_BLUR;
         let first_px = (rim - inside_px - 1.0).max(0.0) - 2.0 * step_px;
-        let count = ((rim + 6.0 * blur_px - first_px) / step_px).ceil() as usize + 3;
+        let count = ((rim + 6.0 * edge.widest_px() - first_px) / step_px).ceil() as usize + 3;
         let rows = (0..count)
-            .map(|i| profile_row(first_px + i as f64 * step_px, rim, blur_px))
+            .map(|i| edge.profile_row(first_px + i as f64 * step_px, radius_px))
             .collect();
         Self {
             first_px,
@@ -94,10 +144,9 @@ impl RadialTable {
         }
     }
 
-    /// The profiles of a ball of another radius or blur on the grid of these.
-    fn on_same_grid(&self, radius_px: f64, blur_px: f64) -> Self {
-        let rim = radius_px - half_height_shift(radius_px, blur_px);
-        let row = |i: usize| profile_row(self.first_px + i as f64 / self.steps_a_px, rim, blur_px);
+    /// The profiles of a ball of another radius or edge on the grid of these.
+    fn on_same_grid(&self, radius_px: f64, edge: Edge) -> Self {
+        let row = |i: usize| edge.profile_row(self.first_px + i as f64 / self.steps_a_px, radius_px);
         Self {
             rows: (0..self.rows.len()).map(row).collect(),
             ..*self
@@ -371,15 +420,21 @@ const OF_TERMS: usize = 3 * RADIAL;
 const PROFILES: usize = 6;
 
 impl LinearisedTable {
-    /// Of a ball of `radius_px` blurred by `blur_px` with light of these `terms`, from `inside_px` within the rim outwards. Slopes by radius and blur
+    /// Of a ball of `radius_px` with such an edge and light of these `terms`, from `inside_px` within the rim outwards. Slopes by radius and blur
     /// are differences over `step_px`.
     #[must_use]
-    pub fn new(radius_px: f64, blur_px: f64, terms: &[f64], inside_px: f64, step_px: f64) -> Self {
-        let profiles = RadialTable::profiles(radius_px, blur_px, inside_px);
+    pub fn new(radius_px: f64, edge: Edge, terms: &[f64], inside_px: f64, step_px: f64) -> Self {
+        let profiles = RadialTable::profiles(radius_px, edge, inside_px);
         let here = profiles.of_ball(terms);
-        let changed = |radius_px, blur_px| profiles.on_same_grid(radius_px, blur_px).of_ball(terms);
-        let wider = changed(radius_px + step_px, blur_px);
-        let softer = changed(radius_px, blur_px + step_px);
+        let changed = |radius_px, edge| profiles.on_same_grid(radius_px, edge).of_ball(terms);
+        let wider = changed(radius_px + step_px, edge);
+        let softer = changed(
+            radius_px,
+            Edge {
+                blur_px: edge.blur_px + step_px,
+                ..edge
+            },
+        );
         let row = |i: usize| {
             let mut row = [0.0; COLUMNS];
             for k in 0..RADIAL {

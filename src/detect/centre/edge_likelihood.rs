@@ -9,7 +9,7 @@
 //! Gauss-Newton with Tukey's biweight. Sectors of the outline whose residuals stand out as a whole (a shadow, a reflection, a
 //! hand) are left out as outliers, and the fit is repeated. Covariances take residuals for independent.
 
-use super::ball::{self, BandLimits, BandPixel, RadialTable, SweptBall, norm};
+use super::ball::{self, BandLimits, BandPixel, Edge, RadialTable, SweptBall, norm};
 use super::disc::{Centre, Disc};
 use super::overexposure::Overexposure;
 use super::patch::Patch;
@@ -30,8 +30,8 @@ pub struct Appearance {
     pub radius_fitted: bool,
     /// Standard uncertainty of the radius, px.
     pub radius_std_px: Option<f64>,
-    /// How much larger the ball is, px: by the edge that light has, before the camera's tone curve. `None` where the radius is not fitted, or the pixels
-    /// do not tell.
+    /// How much larger the ball is, px: by the edge that light has, before the camera's sharpening and tone curve. `None` where the radius is not fitted,
+    /// or the pixels do not tell.
     pub larger_in_light_px: Option<Quantity>,
     /// Standard uncertainty of a shift that all centres found with it share, root mean square of the two coordinates, px.
     pub shift_std_px: f64,
@@ -64,11 +64,11 @@ impl Appearance {
         let (larger_px, std_px) = self
             .larger_in_light_px
             .map_or((0.0, None), |by| (by.value, by.std_uncertainty));
-        let by_tone = Quantity {
+        let by_light = Quantity {
             value: edge.value + larger_px,
             ..edge
         };
-        Some(by_tone.with_more_std(std_px.unwrap_or(TONE_BLURS * self.blur_px)))
+        Some(by_light.with_more_std(std_px.unwrap_or(TONE_BLURS * self.blur_px)))
     }
 
     /// The same ball nearer to the camera or farther from it, so that it is `times` as large.
@@ -125,7 +125,13 @@ impl FitSettings {
     /// The profiles of a ball of this size, as far inwards as the band goes.
     #[must_use]
     pub fn profiles(&self, radius_px: f64, blur_px: f64) -> RadialTable {
-        RadialTable::profiles(radius_px, blur_px, self.profiles_inside_px(radius_px, blur_px))
+        self.profiles_of(radius_px, Edge::blurred(blur_px))
+    }
+
+    /// The same of a ball with such an edge.
+    #[must_use]
+    pub fn profiles_of(&self, radius_px: f64, edge: Edge) -> RadialTable {
+        RadialTable::profiles(radius_px, edge, self.profiles_inside_px(radius_px, edge.blur_px))
     }
 
     /// How far within the rim they begin, px.

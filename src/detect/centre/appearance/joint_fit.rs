@@ -372,7 +372,7 @@ impl ProfileTables {
         let inside_px = settings.fit.profiles_inside_px(radius_px, shared.blur_px);
         Self {
             magnification,
-            table: LinearisedTable::new(radius_px, shared.blur_px, &shared.terms, inside_px, step_px),
+            table: LinearisedTable::new(radius_px, shared.edge(), &shared.terms, inside_px, step_px),
         }
     }
 }
@@ -501,7 +501,7 @@ fn residuals(
 ) -> Vec<f64> {
     let shared = &parameters.shared;
     let tables = by_class(bands, |times| {
-        let profiles = settings.fit.profiles(times * shared.radius_px, shared.blur_px);
+        let profiles = settings.fit.profiles_of(times * shared.radius_px, shared.edge());
         (times, profiles.of_ball(&shared.terms))
     });
     let of_band = |(frame, pixels): &FrameBand<'_>| -> Vec<f64> {
@@ -781,11 +781,16 @@ mod tests {
         };
         let tone = ToneCurve::new(2.2, limited, &grey);
         let settings = &standard::METHOD.appearance;
-        for (tone, terms) in [(None, grey.clone()), (Some(tone), tone.terms(&grey))] {
+        for (tone, terms, sharpening) in [
+            (None, grey.clone(), 0.0),
+            (None, grey.clone(), 0.6),
+            (Some(tone), tone.terms(&grey), 0.6),
+        ] {
             let here = JointParameters::new(&SharedParameters {
                 radius_px: RADIUS_PX,
                 radius_held: false,
                 blur_px: 1.2,
+                sharpening,
                 exposure_s: 0.004,
                 longest_exposure_s: 0.01,
                 terms,
@@ -798,7 +803,12 @@ mod tests {
                 .sums
                 .right;
             for unknown in 0..right.len() {
-                let step = if unknown == EXPOSURE { 1e-6 } else { 1e-3 };
+                let step = match unknown {
+                    EXPOSURE => 1e-6,
+                    // The profiles are made anew, on a grid that goes with the blur: less would show how they are interpolated.
+                    BLUR => 1e-2,
+                    _ => 1e-3,
+                };
                 let moved = |by: f64| {
                     let mut change = DVector::zeros(right.len());
                     change[unknown] = by;
@@ -845,6 +855,7 @@ mod tests {
             radius_px: RADIUS_PX,
             radius_held: true,
             blur_px: USUAL_BLUR_PX,
+            sharpening: 0.0,
             exposure_s: 0.0,
             longest_exposure_s: 0.01,
             terms: vec![0.0; 4],

@@ -1,7 +1,7 @@
 //! What the appearance is estimated from, and the parameters: those of each frame, and those that all frames share.
 
 use super::tone_curve::ToneCurve;
-use crate::detect::centre::ball::{DIPOLE, norm};
+use crate::detect::centre::ball::{DIPOLE, Edge, norm};
 use crate::detect::centre::disc::{Disc, bent_px};
 use crate::detect::centre::edge_likelihood::{FitSettings, NUISANCES, SIZE};
 use crate::detect::centre::patch::Patch;
@@ -84,6 +84,8 @@ pub struct SharedParameters {
     /// The radius is not fitted.
     pub radius_held: bool,
     pub blur_px: f64,
+    /// What the camera sharpens by, of [`Edge`]; it is not fitted.
+    pub sharpening: f64,
     pub exposure_s: f64,
     /// No shutter is open longer.
     pub longest_exposure_s: f64,
@@ -94,6 +96,14 @@ pub struct SharedParameters {
 }
 
 impl SharedParameters {
+    /// The ball's edge.
+    pub fn edge(&self) -> Edge {
+        Edge {
+            blur_px: self.blur_px,
+            sharpening: self.sharpening,
+        }
+    }
+
     /// Moves what all frames have in `common` from their nuisance parameters into the shared ones: the usual ball is the
     /// median one, and a light that all frames have belongs to the ball.
     pub fn absorb(&mut self, frames: &mut [FrameEstimate<'_>], mut common: [f64; NUISANCES]) {

@@ -16,7 +16,7 @@
 //! H.264's by a factor of 1.3 to 1.5 off. So the pixels' γ only says which kind of camera it is likely to be, and the radius is as unsure as that leaves γ.
 //!
 //! Assumed: a power stands for the curve between the grey levels of ball and wall, the same in all frames. Sharpening is taken for a part of the curve as
-//! far as it looks like one.
+//! far as it looks like one; what it does beside that is `sharpening`'s.
 
 use crate::frames::LumaRange;
 use crate::quantity::Quantity;
