@@ -19,6 +19,7 @@
 //! that does not has no estimate, or one whose tilt of the light is free.
 
 mod joint_fit;
+mod parabola;
 mod parameters;
 mod sharpening;
 mod tone_curve;
@@ -35,7 +36,6 @@ use crate::quantity::Quantity;
 use joint_fit::{FrameBand, JointFit, UNKNOWN_SHIFT_STD_PX, gather_bands};
 use parameters::{FrameEstimate, LEAST_FRAMES, SharedParameters};
 use rayon::prelude::*;
-use sharpening::Sharpening;
 use tone_curve::ToneCurve;
 
 /// Where the ball's radius comes from.
@@ -242,7 +242,7 @@ impl<'a> Estimation<'a> {
             let best = (0..curved.len()).min_by(|&a, &b| of_curves[a].total_cmp(&of_curves[b]))?;
             let [some, most] = [1, 2].map(|i| fit(sharpening::TRIED[i], tone_curve::LOG_GAMMAS[best]));
             let sharpened = [curved[best], &some?, &most?];
-            Sharpening::by_cost(costs(sharpened))?.larger_px(larger_px(sharpened))
+            sharpening::by_sharpening(costs(sharpened), larger_px(sharpened))
         };
         Some(by_sharpening().map_or(by_tone, |more| {
             let both = Quantity {

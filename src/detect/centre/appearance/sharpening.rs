@@ -10,6 +10,7 @@
 //!
 //! Assumed: the same in all frames, and linear in grey levels. A camera that sharpens less where edges are strong is taken for one that sharpens less.
 
+use super::parabola::Parabola;
 use crate::quantity::Quantity;
 
 /// a of the fits that tell how cost and radius depend on it.
@@ -21,53 +22,22 @@ const MOST: f64 = 1.5;
 /// One parameter more costs so many noise variances (Akaike's criterion).
 const PARAMETER_COST: f64 = 2.0;
 
-/// The sharpening that pixels speak for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sharpening {
-    /// a.
-    pub part: f64,
-    /// Akaike's weight of it against none.
-    weight: f64,
-}
-
-impl Sharpening {
-    /// Where fits with [`TRIED`] have these costs, in noise variances; `None` where none is likelier than any.
-    #[must_use]
-    pub fn by_cost(costs: [f64; 3]) -> Option<Self> {
-        let (slope, bend) = parabola(costs);
-        let part = if bend > 0.0 {
-            (TRIED[1] - slope / bend).min(MOST)
-        } else {
-            TRIED[2]
-        };
-        let gain = costs[0] - (costs[1] + at(part, slope, bend));
-        // (Positively: costs that are no numbers speak for nothing.)
-        (part > 0.0 && gain > 0.0).then(|| Self {
-            part,
-            weight: 1.0 / (1.0 + (-0.5 * (gain - PARAMETER_COST)).exp()),
-        })
+/// By how much the radius is another than that of the fit without where fits with [`TRIED`] have these costs, in noise variances, and differ by so much from
+/// the first, px; `None` where no sharpening is likelier than any.
+#[must_use]
+pub fn by_sharpening(costs: [f64; 3], larger_px: [f64; 3]) -> Option<Quantity> {
+    let cost = Parabola::through(TRIED, costs);
+    let likeliest = cost.minimum().map_or(TRIED[2], |a| a.min(MOST));
+    let gain = costs[0] - cost.at(likeliest);
+    // (Positively: costs that are no numbers speak for nothing.)
+    if !(likeliest > 0.0 && gain > 0.0) {
+        return None;
     }
-
-    /// By how much the radius is another than that of the fit without, where those with [`TRIED`] differ by so much from the first, px.
-    #[must_use]
-    pub fn larger_px(&self, larger_px: [f64; 3]) -> Option<Quantity> {
-        let (slope, bend) = parabola(larger_px);
-        let whole = larger_px[1] + at(self.part, slope, bend);
-        // Of what it moves by, another half may be missing; and whether it does is uncertain by itself.
-        Quantity::new(self.weight * whole, self.weight.sqrt() * whole.abs())
-    }
-}
-
-/// Slope in the middle and second derivative of the parabola through three values at [`TRIED`].
-fn parabola([a, b, c]: [f64; 3]) -> (f64, f64) {
-    let step = TRIED[1] - TRIED[0];
-    (0.5 * (c - a) / step, (c - 2.0 * b + a) / (step * step))
-}
-
-/// What it is higher by at `part` than in the middle.
-fn at(part: f64, slope: f64, bend: f64) -> f64 {
-    let off = part - TRIED[1];
-    off * (slope + 0.5 * off * bend)
+    // Akaike's weight of it against none.
+    let weight = 1.0 / (1.0 + (-0.5 * (gain - PARAMETER_COST)).exp());
+    let whole = Parabola::through(TRIED, larger_px).at(likeliest);
+    // Of what it moves by, another half may be missing; and whether it does is uncertain by itself.
+    Quantity::new(weight * whole, weight.sqrt() * whole.abs())
 }
 
 #[cfg(test)]
@@ -82,7 +52,7 @@ mod tests {
     fn the_radius_moves_as_far_as_the_pixels_speak_for_sharpening() {
         let larger_px = TRIED.map(|a| 0.1 * a);
         let of = |costs| {
-            let found = Sharpening::by_cost(costs)?.larger_px(larger_px)?;
+            let found = by_sharpening(costs, larger_px)?;
             Some((found.value, found.std_uncertainty?))
         };
         // As good as certain.

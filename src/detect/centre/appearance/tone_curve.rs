@@ -18,6 +18,7 @@
 //! Assumed: a power stands for the curve between the grey levels of ball and wall, the same in all frames. Sharpening is taken for a part of the curve as
 //! far as it looks like one; what it does beside that is `sharpening`'s.
 
+use super::parabola::Parabola;
 use crate::frames::LumaRange;
 use crate::quantity::Quantity;
 
@@ -40,29 +41,23 @@ const BEYOND: f64 = 0.3;
 /// differ by so much from the first, px. `None` where they are no numbers; no uncertainty where it would be 0.
 #[must_use]
 pub fn by_tone(costs: [f64; 3], larger_px: [f64; 3], frames: usize) -> Option<Quantity> {
-    let step = LOG_GAMMAS[1] - LOG_GAMMAS[0];
-    // Parabolas through the three: slope in the middle, and second derivative.
-    let parabola = |[a, b, c]: [f64; 3]| (0.5 * (c - a) / step, (c - 2.0 * b + a) / (step * step));
-    let (slope, bend) = parabola(costs);
+    let cost = Parabola::through(LOG_GAMMAS, costs);
     // A cost is -2 times a likelihood's logarithm. One without a minimum has no room for a parabola, and is taken to tell nothing.
-    let (seen, variance) = if bend > 0.0 {
-        let minimum = LOG_GAMMAS[1] - slope / bend;
+    let (seen, variance) = cost.minimum().map_or((0.0, f64::INFINITY), |minimum| {
         let seen = minimum.clamp(LOG_GAMMAS[0] - BEYOND, LOG_GAMMAS[2] + BEYOND);
         (
             seen,
-            2.0 / bend * frames as f64 / WORTH_FRAMES + (minimum - seen).powi(2),
+            2.0 / cost.bend() * frames as f64 / WORTH_FRAMES + (minimum - seen).powi(2),
         )
-    } else {
-        (0.0, f64::INFINITY)
-    };
+    });
     let (log_gamma, std) = posterior(seen, variance);
-    let off = log_gamma - LOG_GAMMAS[1];
-    let (slope, bend) = parabola(larger_px);
-    let value = larger_px[1] + off * (slope + 0.5 * off * bend);
+    let larger = Parabola::through(LOG_GAMMAS, larger_px);
     // Where the slope vanishes the bend is left.
     Quantity::new(
-        value,
-        std * (slope + off * bend).hypot(std::f64::consts::FRAC_1_SQRT_2 * bend * std),
+        larger.at(log_gamma),
+        std * larger
+            .slope_at(log_gamma)
+            .hypot(std::f64::consts::FRAC_1_SQRT_2 * larger.bend() * std),
     )
 }
 
