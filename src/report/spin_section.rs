@@ -202,7 +202,7 @@ fn unwrapped(turning: &BallTurning) -> Luma {
             let d = latitude.cos() * (longitude.cos() * one + longitude.sin() * two) + latitude.sin() * axis;
             let corners = turning.maps.grid.corners(&d);
             let seen = value_at(&turning.maps.seen, &corners);
-            values.push((seen > 0.5).then(|| value_at(&turning.maps.albedo, &corners).exp()));
+            values.push((seen > 0.5).then(|| f64::from(value_at(&turning.maps.albedo, &corners)).exp()));
         }
     }
     stretched(&values, width)
@@ -266,7 +266,7 @@ fn turned_back(turning: &BallTurning, balls: &[StrobeBall]) -> Option<Luma> {
                     &turning.maps.disc.corners([there.x, there.y]),
                 )
                 .exp();
-                turned[place] = grey_at(ball, [there.x, there.y]).map(|grey| grey / light);
+                turned[place] = grey_at(ball, [there.x, there.y]).map(|grey| grey / f64::from(light));
             }
         }
     }

@@ -53,6 +53,10 @@ impl DiscGrid {
         let [p, q] = place.map(|c| (0.5 * (c + 1.0) * steps).clamp(0.0, steps));
         let last = self.side - 2;
         let (i, j) = ((p as usize).min(last), (q as usize).min(last));
-        GridCell::new(j * self.side + i, q - j as f64, p - i as f64)
+        GridCell::new(
+            (j * self.side + i) as u32,
+            (q - j as f64) as f32,
+            (p - i as f64) as f32,
+        )
     }
 }

@@ -15,9 +15,10 @@
 //! and by places: Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29, 238, 2011).
 
 use super::LEAST_TURNS;
-use super::cube_map::{AT_ONCE, CubeGrid, GridCell, NodeWeights, value_at};
+use super::cube_map::{AT_ONCE, CubeGrid, GridCell, NodeWeights, across, value_at};
 use super::disc_map::DiscGrid;
 use super::map_fit::{BallMaps, GainTerms, MapChange, MapProblem, OnMap};
+use super::map_value::Three;
 use super::view::{BallSamples, Directions};
 use nalgebra::{Cholesky, Matrix3, Rotation3, SMatrix, SVector, U3, Vector3};
 use std::f64::consts::{PI, TAU};
@@ -35,8 +36,8 @@ const NEAR_SPACINGS: f64 = 0.5;
 const ROUGH_ROUNDS: usize = 5;
 
 /// Rounds of maps end at one that makes Σ of squares less by no more than this part ([`MapProblem::least_part`]): for a fit, and for a rate that may be far from one.
-pub(super) const EXACT: f64 = 1e-3;
-const ROUGH: f64 = 1e-2;
+pub(super) const EXACT: f32 = 1e-3;
+const ROUGH: f32 = 1e-2;
 
 /// Steps to the rate of samples that are hardly others, at most; they end at one that is this part of the way.
 const OTHER_ROUNDS: usize = 16;
@@ -51,6 +52,9 @@ const STILL_ROUNDS: usize = 6;
 /// Parts in which errors are thought alike: sectors of the disc, and spans of the arc.
 const SECTORS: usize = 8;
 const SPANS: usize = 4;
+
+/// Products that are summed in single precision before they go into a sum in double.
+const SUMMED: usize = 1024;
 
 /// A step below this part of the standard uncertainty ends the fit.
 const SETTLED: f64 = 0.07;
@@ -175,7 +179,7 @@ pub struct FitGrids {
     pub disc: DiscGrid,
     /// Where each sample lies in the light's grid, and what all of them weigh at its nodes.
     lit: Vec<GridCell>,
-    lit_weights: Vec<f64>,
+    lit_weights: Vec<f32>,
     /// The samples' brightness.
     gains: GainTerms,
     /// What the slopes at the nodes of the ball's grid are taken from, made when they are asked for: a plain ball has no need of them.
@@ -185,7 +189,7 @@ pub struct FitGrids {
 /// Two tangents at a node, and the places a little ahead and back along each.
 #[derive(Debug, Clone)]
 struct NodeSurroundings {
-    tangents: [Vector3<f64>; 2],
+    tangents: [Three; 2],
     ahead: [GridCell; 2],
     back: [GridCell; 2],
 }
@@ -194,15 +198,10 @@ impl NodeSurroundings {
     fn new(grid: CubeGrid, node: usize) -> Self {
         let h = 0.5 * grid.spacing_rad();
         let d = grid.direction(node);
-        let other = if d.x.abs() < 0.7 {
-            Vector3::x()
-        } else {
-            Vector3::y()
-        };
-        let one = d.cross(&other).normalize();
+        let one = across(&d);
         let tangents = [one, d.cross(&one)];
         Self {
-            tangents,
+            tangents: tangents.map(|t| Three::of(&t)),
             ahead: tangents.map(|t| grid.cell(&(d + h * t))),
             back: tangents.map(|t| grid.cell(&(d - h * t))),
         }
@@ -273,21 +272,21 @@ impl BallMaps {
 
 /// Gain alone, in the light of `known`: what that leaves over, and maps to go on from.
 #[must_use]
-pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec<f64>, BallMaps) {
+pub fn lit_as(samples: &BallSamples, grids: &FitGrids, known: &BallMaps) -> (Vec<f32>, BallMaps) {
     let mut maps = BallMaps::dark(samples, grids);
     for (k, light) in maps.light.iter_mut().enumerate() {
         *light = value_at(&known.light, &known.disc.corners(grids.disc.place(k)));
     }
     let lit = samples.values.iter().zip(&grids.lit);
     let next = grids.disc.side();
-    let mut residuals: Vec<f64> = lit.map(|(v, c)| v - c.value(&maps.light, next)).collect();
+    let mut residuals: Vec<f32> = lit.map(|(v, c)| v - c.value(&maps.light, next)).collect();
     grids.gains.take(samples, &mut residuals, &mut maps.gains);
     (residuals, maps)
 }
 
 /// By how much Σ of squares of the residuals `left` by a still light is less if that drifts: at each place a parabola in time.
 #[must_use]
-pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64]) -> f64 {
+pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f32]) -> f64 {
     let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
     let mut matrices = vec![1e-6 * Matrix3::<f64>::identity(); grids.disc.nodes()];
     let mut rights = vec![Vector3::<f64>::zeros(); grids.disc.nodes()];
@@ -299,7 +298,7 @@ pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64])
                 .into_iter()
                 .fold(a, |best, n| if n.1 > best.1 { n } else { best });
             matrices[nearest.0 as usize] += x * x.transpose();
-            rights[nearest.0 as usize] += left[p] * x;
+            rights[nearest.0 as usize] += f64::from(left[p]) * x;
         }
     }
     let explained = matrices
@@ -311,7 +310,7 @@ pub fn explained_by_drift(samples: &BallSamples, grids: &FitGrids, left: &[f64])
 
 /// Gain and light alone: as if nothing turned.
 #[must_use]
-pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f64>, BallMaps) {
+pub fn still(samples: &BallSamples, grids: &FitGrids) -> (Vec<f32>, BallMaps) {
     let mut maps = BallMaps::dark(samples, grids);
     let mut residuals = samples.values.clone();
     for _ in 0..STILL_ROUNDS {
@@ -361,31 +360,31 @@ pub fn smooth_light(samples: &BallSamples, grids: &FitGrids) -> BallMaps {
         grids.gains.take(samples, &mut residuals, &mut maps.gains);
         let mut right = SVector::<f64, SMOOTH_TERMS>::zeros();
         for (r, &place) in residuals.iter().zip(&samples.places) {
-            right += *r * terms(place);
+            right += f64::from(*r) * terms(place);
         }
         let found = chol.solve(&right);
         for (r, &place) in residuals.iter_mut().zip(&samples.places) {
-            *r -= found.dot(&terms(place));
+            *r -= found.dot(&terms(place)) as f32;
         }
         for (k, light) in maps.light.iter_mut().enumerate() {
-            *light += found.dot(&terms(grids.disc.place(k)));
+            *light += found.dot(&terms(grids.disc.place(k))) as f32;
         }
     }
     maps
 }
 
 /// What samples that lie in `cells`, each in one of every list, weigh at the nodes.
-pub(super) fn weights_of(cells: &[Vec<GridCell>], nodes: usize, next: usize) -> Vec<f64> {
+pub(super) fn weights_of(cells: &[Vec<GridCell>], nodes: usize, next: usize) -> Vec<f32> {
     let mut weights = vec![0.0; nodes];
     for cell in cells.iter().flatten() {
-        cell.add(&mut weights, next, 1.0 / cells.len() as f64);
+        cell.add(&mut weights, next, 1.0 / cells.len() as f32);
     }
     weights
 }
 
 impl FitGrids {
     /// Moves what the residuals have in common at the nodes of the light into it.
-    fn take_light(&self, residuals: &mut [f64], light: &mut [f64]) {
+    fn take_light(&self, residuals: &mut [f32], light: &mut [f32]) {
         let next = self.disc.side();
         let mut sums = vec![0.0; light.len()];
         for (cell, r) in self.lit.iter().zip(residuals.iter()) {
@@ -405,9 +404,9 @@ impl FitGrids {
         &'a self,
         samples: &'a BallSamples,
         turned: &'a TurnedBall,
-        seen: &'a [f64],
+        seen: &'a [f32],
         lit: bool,
-        least_part: f64,
+        least_part: f32,
     ) -> MapProblem<'a> {
         let light = OnMap {
             cells: slice::from_ref(&self.lit),
@@ -428,11 +427,11 @@ impl FitGrids {
     }
 
     /// Slopes of a map of the ball at its nodes: the tangent vector along which it grows.
-    fn slopes(&self, map: &[f64]) -> Vec<Vector3<f64>> {
-        let (next, across) = (self.grid.side(), 1.0 / self.grid.spacing_rad());
+    fn slopes(&self, map: &[f32]) -> Vec<Three> {
+        let (next, across) = (self.grid.side(), 1.0 / self.grid.spacing_rad() as f32);
         let slope = |near: &NodeSurroundings| {
             let along = |k: usize| near.ahead[k].value(map, next) - near.back[k].value(map, next);
-            across * (along(0) * near.tangents[0] + along(1) * near.tangents[1])
+            near.tangents[0] * (across * along(0)) + near.tangents[1] * (across * along(1))
         };
         let nodes = 0..self.grid.nodes();
         let around = || nodes.map(|k| NodeSurroundings::new(self.grid, k)).collect();
@@ -503,18 +502,65 @@ impl TurnedBall {
         &'a self,
         samples: &'a BallSamples,
         next: usize,
-        slopes: &'a [Vector3<f64>],
+        slopes: &'a [Three],
         i: usize,
-    ) -> impl Iterator<Item = Vector3<f64>> + 'a {
-        let turn = self.turns[i].into_inner();
-        let part = 1.0 / self.cells.len() as f64;
+    ) -> impl Iterator<Item = Three> + 'a {
+        let turn = Linear::new(self.turns[i].matrix() / self.cells.len() as f64);
         samples.of_frame(i).map(move |p| {
-            let mut sum = Vector3::zeros();
+            let mut sum = Three::default();
             for (cells, towards) in self.cells.iter().zip(&samples.towards) {
-                sum += (turn * cells[p].value(slopes, next)).cross(&towards.at(p));
+                sum += turn.of(cells[p].value(slopes, next)).cross(towards.at(p));
             }
-            part * sum
+            sum
         })
+    }
+}
+
+/// A linear map of vectors, by its columns.
+#[derive(Clone, Copy)]
+struct Linear([Three; 3]);
+
+impl Linear {
+    fn new(matrix: Matrix3<f64>) -> Self {
+        Self([0, 1, 2].map(|k| Three::of(&matrix.column(k).into_owned())))
+    }
+
+    #[inline(always)]
+    fn of(&self, Three([x, y, z, _]): Three) -> Three {
+        self.0[0] * x + self.0[1] * y + self.0[2] * z
+    }
+}
+
+/// Σ of the squares of the residuals.
+#[must_use]
+pub fn sum_of_squares(residuals: &[f32]) -> f64 {
+    residuals.iter().map(|r| f64::from(*r).powi(2)).sum()
+}
+
+/// A sum of a bᵀ, by its rows.
+#[derive(Clone, Copy, Default)]
+struct OuterProducts([Three; 3]);
+
+impl OuterProducts {
+    #[inline]
+    fn add(&mut self, Three(a): Three, b: Three) {
+        for (row, a) in self.0.iter_mut().zip(a) {
+            *row += b * a;
+        }
+    }
+
+    fn matrix(&self) -> Matrix3<f64> {
+        Matrix3::from_fn(|i, j| f64::from(self.0[i].0[j]))
+    }
+
+    /// Of all pairs.
+    fn sum(a: &[Three], b: &[Three]) -> Matrix3<f64> {
+        let some = a.chunks(SUMMED).zip(b.chunks(SUMMED)).map(|(a, b)| {
+            let mut products = Self::default();
+            a.iter().zip(b).for_each(|(a, b)| products.add(*a, *b));
+            products.matrix()
+        });
+        some.sum()
     }
 }
 
@@ -522,20 +568,20 @@ fn frame_equations(
     samples: &BallSamples,
     next: usize,
     turned: &TurnedBall,
-    slopes: &[Vector3<f64>],
-    residuals: &[f64],
+    slopes: &[Three],
+    residuals: &[f32],
 ) -> Vec<OwnRotation> {
     let of_frame = |i: usize| {
-        let mut equations = OwnRotation {
-            matrix: Matrix3::zeros(),
-            right: Vector3::zeros(),
-        };
+        let (mut products, mut right) = (OuterProducts::default(), Three::default());
         let rows = turned.slopes_by_rotation(samples, next, slopes, i);
         for (row, residual) in rows.zip(&residuals[samples.of_frame(i)]) {
-            equations.matrix += row * row.transpose();
-            equations.right += *residual * row;
+            products.add(row, row);
+            right += row * *residual;
         }
-        equations
+        OwnRotation {
+            matrix: products.matrix(),
+            right: right.vector(),
+        }
     };
     (0..samples.frames()).map(of_frame).collect()
 }
@@ -547,7 +593,7 @@ struct MapsAtRate {
     equations: Vec<OwnRotation>,
     /// Slope of half of χ² (times the variance) downwards, by the rate.
     downhill: Vector3<f64>,
-    residuals: Vec<f64>,
+    residuals: Vec<f32>,
     sum_squares: f64,
 }
 
@@ -558,7 +604,7 @@ fn evaluated(
     maps: &BallMaps,
     rate: &Vector3<f64>,
     lit: bool,
-    least_part: f64,
+    least_part: f32,
 ) -> MapsAtRate {
     let mut maps = maps.clone();
     let next = grids.grid.side();
@@ -572,7 +618,7 @@ fn evaluated(
         let change = problem.solve(&mut residuals, &maps.albedo);
         change.apply(&mut maps, &grids.gains);
     }
-    let sum_squares = residuals.iter().map(|r| r * r).sum();
+    let sum_squares = sum_of_squares(&residuals);
     let slopes = grids.slopes(&maps.albedo);
     let equations = frame_equations(samples, next, &turned, &slopes, &residuals);
     let downhill = equations
@@ -599,14 +645,14 @@ fn unmarked(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps) -> BallMap
     };
     let next = grids.disc.side();
     let lit_by = samples.values.iter().zip(&grids.lit);
-    let mut unlit: Vec<f64> = lit_by.map(|(v, c)| v - c.value(&maps.light, next)).collect();
+    let mut unlit: Vec<f32> = lit_by.map(|(v, c)| v - c.value(&maps.light, next)).collect();
     grids.gains.take(samples, &mut unlit, &mut maps.gains);
     maps
 }
 
 /// The light that the pixels show where the ball's `fit` is taken away, with what it weighs at each node.
 #[must_use]
-pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RoughFit) -> (Vec<f64>, Vec<f64>) {
+pub fn light_beside(samples: &BallSamples, grids: &FitGrids, fit: &RoughFit) -> (Vec<f32>, Vec<f32>) {
     let turned = turned(samples, grids.grid, &fit.rate_rad_s);
     let dark = BallMaps {
         light: vec![0.0; grids.disc.nodes()],
@@ -785,18 +831,13 @@ impl MapsAtRate {
     }
 
     /// By what each pixel's model grows with the rate, the maps held.
-    fn slopes_by_rate(
-        &self,
-        samples: &BallSamples,
-        grids: &FitGrids,
-        rate: &Vector3<f64>,
-    ) -> Vec<Vector3<f64>> {
+    fn slopes_by_rate(&self, samples: &BallSamples, grids: &FitGrids, rate: &Vector3<f64>) -> Vec<Three> {
         let (next, slopes) = (grids.grid.side(), grids.slopes(&self.maps.albedo));
         let mut by_rate = Vec::with_capacity(samples.values.len());
         for (i, &t) in samples.times_s.iter().enumerate() {
-            let turn = (t * left_jacobian(&(t * rate))).transpose();
+            let turn = Linear::new((t * left_jacobian(&(t * rate))).transpose());
             let rows = self.turned.slopes_by_rotation(samples, next, &slopes, i);
-            by_rate.extend(rows.map(|row| turn * row));
+            by_rate.extend(rows.map(|row| turn.of(row)));
         }
         by_rate
     }
@@ -807,18 +848,14 @@ impl MapsAtRate {
         &self,
         samples: &BallSamples,
         grids: &FitGrids,
-        by_rate: &[Vector3<f64>],
+        by_rate: &[Three],
         lit: bool,
     ) -> Option<FreeCurvature> {
         let mut left = by_rate.to_vec();
         let problem = grids.map_problem(samples, &self.turned, &self.maps.seen, lit, EXACT);
-        let held = vec![Vector3::zeros(); self.maps.albedo.len()];
+        let held = vec![Three::default(); self.maps.albedo.len()];
         let taken = problem.solve(&mut left, &held);
-        let matrix: Matrix3<f64> = by_rate
-            .iter()
-            .zip(&left)
-            .map(|(all, left)| all * left.transpose())
-            .sum();
+        let matrix = OuterProducts::sum(by_rate, &left);
         let even = 0.5 * (matrix + matrix.transpose());
         even.cholesky().map(|_| FreeCurvature { matrix: even, taken })
     }
@@ -873,22 +910,22 @@ impl MapsAtRate {
     fn scatter_of_parts(
         &self,
         samples: &BallSamples,
-        by_rate: &[Vector3<f64>],
+        by_rate: &[Three],
         inverse: &Matrix3<f64>,
     ) -> Matrix3<f64> {
         let longest_s = samples.longest_s().max(f64::MIN_POSITIVE);
         let part = |sum: f64, of: f64, parts: usize| ((sum / of * parts as f64) as usize).min(parts - 1);
-        let mut sums = vec![Vector3::<f64>::zeros(); SECTORS * SPANS];
+        let mut sums = vec![Three::default(); SECTORS * SPANS];
         for (i, &t) in samples.times_s.iter().enumerate() {
             let span = part(t + longest_s, 2.0 * longest_s, SPANS);
             for p in samples.of_frame(i) {
                 let [a, b] = samples.places[p];
                 let sector = part(b.atan2(a) + PI, TAU, SECTORS);
-                sums[span * SECTORS + sector] += self.residuals[p] * by_rate[p];
+                sums[span * SECTORS + sector] += by_rate[p] * self.residuals[p];
             }
         }
         let parts = sums.len() as f64;
-        let squares: Matrix3<f64> = sums.iter().map(|s| s * s.transpose()).sum();
+        let squares = OuterProducts::sum(&sums, &sums);
         let scattered = parts / (parts - 3.0) * inverse * squares * inverse;
         let variance = self.sum_squares / samples.values.len() as f64;
         scattered - variance * inverse
@@ -930,7 +967,7 @@ impl MapsAtRate {
 struct FreeCurvature {
     matrix: Matrix3<f64>,
     /// What the maps take of a change of the rate.
-    taken: MapChange<Vector3<f64>>,
+    taken: MapChange<Three>,
 }
 
 /// What the frames show beyond a fitted rotation.
@@ -943,7 +980,7 @@ struct FramesScatter {
 }
 
 /// What pixels show that see the ball in `cells`, a list for each direction: the logarithm of their mean brightness.
-fn seen_in(albedo: &[f64], cells: &[Vec<GridCell>], next: usize) -> Vec<f64> {
+fn seen_in(albedo: &[f32], cells: &[Vec<GridCell>], next: usize) -> Vec<f32> {
     let value = |cell: &GridCell| cell.value(albedo, next);
     match cells {
         [one, two] => {
@@ -955,17 +992,17 @@ fn seen_in(albedo: &[f64], cells: &[Vec<GridCell>], next: usize) -> Vec<f64> {
     }
 }
 
-/// ln cosh, to 1e-10.
-fn ln_cosh(x: f64) -> f64 {
+/// ln cosh, to single precision.
+fn ln_cosh(x: f32) -> f32 {
     let x = x.abs();
     if x < 0.1 {
         let square = x * x;
         return square * (0.5 - square * (1.0 / 12.0 - square * (1.0 / 45.0)));
     }
-    x + (-2.0 * x).exp().ln_1p() - std::f64::consts::LN_2
+    x + (-2.0 * x).exp().ln_1p() - std::f32::consts::LN_2
 }
 
-fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned: &TurnedBall) -> Vec<f64> {
+fn residuals_of(samples: &BallSamples, grids: &FitGrids, maps: &BallMaps, turned: &TurnedBall) -> Vec<f32> {
     let (next, lit_next) = (grids.grid.side(), grids.disc.side());
     let mut residuals = seen_in(&maps.albedo, &turned.cells, next);
     for (i, gain) in maps.gains.iter().enumerate() {

@@ -8,8 +8,9 @@
 //! each node over what pixels weigh there. Where a ball turns little, its marks are hardly told from its light, and what tells them apart comes
 //! last: rounds that end before that make a rate seem surer than it is, and its steps too short.
 
-use super::cube_map::{CubeGrid, GridCell, MapValue, value_at};
+use super::cube_map::{CubeGrid, GridCell, value_at};
 use super::disc_map::DiscGrid;
+use super::map_value::{MapValue, Three, sum_of_products};
 use super::view::BallSamples;
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,10 +21,10 @@ const ROUNDS: usize = 40;
 const LEAST_OTHERS: f64 = 0.1;
 
 /// A node that pixels of more than this weight have seen is fitted to these more than to its neighbours.
-const BY_ITSELF: f64 = 0.5;
+const BY_ITSELF: f32 = 0.5;
 
 /// Weight of the prior that a node of the ball's map is like the rest, in pixels: marks stand far above the noise.
-const HELD: f64 = 0.05;
+const HELD: f32 = 0.05;
 
 /// The maps of a ball.
 #[derive(Debug, Clone)]
@@ -31,15 +32,15 @@ pub struct BallMaps {
     /// The ball's grid.
     pub grid: CubeGrid,
     /// Logarithm of the albedo at its nodes.
-    pub albedo: Vec<f64>,
+    pub albedo: Vec<f32>,
     /// Weight of the pixels that each node has seen.
-    pub seen: Vec<f64>,
+    pub seen: Vec<f32>,
     /// The light's grid.
     pub disc: DiscGrid,
     /// Logarithm of the light at its nodes.
-    pub light: Vec<f64>,
+    pub light: Vec<f32>,
     /// Of each frame's brightness.
-    pub gains: Vec<f64>,
+    pub gains: Vec<f32>,
 }
 
 impl BallMaps {
@@ -57,8 +58,9 @@ impl BallMaps {
     /// Root mean square of the albedo's logarithm about its mean, where the ball was seen.
     #[must_use]
     pub fn contrast(&self) -> f64 {
-        let all = || self.albedo.iter().zip(&self.seen);
-        let weight: f64 = self.seen.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let as_f64 = |(a, w): (&f32, &f32)| (f64::from(*a), f64::from(*w));
+        let all = || self.albedo.iter().zip(&self.seen).map(as_f64);
+        let weight = all().map(|(_, w)| w).sum::<f64>().max(f64::MIN_POSITIVE);
         let mean = all().map(|(a, w)| w * a).sum::<f64>() / weight;
         (all().map(|(a, w)| w * (a - mean).powi(2)).sum::<f64>() / weight).sqrt()
     }
@@ -80,18 +82,18 @@ impl<T: MapValue> MapChange<T> {
     }
 
     fn dot(&self, other: &Self) -> T {
-        let pairs = self.albedo.iter().zip(&other.albedo);
-        let pairs = pairs.chain(self.light.iter().zip(&other.light));
-        let pairs = pairs.chain(self.gains.iter().zip(&other.gains));
-        pairs.fold(T::default(), |sum, (a, b)| sum + a.times(*b))
+        sum_of_products(&self.albedo, &other.albedo)
+            + sum_of_products(&self.light, &other.light)
+            + sum_of_products(&self.gains, &other.gains)
     }
 }
 
-impl MapChange<Vector3<f64>> {
-    /// What goes with a `step` of the rate, so that what the pixels show stays.
+impl MapChange<Three> {
+    /// What goes with a `step` of the rate, so that what the pixels show stays; of a change by each component of the rate.
     #[must_use]
-    pub fn against(&self, step: &Vector3<f64>) -> MapChange<f64> {
-        let against = |taken: &[Vector3<f64>]| taken.iter().map(|t| -t.dot(step)).collect();
+    pub fn against(&self, step: &Vector3<f64>) -> MapChange<f32> {
+        let step = Three::of(step);
+        let against = |taken: &[Three]| taken.iter().map(|t| -t.dot(step)).collect();
         MapChange {
             albedo: against(&self.albedo),
             light: against(&self.light),
@@ -100,7 +102,7 @@ impl MapChange<Vector3<f64>> {
     }
 }
 
-impl MapChange<f64> {
+impl MapChange<f32> {
     /// Changes the `maps` of a ball seen in frames whose gains have these `terms`.
     pub fn apply(&self, maps: &mut BallMaps, gains: &GainTerms) {
         maps.albedo
@@ -118,9 +120,9 @@ impl MapChange<f64> {
 #[derive(Debug, Clone)]
 pub struct GainTerms {
     /// Of each frame: 1, its time and the square of that, in units of the longest.
-    terms: Vec<Vector3<f64>>,
+    terms: Vec<Vector3<f32>>,
     /// Inverse of the normal matrix of a parabola through all pixels.
-    inverse: Matrix3<f64>,
+    inverse: Matrix3<f32>,
 }
 
 impl GainTerms {
@@ -138,16 +140,16 @@ impl GainTerms {
             matrix += samples.of_frame(i).len() as f64 * x * x.transpose();
         }
         Self {
-            terms,
-            inverse: matrix.try_inverse().unwrap_or_else(Matrix3::zeros),
+            terms: terms.into_iter().map(|x| x.cast()).collect(),
+            inverse: matrix.try_inverse().unwrap_or_else(Matrix3::zeros).cast(),
         }
     }
 
     /// Moves what the residuals have in common with a parabola into the frames' gains.
-    pub fn take(&self, samples: &BallSamples, residuals: &mut [f64], gains: &mut [f64]) {
+    pub fn take(&self, samples: &BallSamples, residuals: &mut [f32], gains: &mut [f32]) {
         let mut sums = [0.0; 3];
         for (i, x) in self.terms.iter().enumerate() {
-            let sum: f64 = residuals[samples.of_frame(i)].iter().sum();
+            let sum: f32 = residuals[samples.of_frame(i)].iter().sum();
             sums.iter_mut().zip(x).for_each(|(own, x)| *own += sum * x);
         }
         let found = self.fitted(&sums);
@@ -166,7 +168,7 @@ impl GainTerms {
 }
 
 /// The parabola of these coefficients at a frame.
-fn at<T: MapValue>(coefficients: &[T; 3], x: &Vector3<f64>) -> T {
+fn at<T: MapValue>(coefficients: &[T; 3], x: &Vector3<f32>) -> T {
     coefficients[0] * x[0] + coefficients[1] * x[1] + coefficients[2] * x[2]
 }
 
@@ -176,9 +178,28 @@ pub struct OnMap<'a> {
     /// Of each sample: a list for each of its directions.
     pub cells: &'a [Vec<GridCell>],
     /// At each node.
-    pub weights: &'a [f64],
+    pub weights: &'a [f32],
     /// Nodes in a row.
     pub next: usize,
+}
+
+/// Pixels of a frame that are added to a map's nodes one after the other lie this part of the frame apart: a sum that was only just stored is not at hand.
+const APART: usize = 4;
+
+/// Adds `part` of each of the `values` at the `cells` to the nodes of `sums`.
+fn add_all<T: MapValue>(sums: &mut [T], next: usize, cells: &[GridCell], values: &[T], part: f32) {
+    let step = cells.len() / APART;
+    let (even, rest) = cells.split_at(APART * step);
+    let (even_values, rest_values) = values.split_at(APART * step);
+    for k in 0..step {
+        for i in 0..APART {
+            let p = i * step + k;
+            even[p].add(sums, next, even_values[p] * part);
+        }
+    }
+    for (cell, r) in rest.iter().zip(rest_values) {
+        cell.add(sums, next, *r * part);
+    }
 }
 
 /// The maps that pixels are held against.
@@ -192,7 +213,7 @@ pub struct MapProblem<'a> {
     /// Their brightness.
     pub gains: &'a GainTerms,
     /// A round that makes the sum of squares less by no more than this part is the last.
-    pub least_part: f64,
+    pub least_part: f32,
 }
 
 impl MapProblem<'_> {
@@ -208,15 +229,12 @@ impl MapProblem<'_> {
             let kept = before.map_or_else(T::default, |before| slope.over(before));
             direction.each(&by_weight, |own, new| *own = new + own.times(kept));
             let squares = self.show(&direction, &mut shown);
-            let albedo = direction.albedo.iter();
-            let prior = albedo.fold(T::default(), |sum, d| sum + d.times(*d));
+            let prior = sum_of_products(&direction.albedo, &direction.albedo);
             let step = slope.over(squares + prior * HELD);
             change.each(&direction, |own, d| *own += d.times(step));
-            let mut left = T::default();
-            for (r, d) in residuals.iter_mut().zip(&shown) {
-                *r -= d.times(step);
-                left += r.times(*r);
-            }
+            let of_pixels = residuals.iter_mut().zip(&shown);
+            of_pixels.for_each(|(r, d)| *r -= d.times(step));
+            let left = sum_of_products(residuals, residuals);
             if slope.times(step).is_at_most(self.least_part, left) {
                 break;
             }
@@ -232,7 +250,7 @@ impl MapProblem<'_> {
         let maps = self.light.iter().chain([&self.ball]);
         let own: f64 = maps
             .flat_map(|map| map.weights)
-            .map(|w| w / (w + BY_ITSELF))
+            .map(|w| f64::from(w / (w + BY_ITSELF)))
             .sum();
         (1.0 - own / self.samples.values.len() as f64).max(LEAST_OTHERS)
     }
@@ -255,16 +273,14 @@ impl MapProblem<'_> {
             of_frame.fill(at(&change.gains, x));
             let of_light = self.light.iter().zip([&change.light]);
             for (map, values) in of_light.chain([(&self.ball, &change.albedo)]) {
-                let part = 1.0 / map.cells.len() as f64;
+                let part = 1.0 / map.cells.len() as f32;
                 for cells in map.cells {
                     for (s, cell) in of_frame.iter_mut().zip(&cells[frame.clone()]) {
                         *s += cell.value(values, map.next) * part;
                     }
                 }
             }
-            for s in of_frame {
-                squares += s.times(*s);
-            }
+            squares += sum_of_products(of_frame, of_frame);
         }
         squares
     }
@@ -279,11 +295,9 @@ impl MapProblem<'_> {
             sums.gains.iter_mut().zip(x).for_each(|(own, x)| *own += sum * *x);
             let of_light = self.light.iter().zip([&mut sums.light]);
             for (map, sums) in of_light.chain([(&self.ball, &mut sums.albedo)]) {
-                let part = 1.0 / map.cells.len() as f64;
+                let part = 1.0 / map.cells.len() as f32;
                 for cells in map.cells {
-                    for (r, cell) in of_frame.iter().zip(&cells[frame.clone()]) {
-                        cell.add(sums, map.next, *r * part);
-                    }
+                    add_all(sums, map.next, &cells[frame.clone()], of_frame, part);
                 }
             }
         }
@@ -295,7 +309,7 @@ impl MapProblem<'_> {
     }
 
     fn over_weights<T: MapValue>(&self, sums: &MapChange<T>) -> MapChange<T> {
-        let over = |sums: &[T], map: &OnMap<'_>, held: f64| -> Vec<T> {
+        let over = |sums: &[T], map: &OnMap<'_>, held: f32| -> Vec<T> {
             let each = sums.iter().zip(map.weights);
             each.map(|(s, w)| *s * (1.0 / (w + held).max(1e-9))).collect()
         };

@@ -21,6 +21,7 @@ pub mod cube_map;
 pub mod disc_map;
 pub mod fit;
 pub mod map_fit;
+pub mod map_value;
 pub mod search;
 #[cfg(test)]
 mod tests;
@@ -180,7 +181,7 @@ pub struct RotationEvidence<'a> {
     search: RotationSearch<'a>,
     ball: &'a SampledBall,
     /// What the light leaves over.
-    left: Vec<f64>,
+    left: Vec<f32>,
     /// The light.
     maps: BallMaps,
     /// Mean square of what is left over by a light that drifts, and what noise is of that.
@@ -349,8 +350,17 @@ impl RotationEvidence<'_> {
         let rate = fit.rate_rad_s;
         let (thin, grids) = self.ball.thinned();
         let evenly = &thin.evenly_blurred();
-        let by_thin = fit.distance_to_rate_of(thin, grids, lit);
-        let moved = fit.distance_to_rate_of(evenly, grids, lit) - by_thin;
+        let to_rate_of = |samples: &BallSamples| fit.distance_to_rate_of(samples, grids, lit);
+        let ((by_thin, by_evenly), (by_turning_centres, freely)) = rayon::join(
+            || rayon::join(|| to_rate_of(thin), || to_rate_of(evenly)),
+            || {
+                rayon::join(
+                    || self.by_turning_centres(&fit, evenly),
+                    || lit.then(|| fit::fit_on(thin, grids, &fit, false)),
+                )
+            },
+        );
+        let moved = by_evenly - by_thin;
         let blur = search.blur_px / search.radius_px;
         let unit = blur * blur * rate.norm();
         let mut shares = UNEVEN_PART.powi(2) * moved * moved.transpose();
@@ -366,10 +376,9 @@ impl RotationEvidence<'_> {
             let turned = turned_std_rad * picture_axis.cross(&rate);
             shares += turned * turned.transpose();
         }
-        shares += self.by_turning_centres(&fit, evenly);
-        if lit {
-            let freely = fit::fit_on(thin, grids, &fit, false)?;
-            let off = freely.rate_rad_s - (rate + by_thin);
+        shares += by_turning_centres;
+        if let Some(freely) = freely {
+            let off = freely?.rate_rad_s - (rate + by_thin);
             shares += off * off.transpose();
         }
         // Parts of the disc disagree by those, too.
@@ -377,8 +386,8 @@ impl RotationEvidence<'_> {
         Some(fit)
     }
 
-    /// Covariance of the rate by centres that are off with the marks: as points of the ball are that turn with it. `evenly`: the thinned pixels as if
-    /// the blur were even.
+    /// Covariance of the rate by centres that are off with the marks: as points of the ball are that turn with it. (What is off along the axis stays: the
+    /// common part of the centres has that.) `evenly`: the thinned pixels as if the blur were even.
     fn by_turning_centres(&self, fit: &RotationFit, evenly: &BallSamples) -> Matrix3<f64> {
         let (lit, (_, grids)) = (self.search.light.is_some(), self.ball.thinned());
         let off_radii = self.search.turning_std_px / self.search.radius_px;
@@ -388,10 +397,12 @@ impl RotationEvidence<'_> {
             let moved = fit.step_to_rate_of(&around, &grids.of_samples(&around), lit) - stays;
             moved * moved.transpose()
         };
-        [Vector3::x(), Vector3::y(), Vector3::z()]
-            .into_par_iter()
-            .map(moved_by)
-            .sum()
+        let one = cube_map::across(&fit.rate_rad_s);
+        let (one, other) = rayon::join(
+            || moved_by(one),
+            || moved_by(fit.rate_rad_s.cross(&one).normalize()),
+        );
+        one + other
     }
 }
 
@@ -433,7 +444,7 @@ impl<'a> RotationSearch<'a> {
         };
         let noise = samples.noise.powi(2);
         let mean_square = |squares: f64| squares / samples.values.len() as f64;
-        let squares: f64 = left.iter().map(|r| r * r).sum();
+        let squares = fit::sum_of_squares(&left);
         if mean_square(squares) < LEAST_MARKS * LEAST_MARKS * noise {
             return Err(NoRate::Plain);
         }

@@ -86,7 +86,7 @@ impl LagProducts {
     /// known to be `lit` so, each place's mean is taken away, too. `None` for a ball of too few pixels.
     pub fn new(
         samples: &BallSamples,
-        residuals: &[f64],
+        residuals: &[f32],
         interval_s: f64,
         pixel: f64,
         lit: bool,
@@ -103,7 +103,7 @@ impl LagProducts {
                 let corners = grid.corners(samples.places[p]);
                 let nearest = corners.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
                 let at = nearest.0 as usize * slots + s;
-                sums[at] += residuals[p];
+                sums[at] += f64::from(residuals[p]);
                 counts[at] += 1.0;
             }
         }
@@ -228,7 +228,7 @@ impl LagProducts {
                 let at = |along: f32| (along + 1.0) * scale + WHOLE - WHOLE;
                 let seen = at(along(1)) * side + at(along(0));
                 let node_or_far = if along(2) > 0.0 { far } else { seen };
-                *node = (node_or_far + WHOLE).to_bits() - WHOLE.to_bits();
+                *node = (node_or_far + WHOLE).to_bits().wrapping_sub(WHOLE.to_bits());
             }
             let here = nodes[..x.len()].iter().zip(rows.chunks_exact(columns));
             for (scored, (node, row)) in scored.iter_mut().zip(here) {

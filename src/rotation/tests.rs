@@ -1,5 +1,6 @@
 //! Balls drawn here, ray by ray, with known rates.
 
+use super::map_value::sum_of_products;
 use super::*;
 use crate::test_noise::TestNoise;
 use nalgebra::Rotation3;
@@ -419,10 +420,10 @@ fn maps_take_as_much_of_noise_as_they_say() {
         let seen = fit::weights_of(&turned.cells, grids.grid.nodes(), grids.grid.side());
         let problem = grids.map_problem(samples, &turned, &seen, false, fit::EXACT);
         let mut noise = TestNoise(4);
-        let pixels: Vec<f64> = samples.values.iter().map(|_| noise.normal()).collect();
+        let pixels: Vec<f32> = samples.values.iter().map(|_| noise.normal() as f32).collect();
         let mut left = pixels.clone();
         problem.solve(&mut left, &vec![0.0; grids.grid.nodes()]);
-        let dot = |a: &[f64]| a.iter().zip(&pixels).map(|(a, b)| a * b).sum::<f64>();
+        let dot = |a: &[f32]| f64::from(sum_of_products(a, &pixels));
         let others = dot(&left) / dot(&pixels);
         assert!(
             (others - problem.others_part()).abs() < 0.1,

@@ -1,5 +1,6 @@
 //! The ball in one frame: the light of its pixels well inside of the outline, and to which directions from its centre they belong.
 
+use super::map_value::Three;
 use nalgebra::{Rotation3, Vector3};
 
 /// Part of the ball's usual brightness that is added before the logarithm is taken: what is black has no logarithm.
@@ -33,17 +34,18 @@ pub struct BallPixel {
 pub struct Directions([Vec<f32>; 3]);
 
 impl Directions {
-    fn push(&mut self, d: &Vector3<f64>) {
-        for (all, x) in self.0.iter_mut().zip(d.iter()) {
-            all.push(*x as f32);
+    fn push(&mut self, Three(d): Three) {
+        for (all, x) in self.0.iter_mut().zip(d) {
+            all.push(x);
         }
     }
 
     /// Direction `p`.
     #[inline]
     #[must_use]
-    pub fn at(&self, p: usize) -> Vector3<f64> {
-        Vector3::from(self.0.each_ref().map(|c| f64::from(c[p])))
+    pub fn at(&self, p: usize) -> Three {
+        let [x, y, z] = self.0.each_ref().map(|c| c[p]);
+        Three([x, y, z, 0.0])
     }
 
     /// The components of those from `range`.
@@ -68,7 +70,7 @@ pub struct BallSamples {
     /// Places on the disc, radii.
     pub places: Vec<[f64; 2]>,
     /// Logarithms of brightness.
-    pub values: Vec<f64>,
+    pub values: Vec<f32>,
     /// Standard deviation of a value by the pixels' noise.
     pub noise: f64,
 }
@@ -99,10 +101,10 @@ impl BallSamples {
             for p in &view.pixels {
                 let lit_grey = (p.grey + floor_grey).max(0.5 * floor_grey);
                 for (all, d) in samples.towards.iter_mut().zip(seen_towards(p.place, blur)) {
-                    all.push(&(view.sight * d));
+                    all.push(Three::of(&(view.sight * d)));
                 }
                 samples.places.push(p.place);
-                samples.values.push(lit_grey.ln());
+                samples.values.push(lit_grey.ln() as f32);
             }
             samples.ends.push(samples.values.len());
         }
@@ -124,7 +126,7 @@ impl BallSamples {
         for i in 0..self.frames() {
             for p in self.of_frame(i).skip(i % step).step_by(step) {
                 for (thin, all) in thin.towards.iter_mut().zip(&self.towards) {
-                    thin.push(&all.at(p));
+                    thin.push(all.at(p));
                 }
                 thin.places.push(self.places[p]);
                 thin.values.push(self.values[p]);
@@ -141,7 +143,7 @@ impl BallSamples {
         for (i, sight) in self.sights.iter().enumerate() {
             for &place in &self.places[self.of_frame(i)] {
                 let [_, d] = seen_towards(place, 0.0);
-                towards.push(&(sight * d));
+                towards.push(Three::of(&(sight * d)));
             }
         }
         Self {
