@@ -4,6 +4,10 @@
 //! is not part of it. The median runs as an odd-even merge network on whole rows, so that the compiler turns it into
 //! byte-wise minimum and maximum instructions: 15 frames of 1080p take a few milliseconds.
 //!
+//! A camera moves where the scene does so as one: where the shift is clear of what its parts differ by, or where each place tells it for itself
+//! ([`faint_scene`](super::faint_scene)). A codec at a low rate draws the parts of a faint texture elsewhere, each by itself, and most of them together may
+//! seem to go somewhere.
+//!
 //! Assumed: each pixel is uncovered in more than half of the survey's frames, and the scene itself does not change but for a
 //! shift of the camera and the light. Where a thing stays longer, it is background, and what it covered shows as a change.
 
@@ -313,21 +317,31 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Reg
     } else {
         &found
     };
-    let by_gradients = first.sees_shift().then(|| by_gradients(&first, survey, located));
+    let by_gradients = || by_gradients(&first, survey, located);
+    let by_gradients = first.sees_shift().then(by_gradients).flatten();
     let in_all_directions = first.expected_std_px().is_finite();
-    if let Some(moved) = by_gradients.iter().flatten().next().filter(|_| in_all_directions) {
-        return (moved.clone(), false);
+    let alike = |moved: &Vec<Registration>| {
+        in_all_directions && drift_px(moved) >= still_px(first.parts_differ_px(survey, moved))
+    };
+    if let Some(moved) = by_gradients.clone().filter(alike) {
+        return (moved, false);
     }
-    // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
+    // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may. A codec at a low rate draws parts of the scene
+    // elsewhere, each by itself.
+    let scene = FaintScene::new(survey, median);
+    let by_all = |moved: &Vec<Registration>| scene.as_ref().is_some_and(|s| s.moves_everywhere(moved));
+    if let Some(moved) = by_gradients
+        .clone()
+        .filter(|moved| in_all_directions && by_all(moved))
+    {
+        return (moved, false);
+    }
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
-    let seen = FaintScene::new(survey, median).and_then(|scene| {
-        let whole = scene.shifts().filter(moves)?;
-        scene.moves_everywhere(&whole).then_some(whole)
-    });
-    match (seen, by_gradients.flatten()) {
-        (Some(shifts), _) => (shifts.registrations, false),
-        (None, Some(moved)) => (moved, false),
-        (None, None) => (found, true),
+    let whole = scene.as_ref().and_then(FaintScene::shifts).filter(moves);
+    let whole = whole.map(|shifts| shifts.registrations).filter(by_all);
+    match whole.or(by_gradients.filter(|_| !in_all_directions)) {
+        Some(moved) => (moved, false),
+        None => (found, true),
     }
 }
 
@@ -687,6 +701,15 @@ mod tests {
         assert!(mean(&median, true) > 58.0, "{}", mean(&median, true));
     }
 
+    /// What a wall's texture is at a place, of standard deviation 2.4.
+    fn waves(u: f64, v: f64) -> f64 {
+        let wave = |k: f64| {
+            let (number, (sin, cos)) = (0.03 + 0.05 * k, (2.4 * k).sin_cos());
+            (number * (u * cos + v * sin) + k * k).sin()
+        };
+        (1..=12).map(|k| wave(f64::from(k))).sum()
+    }
+
     /// A wall with texture of `texture_grey` in noise of 2, over which a soft shadow of half-width `width` moves that takes `depth`.
     fn shaded(
         texture_grey: f64,
@@ -699,11 +722,6 @@ mod tests {
         const SIZE: (usize, usize) = (480, 360);
         let mut random = crate::test_noise::TestNoise(11);
         let spare = (0..FRAMES).map(&shift_px).max().unwrap();
-        let wave = |u: f64, v: f64, k: f64| {
-            let (number, (sin, cos)) = (0.03 + 0.05 * k, (2.4 * k).sin_cos());
-            (number * (u * cos + v * sin) + k * k).sin()
-        };
-        let waves = |u, v| (1..=12).map(|k| wave(u, v, f64::from(k))).sum();
         let columns = || (0..SIZE.0 + spare).map(|u| u as f64 - spare as f64);
         let wall: Vec<f64> = (0..SIZE.1)
             .flat_map(|v| columns().map(move |u| waves(u, v as f64)))
@@ -745,6 +763,45 @@ mod tests {
                 let background = Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap();
                 assert!(!background.registrar.fixed, "{texture_grey} {depth}: drifts");
             }
+        }
+    }
+
+    /// As a codec at a low rate draws a faint texture anew: each part of it elsewhere from one moment on.
+    #[test]
+    fn parts_that_are_drawn_elsewhere_each_by_itself_move_no_camera() {
+        const PART_PX: usize = 120;
+        let drawn = |seed: u64, alike: bool| -> Vec<Luma> {
+            let mut random = crate::test_noise::TestNoise(seed);
+            let shifts = [(); 4 * 3].map(|()| [(); 2].map(|()| random.between(-3.0, 3.0)));
+            let [before, after] = [0.0, 1.0].map(|moved| -> Vec<f64> {
+                let places = (0..360).flat_map(|v| (0..480).map(move |u| (u, v)));
+                let grey = |(u, v): (usize, usize)| {
+                    let part = if alike { 0 } else { v / PART_PX * 4 + u / PART_PX };
+                    let [du, dv] = shifts[part];
+                    90.0 + 3.0 * waves(u as f64 - moved * du, v as f64 - moved * dv)
+                };
+                places.map(grey).collect()
+            });
+            let frame = |i: usize| {
+                let wall = if i < 7 { &before } else { &after };
+                Luma::from_fn(480, 360, |u, v| {
+                    (wall[v * 480 + u] + random.normal()).round() as u8
+                })
+            };
+            (0..15).map(frame).collect()
+        };
+        for seed in 1..=3 {
+            let moved = |alike: bool| {
+                let survey = drawn(seed, alike);
+                let survey: Vec<&Luma> = survey.iter().collect();
+                let first = Registrar::at_full_size(survey[7], 1.0).holding_unseen();
+                let seems = by_gradients(&first, &survey, &first.locate(&survey)).is_some();
+                let moves = !Background::from_survey(&survey).unwrap().registrar.fixed;
+                (seems, moves)
+            };
+            assert_eq!(moved(true), (true, true), "{seed}");
+            // The gradients alone would follow what most of them do.
+            assert_eq!(moved(false), (true, false), "{seed}");
         }
     }
 

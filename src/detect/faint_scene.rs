@@ -158,7 +158,7 @@ impl FaintScene {
     }
 
     /// Whether the scene shifts by `shifts` along one axis at least wherever it tells that, rather than resting: what does so is the camera, not a thing.
-    pub fn moves_everywhere(&self, shifts: &CorrelatedShifts) -> bool {
+    pub fn moves_everywhere(&self, shifts: &[Registration]) -> bool {
         let evidence = [0, 1].map(|colour| self.evidence(colour, shifts).unwrap_or_default());
         (0..AXES.len()).any(|axis| {
             let places = evidence.iter().flatten();
@@ -171,7 +171,7 @@ impl FaintScene {
 
     /// What the places of one colour tell, along each axis, of a motion near `shifts` that the other colour finds, standard deviations each: above 0 where
     /// they move so, below 0 where they rest.
-    fn evidence(&self, colour: usize, shifts: &CorrelatedShifts) -> opencv::Result<Vec<[f64; 2]>> {
+    fn evidence(&self, colour: usize, shifts: &[Registration]) -> opencv::Result<Vec<[f64; 2]>> {
         let middle = &self.pictures[self.middle()];
         let grid = PlaceGrid::of(middle);
         let by_other = self.shifts_by(&grid.kept(middle, 1 - colour)?, shifts)?;
@@ -183,9 +183,9 @@ impl FaintScene {
     }
 
     /// Where each frame looks near `shifts`, as a `part` of the middle picture tells, pixels of the size compared.
-    fn shifts_by(&self, part: &Mat, shifts: &CorrelatedShifts) -> opencv::Result<Vec<[f64; 2]>> {
+    fn shifts_by(&self, part: &Mat, shifts: &[Registration]) -> opencv::Result<Vec<[f64; 2]>> {
         let part = spectrum(part)?;
-        let frames = self.spectra.par_iter().zip(&shifts.registrations);
+        let frames = self.spectra.par_iter().zip(shifts);
         let shift = |(of_frame, r): (&Mat, &Registration)| {
             let near = [r.shift_u_px, r.shift_v_px].map(|px| px / self.factor as f64);
             Ok(CorrelationSurface::of(of_frame, &part)?.peak_near(near))
@@ -601,7 +601,7 @@ mod tests {
         let frames: Vec<&Luma> = frames.iter().collect();
         let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
         let found = scene.shifts().unwrap();
-        assert!(scene.moves_everywhere(&found));
+        assert!(scene.moves_everywhere(&found.registrations));
         assert!(found.std_px < 0.2, "{}", found.std_px);
         for (i, r) in found.registrations.iter().enumerate() {
             let off = (r.shift_u_px - truth(i)[0]).hypot(r.shift_v_px - truth(i)[1]);
@@ -629,7 +629,7 @@ mod tests {
         let frames = scene_shifted(SIZE / 2, 11, pan);
         let frames: Vec<&Luma> = frames.iter().collect();
         let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
-        assert!(scene.moves_everywhere(&scene.shifts().unwrap()));
+        assert!(scene.moves_everywhere(&scene.shifts().unwrap().registrations));
     }
 
     #[test]
@@ -654,10 +654,7 @@ mod tests {
             shift_u_px: 0.6 * (i as f64 - 4.0),
             ..Registration::IDENTITY
         };
-        let as_the_part_moves = CorrelatedShifts {
-            registrations: (0..mixed.len()).map(shift).collect(),
-            std_px: 0.1,
-        };
+        let as_the_part_moves: Vec<Registration> = (0..mixed.len()).map(shift).collect();
         assert!(!scene.moves_everywhere(&as_the_part_moves));
     }
 
@@ -675,7 +672,11 @@ mod tests {
             .collect();
         let frames: Vec<&Luma> = frames.iter().collect();
         let scene = FaintScene::new(&frames, &median_of(&frames)).unwrap();
-        assert!(scene.shifts().is_none_or(|s| !scene.moves_everywhere(&s)));
+        assert!(
+            scene
+                .shifts()
+                .is_none_or(|s| !scene.moves_everywhere(&s.registrations))
+        );
     }
 
     #[test]
