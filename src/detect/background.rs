@@ -5,7 +5,7 @@
 //! byte-wise minimum and maximum instructions: 15 frames of 1080p take a few milliseconds.
 //!
 //! A camera moves where the scene does so as one: where the shift is clear of what its parts differ by, or where each place tells it for itself
-//! ([`faint_scene`](super::faint_scene)). A codec at a low rate draws the parts of a faint texture elsewhere, each by itself, and most of them together may
+//! (`faint_scene`). A codec at a low rate draws the parts of a faint texture elsewhere, each by itself, and most of them together may
 //! seem to go somewhere.
 //!
 //! Assumed: each pixel is uncovered in more than half of the survey's frames, and the scene itself does not change but for a
@@ -22,6 +22,7 @@ use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_medi
 use nalgebra::Vector2;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::cell::LazyCell;
 use std::sync::Arc;
 
 /// Side of the square blocks on which motion is first looked for, px, for a picture of this size.
@@ -320,26 +321,23 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Reg
     let by_gradients = || by_gradients(&first, survey, located);
     let by_gradients = first.sees_shift().then(by_gradients).flatten();
     let in_all_directions = first.expected_std_px().is_finite();
-    let alike = |moved: &Vec<Registration>| {
-        in_all_directions && drift_px(moved) >= still_px(first.parts_differ_px(survey, moved))
+    let (in_all, across_one) = if in_all_directions {
+        (by_gradients, None)
+    } else {
+        (None, by_gradients)
     };
-    if let Some(moved) = by_gradients.clone().filter(alike) {
-        return (moved, false);
-    }
-    // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may. A codec at a low rate draws parts of the scene
-    // elsewhere, each by itself.
-    let scene = FaintScene::new(survey, median);
-    let by_all = |moved: &Vec<Registration>| scene.as_ref().is_some_and(|s| s.moves_everywhere(moved));
-    if let Some(moved) = by_gradients
-        .clone()
-        .filter(|moved| in_all_directions && by_all(moved))
-    {
-        return (moved, false);
-    }
+    // Where no place of a frame shows a shift, or a codec holds those that would, all of it together may.
+    let scene = LazyCell::new(|| FaintScene::new(survey, median));
+    let by_places = |moved: &Vec<Registration>| scene.as_ref().is_some_and(|s| s.moves_everywhere(moved));
+    let as_one = |moved: &Vec<Registration>| {
+        drift_px(moved) >= still_px(first.parts_differ_px(survey, moved)) || by_places(moved)
+    };
     let moves = |shifts: &CorrelatedShifts| drift_px(&shifts.registrations) >= still_px(shifts.std_px);
-    let whole = scene.as_ref().and_then(FaintScene::shifts).filter(moves);
-    let whole = whole.map(|shifts| shifts.registrations).filter(by_all);
-    match whole.or(by_gradients.filter(|_| !in_all_directions)) {
+    let by_whole = || {
+        let shifts = scene.as_ref().and_then(FaintScene::shifts).filter(moves)?;
+        Some(shifts.registrations).filter(by_places)
+    };
+    match in_all.filter(as_one).or_else(by_whole).or(across_one) {
         Some(moved) => (moved, false),
         None => (found, true),
     }
