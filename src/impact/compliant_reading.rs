@@ -6,6 +6,7 @@
 //! known, and foretells nothing.
 
 use super::Bounce;
+use crate::numeric::parabola::Parabola;
 use crate::quantity::Quantity;
 use crate::rebound::Regime;
 use crate::rebound::compliant::{Parameters, table};
@@ -276,14 +277,9 @@ fn best_friction(bounces: &[Incoming]) -> Option<SuitableFriction> {
     let best = (0..=STEPS).min_by(|&a, &b| chi2[a].total_cmp(&chi2[b]))?;
     // The lowest point of the parabola through it and its neighbours.
     let at = if (1..STEPS).contains(&best) {
-        let (low, middle, high) = (chi2[best - 1], chi2[best], chi2[best + 1]);
-        let bend = low - 2.0 * middle + high;
-        let off = if bend > 0.0 {
-            0.5 * (low - high) / bend
-        } else {
-            0.0
-        };
-        FRICTION.0 * (step * (best as f64 + off)).exp()
+        let [low, middle, high] = [best - 1, best, best + 1].map(|i| (i as f64, chi2[i]));
+        let around = Parabola::through([low.0, middle.0, high.0], [low.1, middle.1, high.1]);
+        FRICTION.0 * (step * around.minimum().unwrap_or(middle.0)).exp()
     } else {
         friction(best)
     };

@@ -8,6 +8,7 @@
 //! | fit a few parameters to many pixels, summing JᵀJ and Jᵀr yourself | [`least_squares::Accumulate`] and [`least_squares::fit_normal`] |
 //! | run the loop on a state of your own (poses, a block structure, another cost) | [`least_squares::Problem`] and [`least_squares::minimise`] |
 //! | take in weighted rows one at a time, weights spanning many orders of magnitude | [`r_factor::RFactor`] |
+//! | find what lies between three values at even steps, or their minimum | [`parabola::Parabola`] |
 //! | weigh down outliers, or ask for a median | [`robust`] |
 //! | carry a covariance through any function | [`propagation`] |
 //!
@@ -37,6 +38,7 @@
 pub mod blocks;
 pub mod least_squares;
 pub mod linear;
+pub mod parabola;
 pub mod propagation;
 pub mod r_factor;
 pub mod robust;

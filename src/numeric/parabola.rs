@@ -1,9 +1,9 @@
-//! What lies between three fits at evenly spaced values of a parameter: a parabola.
+//! What lies between three values at evenly spaced places: a parabola.
 
 /// The parabola through three values.
 #[derive(Debug, Clone, Copy)]
 pub struct Parabola {
-    /// The parameter in the middle, and the value there.
+    /// The place in the middle, and the value there.
     middle: f64,
     value: f64,
     /// First derivative in the middle, and the second.

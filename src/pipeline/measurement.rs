@@ -8,6 +8,7 @@ use crate::geometry::{PixelPoint, WorldPoint};
 use crate::impact::{BenchLaunch, Bounce, Distances, FloorSlope, Readings};
 use crate::quantity::Quantity;
 use crate::rotation::BallMaps;
+use crate::rotation::cube_map::across;
 use nalgebra::{Rotation3, Vector3};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -318,12 +319,7 @@ impl BallTurning {
         let axis = Vector3::from(self.rate_rad_s)
             .try_normalize(0.0)
             .unwrap_or_else(Vector3::z);
-        let other = if axis.x.abs() < 0.7 {
-            Vector3::x()
-        } else {
-            Vector3::y()
-        };
-        let one = axis.cross(&other).normalize();
+        let one = across(&axis);
         [one, axis.cross(&one), axis]
     }
 

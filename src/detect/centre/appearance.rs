@@ -19,7 +19,6 @@
 //! that does not has no estimate, or one whose tilt of the light is free.
 
 mod joint_fit;
-mod parabola;
 mod parameters;
 mod sharpening;
 mod tone_curve;

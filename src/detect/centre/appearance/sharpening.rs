@@ -10,7 +10,7 @@
 //!
 //! Assumed: the same in all frames, and linear in grey levels. A camera that sharpens less where edges are strong is taken for one that sharpens less.
 
-use super::parabola::Parabola;
+use crate::numeric::parabola::Parabola;
 use crate::quantity::Quantity;
 
 /// a of the fits that tell how cost and radius depend on it.

@@ -18,8 +18,8 @@
 //! Assumed: a power stands for the curve between the grey levels of ball and wall, the same in all frames. Sharpening is taken for a part of the curve as
 //! far as it looks like one; what it does beside that is `sharpening`'s.
 
-use super::parabola::Parabola;
 use crate::frames::LumaRange;
+use crate::numeric::parabola::Parabola;
 use crate::quantity::Quantity;
 
 /// ln γ of the fits that tell how cost and radius depend on it: γ = 1, 1.5 and 2.2.
