@@ -3,7 +3,7 @@
 
 use crate::hard::{
     Chance, Clip, HONEST_SIGMAS, Judged, assert_honest, assert_true, each, moved, paint_box, paint_disc,
-    scene, with,
+    scene, turned, with,
 };
 use serde_json::{Value, json};
 use track::calibration::Calibration;
@@ -409,6 +409,34 @@ fn a_camera_that_drifts_or_shakes() {
         });
         let found = shaking.measured();
         assert_true(&found, 2, &format!("shaking by 10 px, texture {texture_grey}"));
+    }
+}
+
+#[test]
+fn a_camera_that_turns_about_its_axis_is_followed() {
+    // A steady turn, which moves the picture's corners and not its middle; and what a hand does.
+    for (seed, texture_grey) in [(765, 6), (766, 20)] {
+        let clip = Clip::of(&with(scene(seed), "look", json!({"texture_grey": texture_grey})));
+        let turning = clip.clone().changed(|i, frame, _| {
+            *frame = turned(frame, 0.015 * i as f64 / 137.0);
+        });
+        let found = turning.measured();
+        assert_true(
+            &found,
+            2,
+            &format!("turn of 0.86 degrees, texture {texture_grey}"),
+        );
+        assert!(found.warns("camera_moved"));
+        let held = clip.changed(|i, frame, _| {
+            let t = i as f64;
+            let shifted = moved(frame, 3.0 * (t / 31.0).sin(), 2.0 * (t / 23.0).cos() - 2.0);
+            *frame = turned(&shifted, 0.008 * (t / 40.0).sin());
+        });
+        assert_true(
+            &held.measured(),
+            2,
+            &format!("held by hand, texture {texture_grey}"),
+        );
     }
 }
 

@@ -8,8 +8,11 @@
 //! (`faint_scene`). A codec at a low rate draws the parts of a faint texture elsewhere, each by itself, and most of them together may
 //! seem to go somewhere.
 //!
+//! A hand that holds a camera also turns it about its axis. Where the parts of the scene agree better with that, frames are aligned and
+//! followed so; the reference is turned as the survey's first frame is, whose pixels are the calibration's (a later frame's turn is known as well as any).
+//!
 //! Assumed: each pixel is uncovered in more than half of the survey's frames, and the scene itself does not change but for a
-//! shift of the camera and the light. Where a thing stays longer, it is background, and what it covered shows as a change.
+//! motion of the camera and the light. Where a thing stays longer, it is background, and what it covered shows as a change.
 
 use super::camera_swing::SceneEdges;
 use super::faint_scene::{CorrelatedShifts, FaintScene};
@@ -19,7 +22,7 @@ use super::registration::Registration;
 use super::scene_grey::SceneGrey;
 use crate::frames::{Luma, has_room_for_several};
 use crate::numeric::robust::{MEDIAN_STD_OVER_MEAN_STD, STD_OF_MEDIAN, lower_median, median};
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::cell::LazyCell;
@@ -122,6 +125,12 @@ const DRIFT_SIGMAS: f64 = 4.0;
 /// two halves of the scene that see the same shift need.
 const CLEAR_OF_SCATTER: f64 = 2.5;
 
+/// A camera that moves turns, too, where the parts of the scene differ by less than this part of what they do without.
+const AGREE_BETTER: f64 = 0.8;
+
+/// One in so many frames of a survey, and one in so many of the places compared, tells a camera that stands from one that may turn.
+const QUICK_LOOK: usize = 3;
+
 /// A shift that is so far from where the scene's edges are is none, px.
 const REFUTED_PX: f64 = 2.0;
 
@@ -138,20 +147,31 @@ impl Background {
             first = Registrar::new(reference, noise_grey);
         }
         let median = median_of(survey);
-        let (mut registrations, fixed) = camera_shifts(&first, survey, &median);
+        let (mut registrations, mut fixed) = camera_shifts(&first, survey, &median);
+        let turned = camera_turns(&first, survey, &registrations, fixed);
         drop(first);
+        let turns = turned.is_some();
+        if let Some(turned) = turned {
+            (registrations, fixed) = (turned, false);
+        }
         let scene = |followed: &mut [Registration]| {
             let registrar = if fixed {
                 Registrar::of_fixed(&median, noise_grey)
             } else {
+                // The calibration is that of the first frame, and so is how the reference is turned.
+                let first_frame = followed[0];
+                followed
+                    .iter_mut()
+                    .for_each(|r| *r = r.against_turn_of(&first_frame));
                 let aligned = survey.par_iter().zip(&*followed).map(|(f, r)| r.aligned(f));
                 let aligned: Vec<Luma> = aligned.collect();
                 let noise_part = MEDIAN_STD_OVER_MEAN_STD / (survey.len() as f64).sqrt();
-                Registrar::of_mean(
+                let registrar = Registrar::of_mean(
                     &median_of(&aligned.iter().collect::<Vec<_>>()),
                     noise_grey,
                     noise_part.min(1.0),
-                )
+                );
+                if turns { registrar.turning() } else { registrar }
             };
             let each = survey.par_iter().zip(followed);
             each.for_each(|(frame, r)| *r = registrar.follow(frame, r));
@@ -343,6 +363,53 @@ fn camera_shifts(first: &Registrar, survey: &[&Luma], median: &Luma) -> (Vec<Reg
     }
 }
 
+/// Where the frames look, with how they turn, that by shifts alone look as `shifted` says; `None` where they do not turn. The parts of the scene have
+/// to agree better with the turn than without. Of a camera that moves (`fixed` is not said of it) the turns have to be clear of what two halves of the
+/// scene differ by, which is little where frames are found at all; of one that seems to stand, all of its motion has to be so, and to be that of the scene
+/// as one, and of its edges alone.
+fn camera_turns(
+    first: &Registrar,
+    survey: &[&Luma],
+    shifted: &[Registration],
+    fixed: bool,
+) -> Option<Vec<Registration>> {
+    if !first.sees_shift() {
+        return None;
+    }
+    let turning = first.clone().holding_unseen().turning();
+    let turned = if fixed {
+        let frames: Vec<&Luma> = survey.iter().copied().step_by(QUICK_LOOK).collect();
+        let known: Vec<Registration> = shifted.iter().copied().step_by(QUICK_LOOK).collect();
+        if drift_px(&turning.thinned(QUICK_LOOK).locate_near(&frames, &known)) < 0.5 * FIXED_CAMERA_PX {
+            return None;
+        }
+        turning.locate(survey)
+    } else {
+        turning.locate_near(survey, shifted)
+    };
+    let agrees_better = || {
+        let [with, without] =
+            [turned.as_slice(), shifted].map(|found| turning.parts_differ_px(survey, found));
+        with < AGREE_BETTER * without
+    };
+    let halves_agree_on = |drift_px: f64| {
+        let std_px = turning.shift_std_px(survey, &turned);
+        std_px < FIXED_CAMERA_PX && drift_px >= DRIFT_SIGMAS * std_px
+    };
+    let turns = if fixed {
+        let drift = drift_px(&turned);
+        drift >= FIXED_CAMERA_PX
+            && halves_agree_on(drift)
+            && agrees_better()
+            && drift >= still_px(turning.parts_differ_px(survey, &turned))
+            && drift_px(&turning.by_edges(survey, &turned)) >= FIXED_CAMERA_PX
+    } else {
+        let turns: Vec<Registration> = turned.iter().map(Registration::unshifted).collect();
+        halves_agree_on(drift_px(&turns)) && agrees_better()
+    };
+    turns.then_some(turned)
+}
+
 /// Where the frames look, by what `first` found of them; `None` where the camera stands still.
 fn by_gradients(first: &Registrar, survey: &[&Luma], found: &[Registration]) -> Option<Vec<Registration>> {
     let drift = drift_px(found);
@@ -372,16 +439,16 @@ fn still_px(shift_std_px: f64) -> f64 {
     FIXED_CAMERA_PX.max(DRIFT_SIGMAS * shift_std_px)
 }
 
-/// How far the camera drifts, px: the largest distance of a shift from the median one, swings left out, after which the camera
+/// How far the camera drifts, px: the largest distance of a motion from the median one, swings left out, after which the camera
 /// looks where it did. (Distances from the reference frame would all have the error of that one frame: a codec that draws a
 /// faint scene differently in each key frame moves it by half a pixel.)
 fn drift_px(registrations: &[Registration]) -> f64 {
-    let median = |of: fn(&Registration) -> f64| {
-        let mut shifts: Vec<f64> = registrations.iter().map(of).collect();
-        median(&mut shifts).unwrap_or(0.0)
+    let median = |k: usize| {
+        let mut motions: Vec<f64> = registrations.iter().map(|r| r.motion_px()[k]).collect();
+        median(&mut motions).unwrap_or(0.0)
     };
-    let middle = (median(|r| r.shift_u_px), median(|r| r.shift_v_px));
-    let off = |r: &Registration| (r.shift_u_px - middle.0).hypot(r.shift_v_px - middle.1);
+    let middle: Vector3<f64> = Vector3::from_fn(|k, _| median(k));
+    let off = |r: &Registration| (r.motion_px() - middle).norm();
     let all: Vec<f64> = registrations.iter().map(off).collect();
     // A swing dies away: a camera that looks elsewhere at the beginning, at the end or often, drifts.
     let rests = |o: &f64| *o < FIXED_CAMERA_PX;
@@ -584,6 +651,7 @@ fn sorting_network(n: usize) -> Vec<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::detect::registration::middle_of;
 
     #[test]
     fn the_network_sorts_every_small_input_of_zeros_and_ones() {
@@ -762,6 +830,47 @@ mod tests {
                 assert!(!background.registrar.fixed, "{texture_grey} {depth}: drifts");
             }
         }
+    }
+
+    /// The `wall` as a camera sees it that turns steadily by `turn_rad` in all, in noise.
+    fn turning(wall: &Luma, turn_rad: f64) -> Vec<Luma> {
+        let mut random = crate::test_noise::TestNoise(12);
+        (0..15)
+            .map(|i| {
+                let registration = Registration {
+                    middle: middle_of(wall),
+                    turn_rad: turn_rad * f64::from(i) / 14.0,
+                    ..Registration::IDENTITY
+                };
+                let mut seen = registration.seen(wall);
+                for p in &mut seen.data {
+                    let grey = f64::from(*p) + 2.0 * random.normal();
+                    *p = grey.round().clamp(0.0, 255.0) as u8;
+                }
+                seen
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_camera_that_turns_is_followed_from_the_first_frame_on() {
+        let of = |turn_rad: f64| {
+            let wall = Luma::from_fn(480, 360, |u, v| {
+                (90.0 + 5.0 * waves(u as f64, v as f64)).round().clamp(0.0, 255.0) as u8
+            });
+            let survey = turning(&wall, turn_rad);
+            Background::from_survey(&survey.iter().collect::<Vec<_>>()).unwrap()
+        };
+        for turn_rad in [0.006, -0.02] {
+            let background = of(turn_rad);
+            assert!(!background.registrar.fixed, "{turn_rad}");
+            let registrations = &background.survey_registrations;
+            for (i, r) in registrations.iter().enumerate() {
+                let truth = turn_rad * i as f64 / 14.0;
+                assert!((r.turn_rad - truth).abs() < 2e-4, "{i}: {r:?}, not {truth}");
+            }
+        }
+        assert!(of(0.0).registrar.fixed);
     }
 
     /// As a codec at a low rate draws a faint texture anew: each part of it elsewhere from one moment on.

@@ -7,24 +7,27 @@
 //! have to be smaller than the shadow is soft, and hold some edges each.
 
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, tukey_weight};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{SMatrix, SVector};
 
-/// A pixel of the scene as a frame shows it with some shift.
+/// A pixel of the scene as a frame shows it with some shift, or another motion of so many parameters.
 #[derive(Debug, Clone, Copy)]
-pub struct LitPixel {
+pub struct LitPixel<const N: usize> {
     /// The field of the scene.
     pub field: usize,
     /// Grey of the frame beyond what the scene is there, grey levels.
     pub residual: f64,
-    /// How the scene's grey grows, grey levels a pixel.
-    pub gradient: Vector2<f64>,
+    /// How the scene's grey grows along each parameter, grey levels a pixel.
+    pub gradient: SVector<f64, N>,
 }
 
 /// Residuals are not smaller than this, grey levels: those of rounding.
 const LEAST_SPREAD_GREY: f64 = 0.3;
 
-/// The step of Gauss-Newton for the shift, px, and what the edges tell of it, Σ g gᵀ; `None` where they tell nothing.
-pub fn step(pixels: &[LitPixel], fields: usize) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+/// The step of Gauss-Newton for the motion, px, and what the edges tell of it, Σ g gᵀ; `None` where they tell nothing.
+pub fn step<const N: usize>(
+    pixels: &[LitPixel<N>],
+    fields: usize,
+) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
     let mut of_field: Vec<Vec<f32>> = vec![Vec::new(); fields];
     for p in pixels {
         of_field[p.field].push(p.residual as f32);
@@ -47,14 +50,14 @@ pub fn step(pixels: &[LitPixel], fields: usize) -> Option<(Vector2<f64>, Matrix2
         return None;
     }
     let spread = (STD_OF_MEDIAN * f64::from(lower_median(&mut sizes))).max(LEAST_SPREAD_GREY);
-    let weight = |p: &LitPixel| tukey_weight(p.residual - middles[p.field], TUKEY * spread);
+    let weight = |p: &LitPixel<N>| tukey_weight(p.residual - middles[p.field], TUKEY * spread);
     // Σw, Σw r, Σw g of each field.
-    let mut sums = vec![(0.0_f64, 0.0_f64, Vector2::zeros()); fields];
+    let mut sums = vec![(0.0_f64, 0.0_f64, SVector::<f64, N>::zeros()); fields];
     for p in pixels {
         let (w, sum) = (weight(p), &mut sums[p.field]);
         *sum = (sum.0 + w, sum.1 + w * p.residual, sum.2 + w * p.gradient);
     }
-    let (mut information, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    let (mut information, mut right) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
     for p in pixels {
         let (w, sum) = (weight(p), &sums[p.field]);
         if w > 0.0 {

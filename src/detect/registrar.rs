@@ -8,7 +8,10 @@
 //!
 //! A soft shadow is no one light: where shifts were found, the edges alone are asked ([`local_light`], [`Registrar::by_edges`]).
 //!
-//! Assumed: the picture shifts as a whole (no turn, no zoom), and what moves has gradients in few places. Where the scene has no gradient in a
+//! A camera that is held by hand also turns about its axis. Where the survey shows that it does ([`Registrar::turning`]), one more number is found with
+//! the shift. (It goes nearer, too, but what that does to the scene is not what it does to a ball in front of it: a change of size is not followed.)
+//!
+//! Assumed: the picture moves as a whole (no zoom), and what moves has gradients in few places. Where the scene has no gradient in a
 //! direction, the shift along it stays what it was. So it does along a direction that few places tell of ([`Registrar::holding_unseen`]): before a plain
 //! wall a floor line tells the rows, and nothing but the ball and its shadow the columns. Most samples are then plain wall, which fits whatever the shift: the
 //! median residual does not tell that a line is lost. So where a direction is held, and as many samples fit nowhere as a scene has, a second search competes
@@ -16,12 +19,13 @@
 
 use super::local_light::{self, FieldReadings, LitPixel};
 use super::noise::ROUNDING_STD_GREY;
-use super::registration::Registration;
+use super::registration::{Registration, middle_of, reach_px};
 use super::resample::{SMOOTH_NOISE_PART, SmoothShift, bilinear};
 use crate::frames::Luma;
+use crate::geometry::PixelPoint;
 use crate::numeric::least_squares::{NormalEquations, gauss_newton};
 use crate::numeric::robust::{STD_OF_MEDIAN, TUKEY, lower_median, median, tukey_cost, tukey_weight};
-use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector4};
+use nalgebra::{DMatrix, Matrix2, SVector, SymmetricEigen, Vector2, Vector3, Vector5};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -120,6 +124,8 @@ pub struct Registrar {
     least_gradient_grey: f64,
     /// Frames are smoothed before they are compared, and the values of the samples are.
     smooths: bool,
+    /// Turns of the picture are found with its shifts.
+    turns: bool,
     /// The camera does not move: only brightness is followed.
     pub fixed: bool,
 }
@@ -174,6 +180,9 @@ const CLOSE_PX: f64 = 0.3;
 
 /// A light that changes by more than this is another scene.
 const SANE_GAIN: std::ops::Range<f64> = 0.3..3.0;
+
+/// A picture that turns by more than this is another one.
+const MOST_TURN_RAD: f64 = 0.2;
 
 impl Registrar {
     /// A registrar for `reference`, a single frame with noise of `noise_grey`.
@@ -234,11 +243,46 @@ impl Registrar {
         frame: &'a Luma,
         now: &Registration,
     ) -> impl Fn(&ReferencePixel) -> Option<f64> + 'a {
+        let (now, smooths) = (*now, self.smooths);
         let (du, dv) = (now.shift_u_px, now.shift_v_px);
-        let smooth = self.smooths.then(|| SmoothShift::new(du, dv));
-        move |s| match &smooth {
-            Some(shift) => shift.value(frame, s.u as usize, s.v as usize),
-            None => bilinear(&frame.data, (frame.width, frame.height), s.u + du, s.v + dv),
+        let of_all = (smooths && !now.turns()).then(|| SmoothShift::new(du, dv));
+        let size = (frame.width, frame.height);
+        let place = now.place_in_frame();
+        move |s| {
+            let here = (s.u as usize, s.v as usize);
+            if let Some(shift) = &of_all {
+                return shift.value(frame, here.0, here.1);
+            }
+            if !now.turns() {
+                return bilinear(&frame.data, size, s.u + du, s.v + dv);
+            }
+            let there = place(PixelPoint::new(s.u, s.v));
+            if smooths {
+                SmoothShift::near(there.u_px - s.u, there.v_px - s.v).value(frame, here.0, here.1)
+            } else {
+                bilinear(&frame.data, size, there.u_px, there.v_px)
+            }
+        }
+    }
+
+    /// The same that finds turns of the picture, too. It smooths what it compares: the ends of a line that turns are soon further off
+    /// than a sharp edge reaches.
+    #[must_use]
+    pub fn turning(self) -> Self {
+        let smooth = if self.smooths { self } else { self.smoothing() };
+        Self {
+            turns: true,
+            ..smooth
+        }
+    }
+
+    /// The same that compares one in so many of its samples.
+    #[must_use]
+    pub fn thinned(&self, to_one_in: usize) -> Self {
+        let samples = self.samples.iter().step_by(to_one_in).copied().collect();
+        Self {
+            samples,
+            ..self.clone()
         }
     }
 
@@ -300,6 +344,7 @@ impl Registrar {
             least_gradient_grey,
             reference: Arc::new(reference.clone()),
             smooths: false,
+            turns: false,
             fixed: false,
         }
     }
@@ -416,7 +461,15 @@ impl Registrar {
         all.map(|(f, near)| self.located(f, near, &coarser)).collect()
     }
 
-    /// Standard uncertainty of the shifts `found` of `frames`, px: the median over the frames of what two halves of the scene,
+    /// Where each of `frames` looks, close to what is `known` of it.
+    #[must_use]
+    pub fn locate_near(&self, frames: &[&Luma], known: &[Registration]) -> Vec<Registration> {
+        let each = frames.par_iter().zip(known);
+        each.map(|(frame, start)| self.refine(frame, *start, true).registration)
+            .collect()
+    }
+
+    /// Standard uncertainty of the motions `found` of `frames`, px: the median over the frames of what two halves of the scene,
     /// the colours of a chessboard, find each by itself. It is half of their distance, or the distance of their middle from
     /// `found`. A camera's motion is the same in both halves; noise, even a codec's correlated one, is not. Infinite where a
     /// half finds nothing.
@@ -427,37 +480,45 @@ impl Registrar {
             .par_iter()
             .zip(found)
             .map(|(frame, r)| {
-                let near = r.shift_px() < NEAR_PX * self.factor as f64;
-                let start = if near { Registration::IDENTITY } else { *r };
-                let place = |half: &Self| {
-                    let at = half.refine(frame, start, true).registration;
-                    Vector2::new(at.shift_u_px, at.shift_v_px)
+                let near = r.motion_px().norm() < NEAR_PX * self.factor as f64;
+                // A line that turns leaves the place where a half would find it again.
+                let start = if near && !self.turns {
+                    Registration::IDENTITY
+                } else {
+                    *r
                 };
+                let place = |half: &Self| half.refine(frame, start, true).registration.motion_px();
                 let [a, b] = halves.each_ref().map(place);
-                let still = Vector2::new(start.shift_u_px, start.shift_v_px);
+                let still = start.motion_px();
                 if a == still || b == still {
                     return f64::INFINITY;
                 }
-                let whole = Vector2::new(r.shift_u_px, r.shift_v_px);
+                let whole = r.motion_px();
                 (0.5 * (a - b).norm()).max((0.5 * (a + b) - whole).norm())
             })
             .collect();
         median(&mut stds_px).unwrap_or(f64::INFINITY)
     }
 
-    /// What the shifts of the scene's parts, left and right, above and below, are off from that of the whole, px: root mean square over the `frames`, which
-    /// look where `found` says. A camera that turns or nears, and a scene of near and far things, have no one shift. 0 where no two parts tell shifts.
+    /// What the shifts of the scene's parts, left and right, above and below, are off from the motion of the whole, px: root mean square over the `frames`,
+    /// which look where `found` says. A camera whose turn is not found, and a scene of near and far things, have no one shift. 0 where no two parts
+    /// tell shifts.
     #[must_use]
     pub fn parts_differ_px(&self, frames: &[&Luma], found: &[Registration]) -> f64 {
         let middle = CELLS / 2;
+        // How each part shifts, with the turn of the whole.
+        let shifting = Self {
+            turns: false,
+            ..self.clone()
+        };
         let splits = [
             [
-                self.part(|column, _| column < middle),
-                self.part(|column, _| column >= middle),
+                shifting.part(|column, _| column < middle),
+                shifting.part(|column, _| column >= middle),
             ],
             [
-                self.part(|_, row| row < middle),
-                self.part(|_, row| row >= middle),
+                shifting.part(|_, row| row < middle),
+                shifting.part(|_, row| row >= middle),
             ],
         ];
         let square_px2 = |parts: &[Self; 2]| {
@@ -516,38 +577,56 @@ impl Registrar {
         let scale = self.factor as f64;
         let found = found.scaled(1.0 / scale);
         let far = found.shift_px() > NEAR_PX;
-        let still = Registration {
-            shift_u_px: 0.0,
-            shift_v_px: 0.0,
-            ..found
-        };
         let start = if far && !self.edges_say(frame, &found) {
-            still
+            found.unshifted()
         } else {
             found
         };
         let step = |now: &Registration| {
-            let value = self.value_in(frame, now);
-            let lit = self.samples.iter().filter_map(|s| {
-                let grey = value(s)?;
-                Some(LitPixel {
-                    field: self.field_index(s),
-                    residual: grey - now.gain * s.value,
-                    gradient: now.gain * s.gradient,
-                })
-            });
-            let (step, information) = local_light::step(&lit.collect::<Vec<_>>(), CELLS * CELLS)?;
-            let seen = self.held.is_none() && information.symmetric_eigenvalues().min() >= LEAST_INFORMATION;
-            seen.then_some(step)
+            if self.turns {
+                self.edge_step(frame, now, |s| Self::motion_gradient(s, frame))
+            } else {
+                let step = self.edge_step(frame, now, |s| s.gradient)?;
+                Some(Vector3::new(step.x, step.y, 0.0))
+            }
         };
-        let moved = |now: &Registration, step: &Vector2<f64>| Registration {
-            shift_u_px: now.shift_u_px + step[0],
-            shift_v_px: now.shift_v_px + step[1],
-            ..*now
-        };
+        let reach = reach_px(middle_of(frame));
+        let moved = |now: &Registration, step: &Vector3<f64>| moved_by(now, step, reach);
         let (at, _) = gauss_newton(start, STEPS, step, moved, |step| step.norm() < 1e-3);
-        let near = (at.shift_u_px - start.shift_u_px).hypot(at.shift_v_px - start.shift_v_px) < 2.0 * NEAR_PX;
+        let near = (at.motion_px() - start.motion_px()).norm() < 2.0 * NEAR_PX;
         Some(if near { at } else { start }.scaled(scale))
+    }
+
+    /// The step of the motion by the edges of `frame`, of the size compared, that looks as `now` says; `None` where they do not tell it. A motion of N
+    /// parameters changes a sample's grey by its `gradient`.
+    fn edge_step<const N: usize>(
+        &self,
+        frame: &Luma,
+        now: &Registration,
+        gradient: impl Fn(&ReferencePixel) -> SVector<f64, N>,
+    ) -> Option<SVector<f64, N>> {
+        let value = self.value_in(frame, now);
+        let lit = self.samples.iter().filter_map(|s| {
+            let grey = value(s)?;
+            Some(LitPixel {
+                field: self.field_index(s),
+                residual: grey - now.gain * s.value,
+                gradient: now.gain * gradient(s),
+            })
+        });
+        let (step, information) = local_light::step(&lit.collect::<Vec<_>>(), CELLS * CELLS)?;
+        let information = DMatrix::from_column_slice(N, N, information.as_slice());
+        let seen = self.held.is_none() && information.symmetric_eigenvalues().min() >= LEAST_INFORMATION;
+        seen.then_some(step)
+    }
+
+    /// How a sample's grey grows with a motion of `frame`, of the size compared, in the order of [`Registration::motion_px`].
+    fn motion_gradient(s: &ReferencePixel, frame: &Luma) -> Vector3<f64> {
+        let middle = middle_of(frame);
+        let reach = reach_px(middle);
+        let (x, y) = ((s.u - middle.u_px) / reach, (s.v - middle.v_px) / reach);
+        let g = s.gradient;
+        Vector3::new(g.x, g.y, g.y * x - g.x * y)
     }
 
     /// Whether the edges of `frame` are more likely those of the scene shifted as `found` than those of the scene where it is.
@@ -599,7 +678,7 @@ impl Registrar {
         let smoothed = if self.smooths { SMOOTH_NOISE_PART } else { 1.0 };
         let noise_grey = of_two * (smoothed * self.noise_at_grey(self.factor)).max(ROUNDING_STD_GREY);
         let is_close =
-            found.spread_grey < noise_grey / MUCH_BETTER && found.registration.shift_px() < CLOSE_PX;
+            found.spread_grey < noise_grey / MUCH_BETTER && found.registration.motion_px().norm() < CLOSE_PX;
         is_close
             && !self.compares(frame, |compared, size| {
                 self.leaves_unexplained(compared, &found.scaled(size))
@@ -631,6 +710,8 @@ impl Registrar {
             .filter_map(|factor| self.at(factor))
             .map(|coarse| Self {
                 held: self.held,
+                // A small picture tells little of a turn, and would be led astray by it.
+                turns: false,
                 ..coarse
             })
             .collect()
@@ -644,12 +725,7 @@ impl Registrar {
 
     fn follow_closely(&self, frame: &Luma, previous: &Registration) -> Followed {
         if self.fixed {
-            let start = Registration {
-                shift_u_px: 0.0,
-                shift_v_px: 0.0,
-                ..*previous
-            };
-            return self.refine(frame, start, false);
+            return self.refine(frame, previous.unshifted(), false);
         }
         self.refine(frame, *previous, true)
     }
@@ -663,11 +739,15 @@ impl Registrar {
         let scale = self.factor as f64;
         let start_there = start.scaled(1.0 / scale);
         let found = self.descend(&compared, start_there, moving.then_some(0.0));
-        if !moving || self.held.is_none() || !self.leaves_unexplained(&compared, &found) {
+        // A line that turns leaves its middle where it was: there is always more to explain.
+        let may_be_further = self.turns || self.held.is_some() && self.leaves_unexplained(&compared, &found);
+        if !moving || !may_be_further {
             return found.scaled(scale);
         }
         let further = self.descend(&compared, start_there, Some(FIRST_OFF_PX));
-        let best = if self.explains_more(&compared, &further, &found) {
+        let went_px = (further.registration.motion_px() - start_there.motion_px()).norm();
+        let is_near = !self.turns || went_px < 2.0 * NEAR_PX;
+        let best = if is_near && self.explains_more(&compared, &further, &found) {
             further
         } else {
             found
@@ -713,7 +793,7 @@ impl Registrar {
         scene_fills((0..beyond.len()).filter(|&k| beyond[k] >= least_strong_samples(self.factor)))
     }
 
-    /// Whether `one` explains the scene better than `other`, in as many fields as a scene fills.
+    /// Whether `one` explains the scene better than `other`: a shift in as many fields as a scene fills, a turn in as many as it moves.
     fn explains_more(&self, frame: &Luma, one: &Followed, other: &Followed) -> bool {
         if !one.spread_grey.is_finite() {
             return false;
@@ -733,7 +813,7 @@ impl Registrar {
         }
         let of_sample = tukey_cost(f64::INFINITY, cut);
         cost_of_one < MUCH_BETTER * cost_of_other
-            && scene_fills((0..gained.len()).filter(|&k| gained[k] > of_sample))
+            && (self.turns || scene_fills((0..gained.len()).filter(|&k| gained[k] > of_sample)))
     }
 
     /// The local minimum next to `start`, in a `frame` of the size compared. The shift is held where `off_px` is `None`; else it is what the shift may be
@@ -746,6 +826,11 @@ impl Registrar {
         if !moving && start.is_still() {
             return self.refine_light(frame, start);
         }
+        let turns = moving && self.turns;
+        let start = Registration {
+            middle: if turns { middle_of(frame) } else { start.middle },
+            ..start
+        };
         let graduated = off_px.is_some_and(|off_px| off_px > 0.0);
         let mut off_px = off_px.unwrap_or(0.0);
         let mut spread = f64::INFINITY;
@@ -772,7 +857,13 @@ impl Registrar {
                 let weight = tukey_weight(f64::from(r), cut);
                 if weight > 0.0 {
                     let g = -now.gain * s.gradient;
-                    equations.push(&Vector4::new(g.x, g.y, s.value, 1.0), f64::from(r), weight);
+                    let turn = if turns {
+                        -now.gain * Self::motion_gradient(s, frame)[2]
+                    } else {
+                        0.0
+                    };
+                    let row = Vector5::new(g.x, g.y, s.value, 1.0, turn);
+                    equations.push(&row, f64::from(r), weight);
                 }
             }
             let settled = off_px < SETTLED_PX;
@@ -789,20 +880,24 @@ impl Registrar {
                 equations.hold(0);
                 equations.hold(1);
             }
-            let step = equations.step(0.0, 0.0)?;
-            if graduated {
-                off_px = step[0].hypot(step[1]);
+            if !turns || !tells_turn(&equations) {
+                equations.hold(TURN);
             }
-            Some((step, settled))
+            let step = equations.step(0.0, 0.0)?;
+            let motion = Vector3::new(step[0], step[1], step[TURN]);
+            if graduated {
+                off_px = motion.norm();
+            }
+            Some((motion, [step[2], step[3]], settled))
         };
-        let moved = |now: &Registration, (step, _): &(Vector4<f64>, bool)| Registration {
-            shift_u_px: now.shift_u_px + step[0],
-            shift_v_px: now.shift_v_px + step[1],
-            gain: now.gain + step[2],
-            offset_grey: now.offset_grey + step[3],
+        let reach = reach_px(middle_of(frame));
+        let moved = |now: &Registration, (motion, light, _): &(Vector3<f64>, [f64; 2], bool)| Registration {
+            gain: now.gain + light[0],
+            offset_grey: now.offset_grey + light[1],
+            ..moved_by(now, motion, reach)
         };
-        let is_last = |(step, settled): &(Vector4<f64>, bool)| {
-            *settled && step[0].hypot(step[1]) < 1e-3 && step[2].abs() < 1e-5
+        let is_last = |(motion, light, settled): &(Vector3<f64>, [f64; 2], bool)| {
+            *settled && motion.norm() < 1e-3 && light[0].abs() < 1e-5
         };
         let steps = match (moving, graduated) {
             (false, _) => LIGHT_STEPS,
@@ -867,7 +962,7 @@ impl Registrar {
 
 /// Holds the shift (the first two unknowns) along a direction in which the scene has no gradient, it stays what it was, and along `held`. Of two directions
 /// that hardly differ to hold both would hold the shift across them, too: beside `held` only what is square to it is asked.
-fn hold_unseen(held: Option<Vector2<f64>>, equations: &mut NormalEquations<4>) {
+fn hold_unseen(held: Option<Vector2<f64>>, equations: &mut NormalEquations<5>) {
     let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
     let information = Matrix2::new(uu, vu, vu, vv);
     let axes = match held {
@@ -885,15 +980,39 @@ fn hold_unseen(held: Option<Vector2<f64>>, equations: &mut NormalEquations<4>) {
 }
 
 /// Holds the shift along `axis`.
-fn hold_along(axis: &Vector2<f64>, equations: &mut NormalEquations<4>) {
+fn hold_along(axis: &Vector2<f64>, equations: &mut NormalEquations<5>) {
     for (row, column) in [(0, 0), (1, 0), (1, 1)] {
         equations.matrix[(row, column)] += HELD * axis[row] * axis[column];
+    }
+}
+
+/// The turn among the unknowns of a frame, px as in [`Registration::motion_px`]: after its shift and its light.
+const TURN: usize = 4;
+
+/// Whether the scene tells the turn, whatever the shift.
+fn tells_turn(equations: &NormalEquations<5>) -> bool {
+    let [uu, vu, vv] = [(0, 0), (1, 0), (1, 1)].map(|at| equations.matrix[at]);
+    let beside = Vector2::new(equations.matrix[(TURN, 0)], equations.matrix[(TURN, 1)]);
+    let shifts = Matrix2::new(uu, vu, vu, vv).try_inverse();
+    shifts.is_some_and(|covariance| {
+        equations.matrix[(TURN, TURN)] - beside.dot(&(covariance * beside)) >= LEAST_INFORMATION
+    })
+}
+
+/// A frame that moves by so much more, px as in [`Registration::motion_px`], of a picture with this reach.
+fn moved_by(now: &Registration, motion: &Vector3<f64>, reach_px: f64) -> Registration {
+    Registration {
+        shift_u_px: now.shift_u_px + motion[0],
+        shift_v_px: now.shift_v_px + motion[1],
+        turn_rad: now.turn_rad + motion[2] / reach_px,
+        ..*now
     }
 }
 
 /// `found`, which fits to `spread_grey`, unless it cannot be: a shift beyond a quarter of the picture is a cut, and so is another light.
 fn sane(found: Registration, spread_grey: f64, frame: &Luma) -> Option<Followed> {
     let sane = SANE_GAIN.contains(&found.gain)
+        && found.turn_rad.abs() < MOST_TURN_RAD
         && found.shift_u_px.abs() < 0.25 * frame.width as f64
         && found.shift_v_px.abs() < 0.25 * frame.height as f64;
     (sane && spread_grey.is_finite()).then_some(Followed {
@@ -1079,6 +1198,41 @@ mod tests {
         assert!(r.shift_u_px.abs() < 1e-3, "{r:?}");
         let r = registrar.locate(&[&wall_and_floor(322.4)])[0];
         assert!((r.shift_v_px - 7.4).abs() < 0.1, "{r:?}");
+    }
+
+    /// `scene` as a camera sees it that turned by `turn_rad` and shifted.
+    fn turned(scene: &Luma, turn_rad: f64, shift: (f64, f64)) -> Luma {
+        let registration = Registration {
+            middle: middle_of(scene),
+            turn_rad,
+            shift_u_px: shift.0,
+            shift_v_px: shift.1,
+            ..Registration::IDENTITY
+        };
+        registration.seen(scene)
+    }
+
+    #[test]
+    fn a_turn_is_found_with_the_shift() {
+        let scene = textured((0.0, 0.0), 1.0);
+        let registrar = Registrar::new(&scene, 0.3).turning();
+        for (turn_rad, shift) in [(0.004, (0.3, -0.2)), (-0.01, (7.25, -4.5)), (0.0, (-2.0, 1.0))] {
+            let r = registrar.locate(&[&turned(&scene, turn_rad, shift)])[0];
+            assert!((r.turn_rad - turn_rad).abs() < 1e-4, "{r:?} for {turn_rad}");
+            assert!((r.shift_u_px - shift.0).abs() < 0.03, "{r:?} for {shift:?}");
+            assert!((r.shift_v_px - shift.1).abs() < 0.03, "{r:?} for {shift:?}");
+        }
+    }
+
+    #[test]
+    fn a_floor_line_tells_a_turn_though_its_middle_stays() {
+        let scene = wall_and_floor(315.0);
+        let registrar = Registrar::new(&scene, 0.5).holding_unseen().turning();
+        for turn_rad in [0.003, -0.006] {
+            let r = registrar.follow(&turned(&scene, turn_rad, (0.0, 0.0)), &Registration::IDENTITY);
+            assert!((r.turn_rad - turn_rad).abs() < 2e-4, "{r:?} for {turn_rad}");
+            assert!(r.shift_u_px.abs() < 1e-3, "{r:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! Pictures between their pixels.
 
 use crate::frames::Luma;
+use crate::geometry::PixelPoint;
+use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// `out(u, v) = luma(u + du, v + dv)`, bilinear, edges repeated.
 #[must_use]
@@ -23,6 +26,26 @@ pub fn shifted(luma: &Luma, du: f64, dv: f64) -> Luma {
             data.push(((upper * (256 - fv) + lower * fv + 32_768) >> 16) as u8);
         }
     }
+    Luma {
+        width: w,
+        height: h,
+        data,
+    }
+}
+
+/// `out(p) = luma(from(p))`, bilinear, edges repeated.
+#[must_use]
+pub fn taken(luma: &Luma, from: impl Fn(PixelPoint) -> PixelPoint + Sync) -> Luma {
+    let (w, h) = (luma.width, luma.height);
+    let (last_u, last_v) = ((w - 1) as f64, (h - 1) as f64);
+    let mut data = vec![0; w * h];
+    data.par_chunks_mut(w).enumerate().for_each(|(v, row)| {
+        for (u, out) in row.iter_mut().enumerate() {
+            let p = from(PixelPoint::new(u as f64, v as f64));
+            let (u, v) = (p.u_px.clamp(0.0, last_u), p.v_px.clamp(0.0, last_v));
+            *out = bilinear(&luma.data, (w, h), u, v).map_or(0, |grey| grey.round() as u8);
+        }
+    });
     Luma {
         width: w,
         height: h,
@@ -86,6 +109,24 @@ const SMOOTH_PX: f64 = 1.0;
 /// What smoothing leaves of the noise of single pixels: 1/(2 √π σ) for both axes together.
 pub const SMOOTH_NOISE_PART: f64 = 0.282 / SMOOTH_PX;
 
+/// Of these, pixels before the one that is shifted to.
+const SMOOTH_BEFORE: i64 = SMOOTH_PIXELS as i64 / 2 - 1;
+
+/// Weights of the pixels along one side for a value this part of a pixel beyond one of them.
+fn smooth_weights(part: f64) -> [f32; SMOOTH_PIXELS] {
+    let at = |i: usize| ((i as i64 - SMOOTH_BEFORE) as f64 - part) / SMOOTH_PX;
+    let of = |i: usize| (-0.5 * at(i) * at(i)).exp();
+    let sum: f64 = (0..SMOOTH_PIXELS).map(of).sum();
+    std::array::from_fn(|i| (of(i) / sum) as f32)
+}
+
+/// Parts of a pixel of which the weights are kept.
+const NEAR_STEPS: usize = 256;
+
+/// The weights for these parts of a pixel, 0 and 1 included.
+static NEAR_WEIGHTS: LazyLock<[[f32; SMOOTH_PIXELS]; NEAR_STEPS + 1]> =
+    LazyLock::new(|| std::array::from_fn(|k| smooth_weights(k as f64 / NEAR_STEPS as f64)));
+
 /// A picture shifted by parts of a pixel and smoothed by a Gaussian.
 ///
 /// Bilinear weights see waves of four pixels up to 0.05 px beside their place, and as much in every place of a scene: a camera that drifts would seem
@@ -104,15 +145,23 @@ impl SmoothShift {
     /// By (du, dv).
     #[must_use]
     pub fn new(du: f64, dv: f64) -> Self {
-        let before = SMOOTH_PIXELS as i64 / 2 - 1;
-        let weights = |part: f64| {
-            let at = |i: usize| ((i as i64 - before) as f64 - part) / SMOOTH_PX;
-            let of = |i: usize| (-0.5 * at(i) * at(i)).exp();
-            let sum: f64 = (0..SMOOTH_PIXELS).map(of).sum();
-            std::array::from_fn(|i| (of(i) / sum) as f32)
-        };
+        Self::by_weights(du, dv, smooth_weights)
+    }
+
+    /// The same to a few thousandths of a pixel, quickly: for shifts that differ from pixel to pixel.
+    #[must_use]
+    pub fn near(du: f64, dv: f64) -> Self {
+        Self::by_weights(du, dv, |part| {
+            NEAR_WEIGHTS[(part * NEAR_STEPS as f64).round() as usize]
+        })
+    }
+
+    fn by_weights(du: f64, dv: f64, weights: impl Fn(f64) -> [f32; SMOOTH_PIXELS]) -> Self {
         Self {
-            first: (du.floor() as i64 - before, dv.floor() as i64 - before),
+            first: (
+                du.floor() as i64 - SMOOTH_BEFORE,
+                dv.floor() as i64 - SMOOTH_BEFORE,
+            ),
             columns: weights(du - du.floor()),
             rows: weights(dv - dv.floor()),
             shift: (du, dv),

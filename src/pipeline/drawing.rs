@@ -137,8 +137,8 @@ pub fn strobe(mut strobe: Strobe, seen: &Decoded, found: &[BallCentre], flight: 
         strobe.balls.push(StrobeBall {
             frame: s.frame,
             corner_px: (
-                (crop.u + us.start) as i64 - moved(s.registration.shift_u_px),
-                (crop.v + vs.start) as i64 - moved(s.registration.shift_v_px),
+                (crop.u + us.start) as i64 + moved(centre.u_px - disc.centre.u_px),
+                (crop.v + vs.start) as i64 + moved(centre.v_px - disc.centre.v_px),
             ),
             luma: stretch(&part.luma, seen.info.luma_range),
             chroma,

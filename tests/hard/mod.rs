@@ -627,10 +627,26 @@ pub fn bilinear(luma: &Luma, u: f64, v: f64) -> Option<f64> {
 
 /// The picture of a camera that looks (du, dv) px aside: what was at p is at p + (du, dv), the edges repeated.
 pub fn moved(luma: &Luma, du: f64, dv: f64) -> Luma {
+    taken(luma, |u, v| (u - du, v - dv))
+}
+
+/// The picture of a camera that is turned about its axis: what was at p is clockwise of it by `by_rad` about the middle.
+pub fn turned(luma: &Luma, by_rad: f64) -> Luma {
+    let (u0, v0) = ((luma.width as f64 - 1.0) / 2.0, (luma.height as f64 - 1.0) / 2.0);
+    let (sin, cos) = by_rad.sin_cos();
+    taken(luma, |u, v| {
+        let (x, y) = (u - u0, v - v0);
+        (u0 + cos * x + sin * y, v0 + cos * y - sin * x)
+    })
+}
+
+/// At each place what was at another, the edges repeated.
+fn taken(luma: &Luma, from: impl Fn(f64, f64) -> (f64, f64)) -> Luma {
     let (width, height) = (luma.width, luma.height);
     Luma::from_fn(width, height, |u, v| {
-        let u = (u as f64 - du).clamp(0.0, (width - 1) as f64);
-        let v = (v as f64 - dv).clamp(0.0, (height - 1) as f64);
+        let (u, v) = from(u as f64, v as f64);
+        let u = u.clamp(0.0, (width - 1) as f64);
+        let v = v.clamp(0.0, (height - 1) as f64);
         bilinear(luma, u, v).unwrap_or(0.0).round() as u8
     })
 }

@@ -121,8 +121,14 @@ fn shaken_camera(seen: &Decoded, base: &TimeBase) -> Option<Warning> {
 }
 
 fn moved_camera(registrations: &[Registration], background: &Background) -> Option<Warning> {
-    let shifts = registrations.iter().map(Registration::shift_px);
-    let most = shifts.fold(background.drift_px(), f64::max);
+    let motions = registrations.iter().map(|r| r.motion_px().norm());
+    let most = motions.fold(background.drift_px(), f64::max);
+    let most_turned = registrations.iter().map(|r| r.turn_rad.abs()).fold(0.0, f64::max);
+    let turned = if most_turned > 0.0 {
+        format!(", and turned by up to {:.2}°", most_turned.to_degrees())
+    } else {
+        String::new()
+    };
     let followed = if background.registrar.follows_all_shifts() {
         "centres were corrected by the scene behind the ball, but nearer and farther things move differently"
     } else {
@@ -131,7 +137,7 @@ fn moved_camera(registrations: &[Registration], background: &Background) -> Opti
     (!background.registrar.fixed && most > WORTH_SAYING_PX).then(|| {
         warning!(
             "camera_moved",
-            "the camera moved by up to {most:.1} px; {followed}. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
+            "the camera moved by up to {most:.1} px{turned}; {followed}. The calibration's pixels (\"origin_px\", ruler) are taken as those of the first frame. Put the camera on a tripod."
         )
     })
 }
