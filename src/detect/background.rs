@@ -387,25 +387,25 @@ fn camera_turns(
     } else {
         turning.locate_near(survey, shifted)
     };
-    let agrees_better = || {
-        let [with, without] =
-            [turned.as_slice(), shifted].map(|found| turning.parts_differ_px(survey, found));
-        with < AGREE_BETTER * without
-    };
     let halves_agree_on = |drift_px: f64| {
         let std_px = turning.shift_std_px(survey, &turned);
         std_px < FIXED_CAMERA_PX && drift_px >= DRIFT_SIGMAS * std_px
     };
+    let parts_differ_px = || turning.parts_differ_px(survey, &turned);
+    let agrees_better = |differ_px: f64| differ_px < AGREE_BETTER * turning.parts_differ_px(survey, shifted);
     let turns = if fixed {
         let drift = drift_px(&turned);
+        let moves_as_one = || {
+            let differ_px = parts_differ_px();
+            agrees_better(differ_px) && drift >= still_px(differ_px)
+        };
         drift >= FIXED_CAMERA_PX
             && halves_agree_on(drift)
-            && agrees_better()
-            && drift >= still_px(turning.parts_differ_px(survey, &turned))
+            && moves_as_one()
             && drift_px(&turning.by_edges(survey, &turned)) >= FIXED_CAMERA_PX
     } else {
         let turns: Vec<Registration> = turned.iter().map(Registration::unshifted).collect();
-        halves_agree_on(drift_px(&turns)) && agrees_better()
+        halves_agree_on(drift_px(&turns)) && agrees_better(parts_differ_px())
     };
     turns.then_some(turned)
 }
