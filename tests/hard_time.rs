@@ -106,6 +106,52 @@ fn a_rolling_shutter_that_is_not_told_is_found_by_the_flight() {
 }
 
 #[test]
+fn a_readout_that_short_arcs_do_not_show_is_in_their_uncertainties() {
+    for (k, (rate_hz, frames, tail_s)) in [
+        (240.0, 0.8, 0.06),
+        (120.0, 0.5, 0.08),
+        (120.0, 0.8, 0.1),
+        (60.0, 0.3, 0.1),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let short = |readout_s: f64| {
+            let noisy = with(
+                rolled(670 + k as u64, rate_hz, readout_s),
+                "camera",
+                json!({"noise_grey": 3}),
+            );
+            with(noisy, "stop", json!({"bounces": 1, "tail_s": tail_s}))
+        };
+        let what = format!("{rate_hz} Hz, {frames} frames");
+        let found = Clip::of(&short(frames / rate_hz)).untold("camera").coded_to(23);
+        let lies = found.lies(HONEST_SIGMAS);
+        assert!(
+            lies.is_empty(),
+            "{what}: {lies:?}, warned of {:?}",
+            found.warnings()
+        );
+        assert_eq!(found.bounces(), 1, "{what}");
+        // A global shutter, not said to be one and said to be.
+        let global = Clip::of(&short(0.0));
+        let std = |found: &Judged| found.number("e 1").unwrap().std.unwrap();
+        let (untold, told) = (
+            global.coded_to(23),
+            global
+                .calibrated(|c| c["camera"] = json!({"readout_s": 0}))
+                .coded_to(23),
+        );
+        assert!(!told.warns("readout_unknown"), "{what}");
+        assert!(std(&told) < std(&untold), "{what}");
+        for found in [&untold, &told] {
+            let lies = found.lies(HONEST_SIGMAS);
+            assert!(lies.is_empty(), "{what}: {lies:?}");
+        }
+    }
+}
+
+#[test]
 fn a_light_ball_with_topspin_has_no_readout() {
     // Lift bends its arcs by 12 px: more than a readout of 2.6 ms would, and to first order alike.
     let mut spun = with(

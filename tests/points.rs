@@ -220,6 +220,7 @@ fn every_form_of_table_says_the_same() {
 #[test]
 fn stated_uncertainties_count() {
     let lab = Lab::new();
+    lab.calib(json!({"frame_rate_hz": RATE_HZ, "camera": {"readout_s": 0}}));
     let rows = |std: f64| {
         let rows = pixels(3, 0.02)
             .into_iter()

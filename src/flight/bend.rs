@@ -108,6 +108,15 @@ impl Departure {
     /// Nothing: no scale that changes.
     pub const NONE: Self = Self::ScaleChanges { probability: 0.0 };
 
+    /// Standard deviation of the part by which the scale may change over the path.
+    #[must_use]
+    pub fn slant_std(&self) -> f64 {
+        match self {
+            Self::Bent(_) => USUAL_CHANGE,
+            Self::ScaleChanges { probability } => USUAL_CHANGE * probability.sqrt(),
+        }
+    }
+
     /// Whether there is likelier one than none.
     #[must_use]
     pub fn is_likely(&self) -> bool {

@@ -11,6 +11,7 @@ use super::free_flight::Flight;
 use super::linking::Spot;
 use super::motion_model::{FitPoint, autocorrelation_inflation};
 use super::refit::whitened;
+use super::samples::middle_and_extent;
 use crate::quantity::Quantity;
 use nalgebra::{DMatrix, DVector};
 
@@ -20,15 +21,20 @@ type Shift = fn(f64, f64) -> (f64, f64);
 /// What a plane seen at a slant does to a place, from the middle of the path: the scale grows along h, along r.
 const SLANTS: [Shift; 2] = [|r, h| (r * h, h * h), |r, h| (r * r, r * h)];
 
+/// A change of scale over the path that is known to be less than this part is none.
+const LEAST_SLANT: f64 = 1e-6;
+
 /// Turn rate, 1/s, with which its response is worked out: small enough for the arcs to be linear in.
 const PROBE: f64 = 1e-4;
 
 /// The time ρ, s, by which points are later for each unit of `share`, with its standard uncertainty; `None` where the flight's
-/// points do not determine it. The points may be off by `shifts` as well, each times a number known to be 0 ± 1.
+/// points do not determine it. The scale may change over the path by a part known to be 0 ± `slant_std`, and the points may be off by `shifts` as well, each
+/// times a number known to be 0 ± 1. Nothing is known of a `slant_std` that is infinite.
 #[must_use]
 pub fn estimate(
     flight: &Flight,
     share: impl Fn(&Spot) -> f64,
+    slant_std: f64,
     shifts: Vec<Vec<(f64, f64)>>,
 ) -> Option<Quantity> {
     let points = flight.fit_points();
@@ -37,16 +43,22 @@ pub fn estimate(
     let (r0, h0) = (middle(|p| p.sample.r), middle(|p| p.sample.h));
     let along = points.iter().zip(&shares).map(|(p, s)| along_path(flight, p, *s));
     let mut directions: Vec<Vec<(f64, f64)>> = vec![along.collect()];
-    let size = 1.0 / flight.radius();
-    for slant in SLANTS {
-        let shift = |p: &FitPoint| {
-            let (r, h) = slant(size * (p.sample.r - r0), size * (p.sample.h - h0));
-            (r / size, h / size)
-        };
-        directions.push(points.iter().map(shift).collect());
-    }
     directions.extend((0..flight.fit.arcs()).map(|k| points.iter().map(|p| lift(flight, p, k)).collect()));
+    let extent = |of: fn(&FitPoint) -> f64| middle_and_extent(points.iter().map(of)).1;
+    let path = extent(|p| p.sample.r).max(extent(|p| p.sample.h));
+    let part = if slant_std.is_finite() { slant_std } else { 1.0 };
+    let slants = SLANTS.map(|slant| -> Vec<(f64, f64)> {
+        let shift = |p: &FitPoint| {
+            let (r, h) = slant(p.sample.r - r0, p.sample.h - h0);
+            (part * r / path, part * h / path)
+        };
+        points.iter().map(shift).collect()
+    });
+    let slants = slants.into_iter().filter(|_| part > LEAST_SLANT);
+    let (open, known): (Vec<_>, Vec<_>) = slants.partition(|_| !slant_std.is_finite());
+    directions.extend(open);
     let free = directions.len();
+    directions.extend(known);
     directions.extend(shifts);
     let residuals = flight.whitened_residuals(&points);
     let columns: Vec<DVector<f64>> = directions

@@ -60,13 +60,27 @@ pub fn impacts(
     // Lift is no scatter, nor an error that lasts.
     flight.extra = free.extra;
     flight.fit.autocorrelation_inflation = free.fit.autocorrelation_inflation;
-    let free = calibration_uncertainty::widened(&free, calibration, &camera.map);
-    let mut free = rolling_shutter::widened(free, camera, &refined.tracked).with_slow_errors();
-    if let Some(&first_s) = clocked.base.times_s.first() {
-        free = unseen_motion::widened(free, camera, first_s);
-    }
-    let free = unseen_fall::widened(free, camera, metres_per_unit.value);
-    let mut motion = scaled.motion(&free, lift);
+    let told = calibration_uncertainty::widened(&free, calibration, &camera.map);
+    let with_the_rest = |flight: Flight| {
+        let mut flight = flight.with_slow_errors();
+        if let Some(&first_s) = clocked.base.times_s.first() {
+            flight = unseen_motion::widened(flight, camera, first_s);
+        }
+        unseen_fall::widened(flight, camera, metres_per_unit.value)
+    };
+    let free = with_the_rest(rolling_shutter::widened(
+        &told,
+        camera,
+        refined,
+        &clocked.base,
+        departure.slant_std(),
+    ));
+    let with_a_known_readout = with_the_rest(told);
+    let mut motion = scaled.motion(&free, lift.clone());
+    let first_restitution_std = |motion: &MeasuredMotion<'_>| {
+        let mut restitutions = motion.bounces().into_iter().filter_map(|(_, b)| b.restitution);
+        restitutions.next()?.std_uncertainty
+    };
     let gravity_m_s2 = motion.gravity_m_s2();
     if let Some(part) = gravity_m_s2.and_then(|g| calibration.gravity_mismatch(g)) {
         motion = motion.with_doubted_scale(part);
@@ -117,6 +131,7 @@ pub fn impacts(
         warnings: Vec::new(),
     };
     let context = WarningContext {
+        restitution_stds: [&motion, &scaled.motion(&with_a_known_readout, lift)].map(first_restitution_std),
         calibration,
         camera,
         motion: &motion,

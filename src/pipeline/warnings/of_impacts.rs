@@ -40,6 +40,8 @@ pub struct WarningContext<'a> {
     pub first_look: &'a [Spot],
     /// Time between distinct frames, s.
     pub interval_s: f64,
+    /// Standard uncertainty of the first bounce's restitution, and what it would be with a readout known exactly.
+    pub restitution_stds: [Option<f64>; 2],
 }
 
 /// Oddities of the measured flight.
@@ -53,6 +55,7 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     out.extend(bench(j));
     out.extend(impossible_tangential(&impacts.bounces));
     out.extend(distance_against_fall(j));
+    out.extend(readout_unknown(j));
     out.extend(j.motion.bend().map(bent));
     out.extend(
         j.departure
@@ -99,6 +102,22 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
         ));
     }
     out
+}
+
+/// A readout that is not known is worth a word where restitution is so many times as uncertain by it.
+const WORTH_A_WORD: f64 = 2.0;
+
+/// That a readout which nobody tells of is most of the uncertainty.
+fn readout_unknown(j: &WarningContext<'_>) -> Option<Warning> {
+    let [std, by_known] = j.restitution_stds;
+    let (std, by_known) = std.zip(by_known)?;
+    let known = j.calibration.readout_s.is_some() || j.camera.readout.whole_s != 0.0;
+    (!known && std > WORTH_A_WORD * by_known).then(|| {
+        warning!(
+            "readout_unknown",
+            "most cameras expose the rows of a picture one after the other (phones within 5 to 30 ms), which changes the speeds of a ball that goes up or down. Nobody tells whether this one does, and so short a flight hardly shows it: that is most of the uncertainty of speeds and restitution, ± {std:.4} of the first bounce, which would be ± {by_known:.4} with a known readout. Set \"camera\": {{\"readout_s\": …}} in the calibration (0 of a global shutter), or record longer arcs before and after the impact."
+        )
+    })
 }
 
 /// A trend of the ball's size is believed where it stands out by so many standard uncertainties, and is worth a word from this part on.
