@@ -75,7 +75,7 @@ pub fn impacts(
         &clocked.base,
         departure.slant_std(),
     ));
-    let with_a_known_readout = with_the_rest(told);
+    let with_a_known_readout = rolling_shutter::is_untold(camera).then(|| with_the_rest(told));
     let mut motion = scaled.motion(&free, lift.clone());
     let first_restitution_std = |motion: &MeasuredMotion<'_>| {
         let mut restitutions = motion.bounces().into_iter().filter_map(|(_, b)| b.restitution);
@@ -131,7 +131,10 @@ pub fn impacts(
         warnings: Vec::new(),
     };
     let context = WarningContext {
-        restitution_stds: [&motion, &scaled.motion(&with_a_known_readout, lift)].map(first_restitution_std),
+        restitution_stds: [
+            first_restitution_std(&motion),
+            with_a_known_readout.and_then(|free| first_restitution_std(&scaled.motion(&free, lift))),
+        ],
         calibration,
         camera,
         motion: &motion,

@@ -160,7 +160,7 @@ pub fn widened(
     base: &TimeBase,
     slant_std: f64,
 ) -> Flight {
-    let std_s = unsaid_std_s(camera, refined, base, slant_std).unwrap_or(camera.readout.std_s);
+    let std_s = untold_std_s(camera, refined, base, slant_std).unwrap_or(camera.readout.std_s);
     let mut flight = flight.clone();
     if std_s > 0.0 {
         let shifts = row_delays::shifts(&flight, |spot| std_s * share(camera, &refined.tracked, spot));
@@ -169,23 +169,27 @@ pub fn widened(
     flight
 }
 
-/// How far from 0 the readout of a camera may be that is taken to have none, as nobody tells of one, s: root mean square. `None` of other cameras.
-fn unsaid_std_s(
+/// Whether the camera is taken to have no readout, as nobody tells of one and none was found.
+pub fn is_untold(camera: &CalibratedCamera<'_>) -> bool {
+    camera.calibration.readout_s.is_none() && camera.readout.whole_s == 0.0 && camera.falls()
+}
+
+/// How far from 0 a readout may be that [is not told](is_untold), s: root mean square. `None` of other cameras.
+fn untold_std_s(
     camera: &CalibratedCamera<'_>,
     refined: &Refined,
     base: &TimeBase,
     slant_std: f64,
 ) -> Option<f64> {
-    let taken_for_none = camera.calibration.readout_s.is_none() && camera.readout.whole_s == 0.0;
-    if !taken_for_none || !camera.falls() {
+    if !is_untold(camera) {
         return None;
     }
     let interval_s = base.interval_s.unwrap_or(refined.tracked.flight.interval_s);
-    Some(unseen_std_s(shown(camera, refined, base, slant_std), interval_s))
+    Some(likely_std_s(shown(camera, refined, base, slant_std), interval_s))
 }
 
 /// Root mean square of a readout that is as likely to be none as one of about `interval_s`, and of which a flight shows this, s.
-fn unseen_std_s(seen: Option<Quantity>, interval_s: f64) -> f64 {
+fn likely_std_s(seen: Option<Quantity>, interval_s: f64) -> f64 {
     let std = |q: &Quantity| q.std_uncertainty.unwrap_or(f64::INFINITY);
     let Some((seen, std_s)) = seen.map(|q| (q, std(&q))).filter(|(_, std_s)| std_s.is_finite()) else {
         return interval_s * std::f64::consts::FRAC_1_SQRT_2;
@@ -203,10 +207,10 @@ mod tests {
 
     #[test]
     fn a_readout_that_nobody_tells_of_may_be_what_points_leave_of_it() {
-        let seen = |value: f64, std: f64| unseen_std_s(Quantity::new(value, std), 0.01);
+        let seen = |value: f64, std: f64| likely_std_s(Quantity::new(value, std), 0.01);
         // Points that tell nothing leave either camera as likely.
         let nothing = 0.01 * std::f64::consts::FRAC_1_SQRT_2;
-        assert!((unseen_std_s(None, 0.01) - nothing).abs() < 1e-12);
+        assert!((likely_std_s(None, 0.01) - nothing).abs() < 1e-12);
         assert!((seen(0.0, 1e3) - nothing).abs() < 1e-6);
         // Those that tell it to be none leave the less of it, the more sharply they do.
         assert!(seen(0.0, 1e-4) < 0.2e-4 && seen(0.0, 1e-5) < 0.04 * seen(0.0, 1e-4) / 0.1);

@@ -40,7 +40,7 @@ pub struct WarningContext<'a> {
     pub first_look: &'a [Spot],
     /// Time between distinct frames, s.
     pub interval_s: f64,
-    /// Standard uncertainty of the first bounce's restitution, and what it would be with a readout known exactly.
+    /// Standard uncertainty of the first bounce's restitution, and what it would be with a readout known exactly; `None` where one is told or found.
     pub restitution_stds: [Option<f64>; 2],
 }
 
@@ -111,8 +111,7 @@ const WORTH_A_WORD: f64 = 2.0;
 fn readout_unknown(j: &WarningContext<'_>) -> Option<Warning> {
     let [std, by_known] = j.restitution_stds;
     let (std, by_known) = std.zip(by_known)?;
-    let known = j.calibration.readout_s.is_some() || j.camera.readout.whole_s != 0.0;
-    (!known && std > WORTH_A_WORD * by_known).then(|| {
+    (std > WORTH_A_WORD * by_known).then(|| {
         warning!(
             "readout_unknown",
             "most cameras expose the rows of a picture one after the other (phones within 5 to 30 ms), which changes the speeds of a ball that goes up or down. Nobody tells whether this one does, and so short a flight hardly shows it: that is most of the uncertainty of speeds and restitution, ± {std:.4} of the first bounce, which would be ± {by_known:.4} with a known readout. Set \"camera\": {{\"readout_s\": …}} in the calibration (0 of a global shutter), or record longer arcs before and after the impact."
