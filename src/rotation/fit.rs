@@ -32,8 +32,9 @@ const FAR_ROUNDS: usize = 6;
 /// The curvature stands for rates that turn the ends of the arc by no more of the map's spacing.
 const NEAR_SPACINGS: f64 = 0.5;
 
-/// Steps of a candidate.
+/// Steps of a candidate at most; they end at one that turns the ends of the arc by no more than this part of the map's spacing.
 const ROUGH_ROUNDS: usize = 5;
+const ROUGH_SPACINGS: f64 = 0.1;
 
 /// Rounds of maps end at one that makes Σ of squares less by no more than this part ([`MapProblem::least_part`]): for a fit, and for a rate that may be far from one.
 pub(super) const EXACT: f32 = 1e-3;
@@ -797,6 +798,7 @@ pub fn rough(
 ) -> RoughFit {
     let mut rate = start;
     let most = grids.longest_step(samples);
+    let shortest = ROUGH_SPACINGS * grids.grid.spacing_rad() / samples.longest_s();
     let mut found = evaluated(samples, grids, &unmarked(samples, grids, maps), &rate, lit, ROUGH);
     for _ in 0..ROUGH_ROUNDS {
         let Some(chol) = found.held_curvature(samples, &rate).cholesky() else {
@@ -809,6 +811,9 @@ pub fn rough(
             break;
         }
         (rate, found) = (next, there);
+        if step.norm() <= shortest {
+            break;
+        }
     }
     RoughFit {
         rate_rad_s: rate,
