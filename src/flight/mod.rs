@@ -53,6 +53,7 @@ mod samples;
 pub mod scale_change;
 pub mod segment;
 pub mod shake;
+pub mod shown_shifts;
 pub mod side_view;
 mod slow_errors;
 

@@ -7,10 +7,10 @@ use super::clock::Clocked;
 use super::in_metres::{Impacts, WorldFrame};
 use super::measurement::{UpSource, UpTilt};
 use super::refine::Refined;
-use super::rolling_shutter;
 use super::scaled::{self, Scaled};
 use super::unseen_fall;
 use super::unseen_motion;
+use super::untold_camera::{Untold, UntoldCamera};
 use super::warnings::of_impacts::{WarningContext, of_impacts};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::flight::planar::DRAG;
@@ -68,14 +68,11 @@ pub fn impacts(
         }
         unseen_fall::widened(flight, camera, metres_per_unit.value)
     };
-    let free = with_the_rest(rolling_shutter::widened(
-        &told,
-        camera,
-        refined,
-        &clocked.base,
-        departure.slant_std(),
-    ));
-    let with_a_known_readout = rolling_shutter::is_untold(camera).then(|| with_the_rest(told));
+    let untold = UntoldCamera::of(camera, refined, &clocked.base, departure.slant_std());
+    let free = with_the_rest(untold.widened(&told, None));
+    let with_a_known_readout = untold
+        .has(Untold::Readout)
+        .then(|| with_the_rest(untold.widened(&told, Some(Untold::Readout))));
     let mut motion = scaled.motion(&free, lift.clone());
     let first_restitution_std = |motion: &MeasuredMotion<'_>| {
         let mut restitutions = motion.bounces().into_iter().filter_map(|(_, b)| b.restitution);
@@ -135,6 +132,7 @@ pub fn impacts(
             first_restitution_std(&motion),
             with_a_known_readout.and_then(|free| first_restitution_std(&scaled.motion(&free, lift))),
         ],
+        lens_part: untold.lens_part(),
         calibration,
         camera,
         motion: &motion,

@@ -41,6 +41,8 @@ mod spots;
 mod track;
 mod unseen_fall;
 mod unseen_motion;
+mod untold_camera;
+mod untold_lens;
 mod warnings;
 
 pub use decode::Progress;

@@ -7,9 +7,7 @@
 //! of all points are those of their rows, the ball is looked for once more with them, and the number's uncertainty is carried through to all results. What a camera moves by unseen
 //! ([`unseen_motion`]) is free beside it, since that, too, moves points on smooth ways that arcs do not follow. Where a flight was refused for its times, a few readouts are tried first.
 //!
-//! Of a camera that nobody tells of it is as likely to be none at all (a global shutter) as one of about the time from frame to frame. Where it is not
-//! taken for real, as in a recording of one short arc beside each impact, it may be there all the same: all results have in their uncertainty what is
-//! likely of it by the points ([`widened`]), with a slanted plane beside it as far as the flight makes one likely. `"camera": {"readout_s": 0}` says that there is none.
+//! Where it is not taken for real, as in a recording of one short arc beside each impact, it may be there all the same: see [`super::untold_camera`].
 //!
 //! Assumed: a side view. Of a top view nothing is said of rows.
 
@@ -17,9 +15,9 @@ use super::camera::CalibratedCamera;
 use super::refine::Refined;
 use super::scaled::{self, Scaled};
 use super::spots::with_id;
-use super::track::Tracked;
-use super::unseen_motion;
+use super::{unseen_motion, untold_lens};
 use crate::flight::linking::Spot;
+use crate::flight::shown_shifts::{self, Shifts};
 use crate::flight::{Flight, NoFlight, row_delays};
 use crate::frames::timebase::TimeBase;
 use crate::quantity::Quantity;
@@ -58,7 +56,7 @@ pub fn found<'a>(
     }
     match first {
         Some(refined) => {
-            let readout = shown(camera, refined, base, f64::INFINITY)?;
+            let readout = shown(camera, refined, base)?;
             let odds = ln_odds(readout, interval_s);
             let rival = || odds_of_scale_change(camera, refined).unwrap_or(0.0);
             let stands = odds > LEAST_LN_ODDS && odds > rival();
@@ -96,7 +94,7 @@ fn settled<'a>(
         let std_s = readout.std_uncertainty.unwrap_or(0.0);
         let rolling = camera.with_readout(readout.value, std_s);
         let refined = follow(&rolling).ok()?;
-        let more = shown(&rolling, &refined, base, f64::INFINITY)?;
+        let more = shown(&rolling, &refined, base)?;
         last = Some((rolling, refined));
         let std_s = more.std_uncertainty?;
         readout = Quantity::new(readout.value + more.value, std_s)?;
@@ -109,17 +107,13 @@ fn settled<'a>(
     (ln_odds(readout, interval_s) > LEAST_LN_ODDS).then_some((rolling, refined))
 }
 
-/// By how much the readout is more than the camera's, as the flight shows it, s. The scale may change over the path by a part of `slant_std`.
-fn shown(
-    camera: &CalibratedCamera<'_>,
-    refined: &Refined,
-    base: &TimeBase,
-    slant_std: f64,
-) -> Option<Quantity> {
+/// By how much the readout is more than the camera's, as the flight shows it, s.
+fn shown(camera: &CalibratedCamera<'_>, refined: &Refined, base: &TimeBase) -> Option<Quantity> {
     let open = opened(camera, refined);
-    let unseen = unseen_motion::motions(&open.fit_points(), camera, *base.times_s.first()?);
-    let share = |spot: &Spot| share(camera, &refined.tracked, spot);
-    let readout = row_delays::estimate(&open, share, slant_std, unseen)?;
+    let points = open.fit_points();
+    let mut known = unseen_motion::motions(&points, camera, *base.times_s.first()?);
+    known.extend(untold_lens::shifts(&points, camera));
+    let readout = shown_shifts::estimate(&open, shifts(&open, camera, refined, 1.0), known)?;
     readout.std_uncertainty.filter(|s| *s > 0.0).map(|_| readout)
 }
 
@@ -131,16 +125,19 @@ fn odds_of_scale_change(camera: &CalibratedCamera<'_>, refined: &Refined) -> Opt
 }
 
 /// The flight with all that its fit may leave open, and without lift.
-fn opened(camera: &CalibratedCamera<'_>, refined: &Refined) -> Flight {
+pub fn opened(camera: &CalibratedCamera<'_>, refined: &Refined) -> Flight {
     let upright_std_rad = camera.calibration.upright_std_rad();
     let open = refined.tracked.flight.with_all_unknowns(upright_std_rad);
     scaled::without_lift(camera, refined, &[], &open).unwrap_or(open)
 }
 
-/// How far down the rows a spot is.
-fn share(camera: &CalibratedCamera<'_>, tracked: &Tracked, spot: &Spot) -> f64 {
-    let centre = with_id(&tracked.centres, spot.id);
-    centre.map_or(0.0, |c| camera.readout.share(c.centre.disc.centre))
+/// By how much the points of a `flight` are moved by a readout of `whole_s`.
+pub fn shifts(flight: &Flight, camera: &CalibratedCamera<'_>, refined: &Refined, whole_s: f64) -> Shifts {
+    let delay_s = |spot: &Spot| {
+        let centre = with_id(&refined.tracked.centres, spot.id);
+        centre.map_or(0.0, |c| whole_s * camera.readout.share(c.centre.disc.centre))
+    };
+    row_delays::ahead(flight, delay_s)
 }
 
 /// Odds of a readout against none, as a logarithm.
@@ -149,73 +146,4 @@ fn ln_odds(readout: Quantity, interval_s: f64) -> f64 {
     let width = interval_s.hypot(std_s);
     let square = |x: f64| x * x;
     0.5 * (square(readout.value / std_s) - square(readout.value / width)) + (std_s / width).ln()
-}
-
-/// `flight` with the uncertainty of the camera's readout in its covariance. The scale may change over the path by a part of `slant_std`, which tells from a
-/// readout that nobody tells of.
-pub fn widened(
-    flight: &Flight,
-    camera: &CalibratedCamera<'_>,
-    refined: &Refined,
-    base: &TimeBase,
-    slant_std: f64,
-) -> Flight {
-    let std_s = untold_std_s(camera, refined, base, slant_std).unwrap_or(camera.readout.std_s);
-    let mut flight = flight.clone();
-    if std_s > 0.0 {
-        let shifts = row_delays::shifts(&flight, |spot| std_s * share(camera, &refined.tracked, spot));
-        flight.fit.widen(&flight.fit_points(), &shifts);
-    }
-    flight
-}
-
-/// Whether the camera is taken to have no readout, as nobody tells of one and none was found.
-pub fn is_untold(camera: &CalibratedCamera<'_>) -> bool {
-    camera.calibration.readout_s.is_none() && camera.readout.whole_s == 0.0 && camera.falls()
-}
-
-/// How far from 0 a readout may be that [is not told](is_untold), s: root mean square. `None` of other cameras.
-fn untold_std_s(
-    camera: &CalibratedCamera<'_>,
-    refined: &Refined,
-    base: &TimeBase,
-    slant_std: f64,
-) -> Option<f64> {
-    if !is_untold(camera) {
-        return None;
-    }
-    let interval_s = base.interval_s.unwrap_or(refined.tracked.flight.interval_s);
-    Some(likely_std_s(shown(camera, refined, base, slant_std), interval_s))
-}
-
-/// Root mean square of a readout that is as likely to be none as one of about `interval_s`, and of which a flight shows this, s.
-fn likely_std_s(seen: Option<Quantity>, interval_s: f64) -> f64 {
-    let std = |q: &Quantity| q.std_uncertainty.unwrap_or(f64::INFINITY);
-    let Some((seen, std_s)) = seen.map(|q| (q, std(&q))).filter(|(_, std_s)| std_s.is_finite()) else {
-        return interval_s * std::f64::consts::FRAC_1_SQRT_2;
-    };
-    let probability = 1.0 / (1.0 + (-ln_odds(seen, interval_s)).exp());
-    // With what is known of it beforehand.
-    let towards = interval_s.powi(2) / (interval_s.powi(2) + std_s.powi(2));
-    let square = (towards * seen.value).powi(2) + towards * std_s.powi(2);
-    (probability * square).sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_readout_that_nobody_tells_of_may_be_what_points_leave_of_it() {
-        let seen = |value: f64, std: f64| likely_std_s(Quantity::new(value, std), 0.01);
-        // Points that tell nothing leave either camera as likely.
-        let nothing = 0.01 * std::f64::consts::FRAC_1_SQRT_2;
-        assert!((likely_std_s(None, 0.01) - nothing).abs() < 1e-12);
-        assert!((seen(0.0, 1e3) - nothing).abs() < 1e-6);
-        // Those that tell it to be none leave the less of it, the more sharply they do.
-        assert!(seen(0.0, 1e-4) < 0.2e-4 && seen(0.0, 1e-5) < 0.04 * seen(0.0, 1e-4) / 0.1);
-        // One that shows, but not for certain, is there with all that it is.
-        let shown = seen(0.004, 0.0008);
-        assert!((shown - 0.004_f64.hypot(0.0008)).abs() < 1e-4, "{shown}");
-    }
 }

@@ -42,6 +42,8 @@ pub struct WarningContext<'a> {
     pub interval_s: f64,
     /// Standard uncertainty of the first bounce's restitution, and what it would be with a readout known exactly; `None` where one is told or found.
     pub restitution_stds: [Option<f64>; 2],
+    /// By what part of their way from the middle a lens that nobody tells of moves the corners of the picture; `None` where none is likely.
+    pub lens_part: Option<f64>,
 }
 
 /// Oddities of the measured flight.
@@ -56,6 +58,7 @@ pub fn of_impacts(j: &WarningContext<'_>) -> Vec<Warning> {
     out.extend(impossible_tangential(&impacts.bounces));
     out.extend(distance_against_fall(j));
     out.extend(readout_unknown(j));
+    out.extend(j.lens_part.map(lens_unknown));
     out.extend(j.motion.bend().map(bent));
     out.extend(
         j.departure
@@ -117,6 +120,15 @@ fn readout_unknown(j: &WarningContext<'_>) -> Option<Warning> {
             "most cameras expose the rows of a picture one after the other (phones within 5 to 30 ms), which changes the speeds of a ball that goes up or down. Nobody tells whether this one does, and so short a flight hardly shows it: that is most of the uncertainty of speeds and restitution, ± {std:.4} of the first bounce, which would be ± {by_known:.4} with a known readout. Set \"camera\": {{\"readout_s\": …}} in the calibration (0 of a global shutter), or record longer arcs before and after the impact."
         )
     })
+}
+
+/// That the lens bends lines, and that what it does is in the uncertainties alone.
+fn lens_unknown(part: f64) -> Warning {
+    warning!(
+        "lens_unknown",
+        "the flight bends as if the lens bent lines: it moves the corners of the picture by about {:.1} % of their way from the middle. The calibration tells of no lens, so nothing was put right; what it does to places and speeds is in their uncertainties. Measure it (`track calibrate board`, key \"lens\") and measure again, or keep the flight near the middle of the picture.",
+        100.0 * part
+    )
 }
 
 /// A trend of the ball's size is believed where it stands out by so many standard uncertainties, and is worth a word from this part on.
