@@ -1,7 +1,7 @@
 //! Spin that the pictures show, arc by arc, and what tells rivals apart.
 //!
-//! Where several rates suit an arc's pictures, those count that a ball from a bench or a hand can have: R ω up to [`MOST_SPEEDS`](super::spin_candidates::MOST_SPEEDS) times the
-//! fastest speed at which it is seen (one that rolls has 1). Of what is left the bounce between the arc and its neighbour decides: the tangential impulse changes the spin by
+//! Where several rates suit an arc's pictures, those count that a ball from a bench or a hand can have: R ω up to [`MOST_SPEEDS`] times the
+//! fastest speed at which it is seen (one that rolls has 1); faster ones come as a number alone. Of what is left the bounce between the arc and its neighbour decides: the tangential impulse changes the spin by
 //!
 //! ```text
 //! R ω' − R ω = (v_t − v_t') / k        k the inertia factor, from 0.2 (a heavy core) to 2/3 (a thin shell)
@@ -18,7 +18,7 @@
 use super::floor::turned;
 use super::inputs::InputValues;
 use super::motion::MeasuredMotion;
-use super::spin_candidates::{ChosenSpin, FastestSpin, SpinCandidates, SpinUntold, SurfaceSpin};
+use super::spin_candidates::{ChosenSpin, FastestSpin, MOST_SPEEDS, SpinCandidates, SpinUntold, SurfaceSpin};
 use crate::quantity::Quantity;
 
 /// Inertia factors that balls have.
@@ -46,8 +46,10 @@ pub(super) const SPIN_CHANGE_SIGMAS: f64 = 5.0;
 pub struct SeenSpin {
     /// First and last time of the pictures, s.
     pub span_s: (f64, f64),
-    /// The spins that suit them, the most likely first; one where it is sure.
+    /// The spins that suit them and that the ball may have, the most likely first; one where it is sure.
     pub candidates: Vec<SurfaceSpin>,
+    /// How many others suit them that are too fast for a ball of this speed ([`MOST_SPEEDS`]).
+    pub too_fast: usize,
     /// The fastest that its frames show, m/s.
     pub fastest_m_s: f64,
 }
@@ -79,8 +81,11 @@ impl MeasuredMotion<'_> {
             };
             SpinCandidates::new(
                 here.map_or(Vec::new(), |s| s.candidates.iter().map(to_world).collect()),
-                fastest_m_s,
-                here.map_or(0.0, |s| s.fastest_m_s),
+                here.map_or(0, |s| s.too_fast),
+                FastestSpin {
+                    y_m_s: here.map_or(0.0, |s| s.fastest_m_s.min(MOST_SPEEDS * fastest_m_s)),
+                    z_m_s: here.map_or(0.0, |s| s.fastest_m_s),
+                },
             )
         };
         self.seen_spins = (0..self.arcs()).map(of).collect();
@@ -238,7 +243,6 @@ fn std(q: Quantity) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::impact::spin_candidates::MOST_SPEEDS;
 
     fn spin(y_m_s: f64, z_m_s: f64, std_m_s: f64) -> SurfaceSpin {
         let q = |value| Quantity::new(value, std_m_s).unwrap();
@@ -279,10 +283,15 @@ mod tests {
         assert!(!change(0.0, 0.2).allows(before, spin(0.4, 0.25, 0.001)));
     }
 
+    const FASTEST: FastestSpin = FastestSpin {
+        y_m_s: 5.0,
+        z_m_s: 10.0,
+    };
+
     /// Spins about y and their standard uncertainties, of a ball that may have 5 m/s.
     fn candidates(spins: &[(f64, f64)]) -> SpinCandidates {
         let spins = spins.iter().map(|&(y, std)| spin(y, 0.0, std));
-        SpinCandidates::new(spins.collect(), 5.0 / MOST_SPEEDS, 10.0)
+        SpinCandidates::new(spins.collect(), 0, FASTEST)
     }
 
     /// What a bounce makes of those that the pictures before and after it show.
@@ -314,19 +323,15 @@ mod tests {
             [contradicted; 2]
         );
         // Several that are all too fast are no evidence against another: nothing asks a bounce about them.
-        let too_fast = candidates(&[(9.0, sure), (-8.0, sure)]);
+        let too_fast = SpinCandidates::new(Vec::new(), 2, FASTEST);
         assert!(!too_fast.is_seen());
         assert_eq!(too_fast.chosen(), Err(SpinUntold::Several));
     }
 
     #[test]
     fn a_spin_that_may_be_any_is_allowed_by_chance() {
-        let fastest = FastestSpin {
-            y_m_s: 5.0,
-            z_m_s: 10.0,
-        };
         let sure =
-            |std| change(0.1, 1.0).allows_by_chance(spin(0.0, 0.0, 0.001), spin(0.0, 0.0, std), fastest);
+            |std| change(0.1, 1.0).allows_by_chance(spin(0.0, 0.0, 0.001), spin(0.0, 0.0, std), FASTEST);
         assert!(sure(0.001) < 0.03, "{}", sure(0.001));
         assert!((sure(10.0) - 1.0).abs() < 1e-12);
     }

@@ -67,31 +67,23 @@ pub(super) struct FastestSpin {
 }
 
 impl SpinCandidates {
-    /// Those that a ball can have whose fastest speed is `speed_m_s`; the frames show R ω up to `seen_m_s`. Several of which each is too fast are no
+    /// Those that the ball can have, which is seen up to the `fastest`, beside so many that are `too_fast` for it. Several of which each is too fast are no
     /// evidence: the right one is hardly among them.
-    pub fn new(candidates: Vec<SurfaceSpin>, speed_m_s: f64, seen_m_s: f64) -> Self {
-        let most_m_s = MOST_SPEEDS * speed_m_s;
-        let all: Vec<usize> = (0..candidates.len()).collect();
-        let slow = |&i: &usize| candidates[i].y_m_s.value.abs() <= most_m_s;
-        let slow: Vec<usize> = all.iter().copied().filter(slow).collect();
-        let is_sure = all.len() == 1;
+    pub fn new(candidates: Vec<SurfaceSpin>, too_fast: usize, fastest: FastestSpin) -> Self {
         Self {
-            told_by: if slow.len() < all.len() && !is_sure {
+            told_by: if too_fast > 0 {
                 SpinEvidence::Speed
             } else {
                 SpinEvidence::Pictures
             },
-            untold: if all.is_empty() {
+            untold: if candidates.is_empty() && too_fast == 0 {
                 SpinUntold::Unseen
             } else {
                 SpinUntold::Several
             },
-            possible: if is_sure { all } else { slow },
+            possible: (0..candidates.len()).collect(),
             candidates,
-            fastest: FastestSpin {
-                y_m_s: seen_m_s.min(most_m_s),
-                z_m_s: seen_m_s,
-            },
+            fastest,
         }
     }
 

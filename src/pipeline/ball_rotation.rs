@@ -21,7 +21,8 @@ use crate::impact::seen_spin::SeenSpin;
 use crate::impact::spin_candidates::{ChosenSpin, MOST_SPEEDS, SpinEvidence, SpinUntold, SurfaceSpin};
 use crate::quantity::Quantity;
 use crate::rotation::{
-    self, BallPixel, BallView, NoRate, RotationFit, RotationSearch, SEARCH_FRAMES, SampledBall, common_light,
+    self, BallPixel, BallView, NoRate, RateCandidates, RateLimit, RotationFit, RotationSearch, SEARCH_FRAMES,
+    SampledBall, SuitingRates, common_light,
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -56,8 +57,15 @@ pub struct ArcRotation {
     pub frames: Vec<usize>,
     /// Their times, s.
     pub times_s: Vec<f64>,
-    /// The rates, the most likely first, or why there is none.
-    pub rates: Result<Vec<RotationFit>, NoRate>,
+    /// The rates, or why there is none.
+    pub rates: Result<SuitingRates, NoRate>,
+}
+
+impl ArcRotation {
+    /// The most likely of the rates that the ball may have.
+    fn likeliest(&self) -> Option<&RotationFit> {
+        self.rates.as_ref().ok()?.possible.first()
+    }
 }
 
 /// A centre, and when the ball was there, s.
@@ -124,6 +132,7 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
             .unwrap_or(EDGE_STD_PX)
             .hypot(MARKED_RADIUS_PART * off_px),
         light: None,
+        limit: rate_limit(camera, refined, radius_px),
     };
     let shown: Vec<(ArcPictures, ArcRotation)> = (0..flight.fit.arcs())
         .into_par_iter()
@@ -145,9 +154,27 @@ pub fn of_arcs(camera: &CalibratedCamera<'_>, decoded: &Decoded, refined: &Refin
     found
 }
 
+/// How fast a ball of `radius_px` may turn about the normal of the plane that it flies in: its surface moves at [`MOST_SPEEDS`] times the fastest speed of
+/// its centre at most.
+fn rate_limit(camera: &CalibratedCamera<'_>, refined: &Refined, radius_px: f64) -> RateLimit {
+    let flight = &refined.tracked.flight;
+    let ends = flight.spans.iter().enumerate();
+    let ends = ends.flat_map(|(k, s)| [(k, s.0), (k, s.1)]);
+    let speed = |(k, t)| {
+        let m = flight.fit.motion(k, t);
+        m.vr.hypot(m.vh)
+    };
+    let fastest = ends.map(speed).fold(0.0, f64::max);
+    let normal = plane_from_camera(camera, refined).map(|to_plane| to_plane.row(2).transpose());
+    RateLimit {
+        axis: normal.unwrap_or_else(Vector3::z),
+        most_rad_s: MOST_SPEEDS * fastest / (radius_px * camera.ball_units_per_px()),
+    }
+}
+
 /// Drops the rates of arcs whose pictures they explain far less well than those of the other arcs ([`MOST_LEFT`]).
 fn drop_unlike_others(found: &mut [ArcRotation]) {
-    let left = |r: &ArcRotation| Some(r.rates.as_ref().ok()?.first()?.residual.powi(2));
+    let left = |r: &ArcRotation| Some(r.rates.as_ref().ok()?.left);
     let least = found.iter().filter_map(left).fold(f64::INFINITY, f64::min);
     for r in found {
         if left(r).is_some_and(|left| left > MOST_LEFT * least) {
@@ -182,7 +209,7 @@ impl FlightPictures<'_> {
         flight: &Flight,
         k: usize,
         search: &RotationSearch<'_>,
-    ) -> (ArcPictures, Result<Vec<RotationFit>, NoRate>) {
+    ) -> (ArcPictures, Result<SuitingRates, NoRate>) {
         let measured = self.of_arc(flight, k);
         let (some, candidates) = match self.candidates(&measured, search) {
             Ok(found) => found,
@@ -193,7 +220,7 @@ impl FlightPictures<'_> {
         };
         // Which it is, some of the pictures tell.
         let on_arc = self.on_arc(flight, k, &measured).filter(|_| {
-            let left = |ball: &SampledBall| search.left_by(ball, &candidates[0]);
+            let left = |ball: &SampledBall| search.left_by(ball, candidates.first());
             let there = self.on_arc(flight, k, &some.centres);
             let there = there.and_then(|there| self.sampled(&there, search).ok());
             let here = some.ball.as_ref();
@@ -207,8 +234,13 @@ impl FlightPictures<'_> {
         let mut arc = ArcPictures { centres, ball };
         // Those that turn too little are looked for once more, in the light of all arcs.
         let (from_s, to_s) = arc.span_s();
-        let rates = if candidates[0].turns_too_little(to_s - from_s) {
-            self.ball_of(&mut arc, search).map(|_| candidates)
+        let first = candidates.first();
+        let rates = if first.turns_too_little(to_s - from_s) {
+            self.ball_of(&mut arc, search).map(|_| SuitingRates {
+                possible: vec![first.clone()],
+                too_fast_rad_s: Vec::new(),
+                left: first.residual.powi(2),
+            })
         } else {
             self.rates_among(&mut arc, &candidates, search)
         };
@@ -236,11 +268,15 @@ impl FlightPictures<'_> {
         &self,
         arc: &[TimedCentre],
         search: &RotationSearch<'_>,
-    ) -> Result<(ArcPictures, Vec<RotationFit>), NoRate> {
+    ) -> Result<(ArcPictures, RateCandidates), NoRate> {
         let spare = arc.len().saturating_sub(SEARCH_FRAMES);
+        let arc_s = arc
+            .last()
+            .zip(arc.first())
+            .map_or(0.0, |(to, from)| to.1 - from.1);
         let of = |some: Vec<TimedCentre>| {
             let ball = self.sampled(&some, search)?;
-            let found = search.evidence(&ball)?.candidates()?;
+            let found = search.evidence(&ball)?.candidates(arc_s)?;
             let pictures = ArcPictures {
                 centres: some,
                 ball: Some(ball),
@@ -255,7 +291,7 @@ impl FlightPictures<'_> {
     }
 
     /// The rates that an arc shows.
-    fn rates(&self, arc: &mut ArcPictures, search: &RotationSearch<'_>) -> Result<Vec<RotationFit>, NoRate> {
+    fn rates(&self, arc: &mut ArcPictures, search: &RotationSearch<'_>) -> Result<SuitingRates, NoRate> {
         if arc.centres.len() <= SEARCH_FRAMES {
             return search.rivals(self.ball_of(arc, search)?);
         }
@@ -267,9 +303,9 @@ impl FlightPictures<'_> {
     fn rates_among(
         &self,
         arc: &mut ArcPictures,
-        candidates: &[RotationFit],
+        candidates: &RateCandidates,
         search: &RotationSearch<'_>,
-    ) -> Result<Vec<RotationFit>, NoRate> {
+    ) -> Result<SuitingRates, NoRate> {
         search.evidence(self.ball_of(arc, search)?)?.by_all(candidates)
     }
 
@@ -294,15 +330,15 @@ impl FlightPictures<'_> {
         search: &RotationSearch<'_>,
         found: &mut [ArcRotation],
     ) {
-        let is_open = |r: &ArcRotation| match &r.rates {
-            Ok(rates) => rates[0].turns_too_little(r.span_s.1 - r.span_s.0),
-            Err(_) => true,
+        let is_open = |r: &ArcRotation| {
+            let slow = |f: &RotationFit| f.turns_too_little(r.span_s.1 - r.span_s.0);
+            r.rates.is_err() || r.likeliest().is_some_and(slow)
         };
         if !found.iter().any(is_open) || found.iter().all(|r| r.rates.is_err()) {
             return;
         }
         let shown = arcs.iter().zip(found.iter());
-        let shown = shown.filter_map(|(arc, r)| arc.ball.as_ref().zip(r.rates.as_ref().ok()?.first()));
+        let shown = shown.filter_map(|(arc, r)| arc.ball.as_ref().zip(r.likeliest()));
         let light = common_light(&shown.collect::<Vec<_>>());
         let each = arcs.par_iter_mut().zip(found).filter(|(_, found)| is_open(found));
         each.for_each(|(arc, found)| {
@@ -422,7 +458,13 @@ pub fn seen_spins(
     };
     let arc = |r: &ArcRotation| SeenSpin {
         span_s: r.span_s,
-        candidates: r.rates.iter().flatten().filter_map(spin).collect(),
+        candidates: r
+            .rates
+            .iter()
+            .flat_map(|s| &s.possible)
+            .filter_map(spin)
+            .collect(),
+        too_fast: r.rates.as_ref().map_or(0, |s| s.too_fast_rad_s.len()),
         fastest_m_s: radius_m * rotation::fastest_rad_s(&r.times_s),
     };
     rotations.iter().map(arc).collect()
@@ -436,10 +478,10 @@ pub fn arc_spin(
     rotation: &ArcRotation,
     chosen: Result<ChosenSpin, SpinUntold>,
 ) -> Option<ArcSpin> {
-    let rates = match &rotation.rates {
-        Ok(rates) => &rates[..],
+    let (rates, too_fast_rad_s) = match &rotation.rates {
+        Ok(rates) => (&rates.possible[..], &rates.too_fast_rad_s[..]),
         Err(NoRate::Plain) => return None,
-        Err(_) => &[],
+        Err(_) => (&[][..], &[][..]),
     };
     let to_world = frame.turn_from_plane() * plane_from_camera(camera, refined)?;
     let world = |f: &RotationFit| -> Option<[Quantity; 3]> {
@@ -448,13 +490,13 @@ pub fn arc_spin(
         let one = |k: usize| Quantity::new(rate[k], covariance[(k, k)].max(0.0).sqrt());
         Some([one(0)?, one(1)?, one(2)?])
     };
-    let about_y = |f: &RotationFit| (to_world * f.rate_rad_s).y;
+    let all = || rates.iter().map(|f| &f.rate_rad_s).chain(too_fast_rad_s);
     let fit = chosen.ok().and_then(|c| rates.get(c.index));
-    let in_doubt = rates.len() > 1 || fit.is_none();
+    let in_doubt = all().count() > 1 || fit.is_none();
     Some(ArcSpin {
         rate_rad_s: fit.and_then(world),
         candidates_rad_s: if in_doubt {
-            rates.iter().map(about_y).collect()
+            all().map(|rate| (to_world * rate).y).collect()
         } else {
             Vec::new()
         },
@@ -466,7 +508,7 @@ pub fn arc_spin(
 /// Why there is no rate, or how it was told from its rivals.
 fn reason(rotation: &ArcRotation, chosen: Result<ChosenSpin, SpinUntold>) -> Option<String> {
     let frames = rotation.frames.len();
-    let rates = rotation.rates.as_ref().map(Vec::len);
+    let rates = rotation.rates.as_ref().map(SuitingRates::count);
     match (rates, chosen) {
         (Ok(_), Err(SpinUntold::Contradicted)) => Some(
             "what the pictures of this arc show does not go with what those of the arc beside it do: no bounce between them turns a ball so, for inertia factors from 0.2 to 0.67. One of the two is wrong. Larger marks, several of them, or a higher frame rate tell more"

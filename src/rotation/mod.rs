@@ -14,6 +14,8 @@
 //! Rates beyond half a turn a frame are seen as slower ones the other way round; those a little beyond are given as rivals
 //! (`BEYOND_ALIAS`). A pattern that looks alike after a part of a turn has several rates, all of which are given.
 //!
+//! Rates beyond what a ball of its speed can have ([`RateLimit`]) are fitted only where no other suits the pictures better, and else no more than listed.
+//!
 //! A picture's blur is even in its own plane and uneven on the ball, which to second order the fit knows. How far that moves a rate says how
 //! far what is beyond second order may: most where a few marks turn about an axis near them, or one far from the line of sight.
 
@@ -109,6 +111,62 @@ pub const TEACHING_TURNS: f64 = 2.0;
 /// A known light leaves marks over that stand out as much as those of the flight it is known from, to this factor.
 const AS_MARKED: f64 = 3.0;
 
+/// How fast a ball may turn.
+#[derive(Debug, Clone, Copy)]
+pub struct RateLimit {
+    /// The axis about which that is said: a unit vector, camera axes (right, down, away).
+    pub axis: Vector3<f64>,
+    /// The fastest rate about it, rad/s.
+    pub most_rad_s: f64,
+}
+
+impl RateLimit {
+    /// Whether a ball may turn so.
+    #[must_use]
+    pub fn allows(&self, rate_rad_s: &Vector3<f64>) -> bool {
+        self.axis.dot(rate_rad_s).abs() <= self.most_rad_s
+    }
+}
+
+/// Rates among which those that an arc shows are.
+#[derive(Debug, Clone)]
+pub struct RateCandidates {
+    /// Those that the ball may have first, the most likely first; then faster ones that suit the pictures better. One at least.
+    fits: Vec<RotationFit>,
+    /// Faster ones that suit them about as well, roughly, rad/s, camera axes.
+    too_fast_rad_s: Vec<Vector3<f64>>,
+}
+
+impl RateCandidates {
+    /// The most likely of those that the ball may have, if it may have any.
+    ///
+    /// # Panics
+    /// Never: there is one at least.
+    #[must_use]
+    pub fn first(&self) -> &RotationFit {
+        &self.fits[0]
+    }
+}
+
+/// The rates that suit the pictures of an arc about as well.
+#[derive(Debug, Clone)]
+pub struct SuitingRates {
+    /// Those that the ball may have, the most likely first. One that alone suits is among them however fast it is.
+    pub possible: Vec<RotationFit>,
+    /// Those beyond the limit, roughly, rad/s, camera axes.
+    pub too_fast_rad_s: Vec<Vector3<f64>>,
+    /// Mean square that the most likely of them leaves, of the logarithm of brightness.
+    pub left: f64,
+}
+
+impl SuitingRates {
+    /// How many they are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.possible.len() + self.too_fast_rad_s.len()
+    }
+}
+
 /// What is known of a ball's pictures, to find how it turns.
 #[derive(Debug, Clone, Copy)]
 pub struct RotationSearch<'a> {
@@ -127,6 +185,8 @@ pub struct RotationSearch<'a> {
     pub radius_std_px: f64,
     /// What another flight of the same ball in the same light showed.
     pub light: Option<&'a BallMaps>,
+    /// How fast it may turn.
+    pub limit: RateLimit,
 }
 
 /// Why no rate was found.
@@ -197,7 +257,11 @@ impl RotationEvidence<'_> {
 
     /// The part that a rotation explains of what else nothing does.
     fn explained_by(&self, fit: &RotationFit) -> f64 {
-        let left = fit.cross_validated / fit.pixels as f64;
+        self.explained_of(fit.cross_validated / fit.pixels as f64)
+    }
+
+    /// The same of one that leaves this mean square.
+    fn explained_of(&self, left: f64) -> f64 {
         (self.drifting - left) / (self.drifting - self.noise)
     }
 
@@ -205,9 +269,9 @@ impl RotationEvidence<'_> {
     ///
     /// # Errors
     /// [`NoRate::TooFewTurns`] where there is none.
-    pub fn told_from_light(&self, mut rates: Vec<RotationFit>) -> Result<Vec<RotationFit>, NoRate> {
-        rates.retain(|f| self.is_explained_by(f));
-        if rates.is_empty() {
+    pub fn told_from_light(&self, mut rates: SuitingRates) -> Result<SuitingRates, NoRate> {
+        rates.possible.retain(|f| self.is_explained_by(f));
+        if rates.possible.is_empty() {
             return Err(NoRate::TooFewTurns);
         }
         Ok(rates)
@@ -217,85 +281,169 @@ impl RotationEvidence<'_> {
         self.explained_by(fit) > LEAST_EXPLAINED
     }
 
-    /// Rates among which those that such views show are, by some of their pixels: the most likely first. The views are in time order and no more than
-    /// [`SEARCH_FRAMES`].
+    /// Rates among which those that such views show are, by some of their pixels. The views are in time order, no more than [`SEARCH_FRAMES`], of an arc
+    /// that lasts `arc_s`. Where the ball turns too little in that ([`LEAST_TURNS`]) in a light that is free, no others are looked for than likelier ones: it
+    /// will not be told by these views.
     ///
     /// # Errors
     /// Why there is none.
-    pub fn candidates(&self) -> Result<Vec<RotationFit>, NoRate> {
-        let lit = self.search.light.is_some();
-        let samples = &self.ball.samples;
-        let interval_s = interval_s(&samples.times_s).ok_or(NoRate::FewFrames)?;
-        let products = LagProducts::new(samples, &self.left, interval_s, 1.0 / self.search.radius_px, lit);
-        let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
+    pub fn candidates(&self, arc_s: f64) -> Result<RateCandidates, NoRate> {
+        let (limit, lit) = (self.search.limit, self.search.light.is_some());
+        let interval_s = interval_s(&self.ball.samples.times_s).ok_or(NoRate::FewFrames)?;
         // Nodes this far apart do not tell how the blur is uneven.
         let (samples, grids) = self.ball.thinned();
         let samples = &samples.evenly_blurred();
-        let fitted = |rate_rad_s| fit::fit(samples, grids, &self.maps, rate_rad_s, lit);
+        let starts = self.starts(interval_s, samples)?;
+        let is_untold = |rate: &Vector3<f64>| !lit && rate.norm() * arc_s < TAU * LEAST_TURNS;
+        let (untold, starts): (Vec<_>, Vec<_>) = starts.into_iter().partition(|s| is_untold(&s.rate_rad_s));
+        let (mut possible, too_fast): (Vec<_>, Vec<_>) =
+            starts.into_iter().partition(|s| limit.allows(&s.rate_rad_s));
+        let fit_all = |starts, fits| self.fitted(starts, fits, samples);
+        let mut fits = fit_all(untold, Vec::new());
+        if let Some(slow) = self.likeliest(&fits).filter(|f| is_untold(&f.rate_rad_s)) {
+            possible.retain(|s| s.cross_validated < slow.cross_validated);
+        }
+        fits = fit_all(possible, fits);
+        let best = self.likeliest(&fits).map_or(f64::INFINITY, |f| f.cross_validated);
+        let (better, worse): (Vec<_>, Vec<_>) = too_fast.into_iter().partition(|s| s.cross_validated < best);
+        fits = fit_all(better, fits);
+        let best = self.likeliest(&fits).ok_or(NoRate::Unexplained)?.rate_rad_s;
+        let is_new = |rate: &Vector3<f64>| {
+            let off = |f: &RotationFit| (rate - f.rate_rad_s).norm();
+            fits.iter().all(|f| off(f) > grids.longest_step(samples))
+        };
+        let others = [other_way(best, interval_s), self.slow_way(best, interval_s)];
+        let (others, beyond): (Vec<_>, Vec<_>) = others
+            .into_iter()
+            .flatten()
+            .filter(is_new)
+            .partition(|rate| limit.allows(rate) || !limit.allows(&best));
+        let fitted = |rate| fit::fit(samples, grids, &self.maps, rate, lit);
+        fits.extend(others.into_iter().filter_map(fitted));
+        fits.sort_by(by_likelihood);
+        fits.retain(|f| self.is_explained_by(f));
+        let least = PERHAPS_RIVAL * self.explained_by(&fits[0]);
+        fits.retain(|f| self.explained_by(f) >= least);
+        let mut fits = each_once(fits);
+        // (A stable sort: the most likely of each first.)
+        fits.sort_by_key(|f| !limit.allows(&f.rate_rad_s));
+        let pixels = samples.values.len() as f64;
+        let is_rival = |s: &&RoughFit| self.explained_of(s.cross_validated / pixels) >= least;
+        let worse = worse.iter().filter(is_rival).map(|s| s.rate_rad_s);
+        let mut too_fast_rad_s: Vec<Vector3<f64>> = Vec::new();
+        for rate in beyond.into_iter().chain(worse) {
+            let is_apart = |other: &Vector3<f64>| (rate - other).norm() * interval_s > search::ONE_PEAK;
+            if too_fast_rad_s.iter().all(is_apart) {
+                too_fast_rad_s.push(rate);
+            }
+        }
+        Ok(RateCandidates { fits, too_fast_rad_s })
+    }
+
+    /// Rates from which a fit to the thinned `samples` may be worth while, the most likely first; then the slower one that looks like the most likely.
+    fn starts(&self, interval_s: f64, samples: &BallSamples) -> Result<Vec<RoughFit>, NoRate> {
+        let (lit, grids) = (self.search.light.is_some(), &self.ball.thinned().1);
+        let pixel = 1.0 / self.search.radius_px;
+        let products = LagProducts::new(&self.ball.samples, &self.left, interval_s, pixel, lit);
+        let found = products.ok_or(NoRate::Plain)?.best(MOST_FITTED);
         let least = LEAST_SCORE * found.first().map_or(0.0, |best| best.score);
+        let rough = |rate| fit::rough(samples, grids, &self.maps, rate, lit);
         let likely = found.par_iter().filter(|c| c.score > least.max(0.0));
-        let rough = likely.map(|c| fit::rough(samples, grids, &self.maps, c.rate_rad_s, lit));
-        let mut starts = starts(rough.collect(), samples.longest_s());
-        let mut fits: Vec<RotationFit> = Vec::new();
-        while !starts.is_empty() {
-            let some = starts.drain(..starts.len().min(FITTED_AT_ONCE));
-            let found: Vec<Option<RotationFit>> = some
-                .collect::<Vec<_>>()
-                .into_par_iter()
-                .map(|start| fitted(start.rate_rad_s))
-                .collect();
-            fits.extend(found.into_iter().flatten());
+        let likely = likely.map(|c| rough(c.rate_rad_s)).collect();
+        let mut starts = starts(likely, samples.longest_s());
+        let slow = starts
+            .first()
+            .and_then(|s| self.slow_way(s.rate_rad_s, interval_s));
+        starts.extend(slow.map(rough));
+        Ok(starts)
+    }
+
+    /// The rate that is slower by half a turn a frame, where it makes so few turns that a search would hardly find it beside a light that is free: of
+    /// marks that are taken half for light, what is even under half a turn goes with the one as with the other.
+    fn slow_way(&self, rate_rad_s: Vector3<f64>, interval_s: f64) -> Option<Vector3<f64>> {
+        let angle = rate_rad_s.norm() * interval_s;
+        let slow = rate_rad_s * (1.0 - PI / angle);
+        (slow.norm() * self.ball.duration_s() < TAU * LEAST_TURNS).then_some(slow)
+    }
+
+    /// The most likely of `fits` that explain what the ball shows.
+    fn likeliest<'f>(&self, fits: &'f [RotationFit]) -> Option<&'f RotationFit> {
+        let explaining = fits.iter().filter(|f| self.is_explained_by(f));
+        explaining.min_by(|a, b| by_likelihood(a, b))
+    }
+
+    /// `fits` with those that `starts`, the most likely first, lead to beside them, by the thinned `samples`.
+    fn fitted(
+        &self,
+        mut starts: Vec<RoughFit>,
+        mut fits: Vec<RotationFit>,
+        samples: &BallSamples,
+    ) -> Vec<RotationFit> {
+        let (lit, grids) = (self.search.light.is_some(), &self.ball.thinned().1);
+        loop {
             // What is a step from a minimum, or in its valley, leads to it.
             let apart = |start: &RoughFit, f: &RotationFit| {
                 (start.rate_rad_s - f.rate_rad_s).norm() > grids.longest_step(samples)
                     && !f.has_in_valley(start)
             };
             starts.retain(|start| fits.iter().all(|f| apart(start, f)));
-        }
-        let by_likelihood =
-            |a: &RotationFit, b: &RotationFit| a.cross_validated.total_cmp(&b.cross_validated);
-        fits.retain(|f| self.is_explained_by(f));
-        let best = fits.iter().min_by(|a, b| by_likelihood(a, b));
-        let best = best.ok_or(NoRate::Unexplained)?;
-        let others = [
-            other_way(best.rate_rad_s, interval_s),
-            slow_way(best.rate_rad_s, interval_s, self.ball.duration_s()),
-        ];
-        fits.extend(others.into_iter().flatten().filter_map(fitted));
-        fits.sort_by(by_likelihood);
-        let least = PERHAPS_RIVAL * self.explained_by(&fits[0]);
-        fits.retain(|f| self.is_explained_by(f) && self.explained_by(f) >= least);
-        let mut apart: Vec<RotationFit> = Vec::new();
-        for f in fits {
-            if apart.iter().all(|other| other.differs_from(&f)) {
-                apart.push(f);
+            if starts.is_empty() {
+                return fits;
             }
+            let some: Vec<RoughFit> = starts.drain(..starts.len().min(FITTED_AT_ONCE)).collect();
+            let fitted = |s: &RoughFit| fit::fit(samples, grids, &self.maps, s.rate_rad_s, lit);
+            fits.par_extend(some.par_iter().filter_map(fitted));
         }
-        Ok(apart)
     }
 
-    /// The rates that `candidates`, found in some of a flight's views, become by all of them.
+    /// What `candidates`, found in some of a flight's views, become by all of them.
     ///
     /// # Errors
     /// Why there is none.
-    pub fn by_all(&self, candidates: &[RotationFit]) -> Result<Vec<RotationFit>, NoRate> {
+    pub fn by_all(&self, candidates: &RateCandidates) -> Result<SuitingRates, NoRate> {
         let lit = self.search.light.is_some();
-        let (samples, grids) = (&self.ball.samples, &self.ball.grids);
+        let samples = &self.ball.samples;
+        let mut fits = candidates.fits.clone();
         // Maps of other frames lie otherwise: first by some of the pixels, of which those that the search was by were fewer.
-        let of_others = candidates.iter().any(|f| f.maps.gains.len() != samples.frames());
-        let by_some = |f: &RotationFit| {
+        if fits.iter().any(|f| f.maps.gains.len() != samples.frames()) {
             let (thin, grids) = self.ball.thinned();
-            fit::fit(thin, grids, &f.maps, f.rate_rad_s, lit)
-        };
-        let mut fits = candidates.to_vec();
-        if of_others {
-            fits = candidates.par_iter().filter_map(by_some).collect();
+            let by_some = |f: &RotationFit| fit::fit(thin, grids, &f.maps, f.rate_rad_s, lit);
+            fits = fits.par_iter().filter_map(by_some).collect();
             let explained = |f: &RotationFit| self.explained_by(f);
             let best = fits.iter().map(explained).fold(0.0, f64::max);
             fits.retain(|f| explained(f) >= PERHAPS_RIVAL * best);
         }
+        let grids = &self.ball.grids;
+        let mut too_fast_rad_s = candidates.too_fast_rad_s.clone();
+        let is_possible = |f: &RotationFit| self.search.limit.allows(&f.rate_rad_s);
+        if fits.len() + too_fast_rad_s.len() > 1 && !fits.iter().all(is_possible) {
+            let rivals = each_once(self.likely_of(fits.clone())?);
+            if rivals.len() + too_fast_rad_s.len() > 1 {
+                let too_fast = rivals.iter().filter(|f| !is_possible(f));
+                too_fast_rad_s.splice(..0, too_fast.map(|f| f.rate_rad_s));
+                if !rivals.iter().any(is_possible) {
+                    return Ok(SuitingRates {
+                        possible: Vec::new(),
+                        too_fast_rad_s,
+                        left: fit::left_at(samples, grids, &rivals[0], lit) / samples.values.len() as f64,
+                    });
+                }
+                fits.retain(is_possible);
+            }
+        }
         let by_all = |f: &RotationFit| fit::fit_on(samples, grids, f, lit);
-        self.told_apart(fits.par_iter().filter_map(by_all).collect())
+        let mut possible: Vec<RotationFit> = Vec::new();
+        for f in self.likely_of(fits.par_iter().filter_map(by_all).collect())? {
+            if possible.iter().all(|other| other.differs_from(&f)) {
+                possible.extend(self.with_shares(f));
+            }
+        }
+        let left = possible.first().ok_or(NoRate::Unexplained)?.residual.powi(2);
+        Ok(SuitingRates {
+            possible,
+            too_fast_rad_s,
+            left,
+        })
     }
 
     /// The rates that views of one flight, no more than [`SEARCH_FRAMES`], show if the light on the ball is as smooth as on a matt one. They have to explain
@@ -303,7 +451,7 @@ impl RotationEvidence<'_> {
     ///
     /// # Errors
     /// Why there is none.
-    pub fn in_smooth_light(&self) -> Result<Vec<RotationFit>, NoRate> {
+    pub fn in_smooth_light(&self) -> Result<SuitingRates, NoRate> {
         if !self.is_drawn() {
             return Err(NoRate::TooFewTurns);
         }
@@ -315,26 +463,19 @@ impl RotationEvidence<'_> {
         self.told_from_light(lit.rivals(self.ball)?)
     }
 
-    /// The best of `fits` and its rivals, each once, of those that explain what the ball shows.
-    fn told_apart(&self, mut fits: Vec<RotationFit>) -> Result<Vec<RotationFit>, NoRate> {
+    /// The best of `fits` and its rivals, of those that explain what the ball shows, the most likely first.
+    ///
+    /// # Errors
+    /// [`NoRate::Unexplained`] where none does.
+    fn likely_of(&self, mut fits: Vec<RotationFit>) -> Result<Vec<RotationFit>, NoRate> {
         fits.retain(|f| self.is_explained_by(f));
-        fits.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
+        fits.sort_by(by_likelihood);
         let best = fits.first().ok_or(NoRate::Unexplained)?;
         let unit = best.sum_squares / best.pixels as f64 * best.scatter.powi(2);
         let most = (1.0 + GRID_PART) * best.cross_validated + RIVAL * unit;
         let likely = RIVAL_EXPLAINED * self.explained_by(best);
-        let mut rivals: Vec<RotationFit> = Vec::new();
-        for f in fits {
-            if (f.cross_validated <= most || self.explained_by(&f) > likely)
-                && rivals.iter().all(|r| r.differs_from(&f))
-            {
-                rivals.extend(self.with_shares(f));
-            }
-        }
-        if rivals.is_empty() {
-            return Err(NoRate::Unexplained);
-        }
-        Ok(rivals)
+        fits.retain(|f| f.cross_validated <= most || self.explained_by(f) > likely);
+        Ok(fits)
     }
 
     /// The fit with the share of the blur in its covariance: what it is uneven on the ball moves the rate, and is known in part. With that of the
@@ -476,10 +617,10 @@ impl<'a> RotationSearch<'a> {
     ///
     /// # Errors
     /// Why there is none.
-    pub fn rivals(&self, ball: &SampledBall) -> Result<Vec<RotationFit>, NoRate> {
+    pub fn rivals(&self, ball: &SampledBall) -> Result<SuitingRates, NoRate> {
         let evidence = self.evidence(ball)?;
-        let candidates = evidence.candidates()?;
-        if self.light.is_none() && candidates[0].turns_too_little(ball.duration_s()) {
+        let candidates = evidence.candidates(ball.duration_s())?;
+        if self.light.is_none() && candidates.first().turns_too_little(ball.duration_s()) {
             return Err(NoRate::TooFewTurns);
         }
         evidence.by_all(&candidates)
@@ -533,6 +674,21 @@ fn positive(matrix: Matrix3<f64>) -> Matrix3<f64> {
     eigen.recompose()
 }
 
+fn by_likelihood(a: &RotationFit, b: &RotationFit) -> std::cmp::Ordering {
+    a.cross_validated.total_cmp(&b.cross_validated)
+}
+
+/// Those of `fits`, the most likely first, that differ from better ones.
+fn each_once(fits: Vec<RotationFit>) -> Vec<RotationFit> {
+    let mut apart: Vec<RotationFit> = Vec::new();
+    for f in fits {
+        if apart.iter().all(|other| other.differs_from(&f)) {
+            apart.push(f);
+        }
+    }
+    apart
+}
+
 /// Those of `rough` rates from which a fit is worth while, each once: no two turn the ends of an arc, `longest_s` from its middle, to the same place.
 fn starts(mut rough: Vec<RoughFit>, longest_s: f64) -> Vec<RoughFit> {
     rough.sort_by(|a, b| a.cross_validated.total_cmp(&b.cross_validated));
@@ -558,14 +714,6 @@ fn interval_s(times_s: &[f64]) -> Option<f64> {
 #[must_use]
 pub fn fastest_rad_s(times_s: &[f64]) -> f64 {
     interval_s(times_s).map_or(f64::INFINITY, |interval_s| BEYOND_ALIAS * PI / interval_s)
-}
-
-/// The rate that is slower by half a turn a frame, where it makes so few turns in `duration_s` that a search would hardly find it beside a light that is free: of
-/// marks that are taken half for light, what is even under half a turn goes with the one as with the other.
-fn slow_way(rate_rad_s: Vector3<f64>, interval_s: f64, duration_s: f64) -> Option<Vector3<f64>> {
-    let angle = rate_rad_s.norm() * interval_s;
-    let slow = rate_rad_s * (1.0 - PI / angle);
-    (slow.norm() * duration_s < TAU * LEAST_TURNS).then_some(slow)
 }
 
 /// The rate that looks alike at steps of `interval_s`, the other way round, where it is no faster than [`BEYOND_ALIAS`].

@@ -4,7 +4,8 @@
 //! second. Whether two cells show the same spot, of a prior scatter τ over noise σ, is a ratio of likelihoods that is a sum of products
 //! of cells: with the products of all pairs of cells summed over all frames at each lag beforehand, a rotation costs one look-up a cell,
 //! whatever the number of frames. At a lag of one frame a grid over all rotations is scored; the best are followed to twice
-//! the lag at half the step, again and again, to the length of the arc. In the end all axes near the best are scored.
+//! the lag at half the step, again and again, to the length of the arc, but for those that independent frames are likelier than. In the end all axes
+//! near the best are scored.
 //!
 //! Assumed: frames at nearly even times (the fit that follows knows their own), a ball that turns steadily, and an axis that stays.
 
@@ -29,7 +30,7 @@ const FIRST_STEP: f64 = 0.17;
 const PEAK: f64 = 0.6;
 
 /// Turns a frame that differ by less belong to one peak, rad, and how many of them are followed and kept.
-const ONE_PEAK: f64 = 0.2;
+pub const ONE_PEAK: f64 = 0.2;
 const FOLLOWED_OF_PEAK: usize = 6;
 const MOST_OF_PEAK: usize = 2;
 
@@ -258,7 +259,9 @@ impl LagProducts {
         loop {
             found = varied(found, 0.9 * step, FOLLOWED, FOLLOWED_OF_PEAK);
             // Of the longest lags there are few pairs of frames, which may say little.
-            if 2 * lag <= longest && found.first().is_none_or(|(_, score)| *score <= 0.0) {
+            if found.first().is_some_and(|(_, score)| *score > 0.0) {
+                found.retain(|(_, score)| *score > 0.0);
+            } else if 2 * lag <= longest {
                 return Vec::new();
             }
             if lag >= longest && step * longest as f64 <= FIRST_STEP {

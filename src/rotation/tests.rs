@@ -128,11 +128,20 @@ fn picture(
 }
 
 /// What the pixels show, however few turns that is of.
-fn rivals(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
+fn suiting(search: &RotationSearch<'_>, views: &[BallView]) -> Result<SuitingRates, NoRate> {
     let ball = search.sampled(views)?;
     let evidence = search.evidence(&ball)?;
-    evidence.by_all(&evidence.candidates()?)
+    evidence.by_all(&evidence.candidates(f64::INFINITY)?)
 }
+
+fn rivals(search: &RotationSearch<'_>, views: &[BallView]) -> Result<Vec<RotationFit>, NoRate> {
+    Ok(suiting(search, views)?.possible)
+}
+
+const ANY_RATE: RateLimit = RateLimit {
+    axis: Vector3::new(0.0, 0.0, 1.0),
+    most_rad_s: f64::INFINITY,
+};
 
 fn search(radius_px: f64) -> RotationSearch<'static> {
     RotationSearch {
@@ -143,6 +152,7 @@ fn search(radius_px: f64) -> RotationSearch<'static> {
         turning_std_px: 0.0,
         radius_std_px: 0.0,
         light: None,
+        limit: ANY_RATE,
     }
 }
 
@@ -264,10 +274,10 @@ fn the_rate_of_a_long_flight_scatters_by_little_more_than_the_pixels_noise_allow
         let views: Vec<BallView> = pictures.iter().enumerate().map(view).collect();
         let from = (frames - SEARCH_FRAMES) / 2;
         let some = search.sampled(&views[from..from + SEARCH_FRAMES]).unwrap();
-        let candidates = search.evidence(&some).unwrap().candidates().unwrap();
+        let candidates = search.evidence(&some).unwrap().candidates(f64::INFINITY).unwrap();
         let all = search.sampled(&views).unwrap();
-        let fits = search.evidence(&all).unwrap().by_all(&candidates).unwrap();
-        in_plane(&fits[0], rate).0
+        let found = search.evidence(&all).unwrap().by_all(&candidates).unwrap();
+        in_plane(&found.possible[0], rate).0
     };
     let off: Vec<f64> = (0..24).map(off).collect();
     let bias = off.iter().sum::<f64>() / off.len() as f64;
@@ -285,11 +295,11 @@ fn rates_of_plain_balls_are_never_found() {
         let views = views(Marks::Plain, 9.0, 20, rate, drift, seed);
         let search = search(9.0);
         let ball = search.sampled(&views).unwrap();
-        let found = search.rivals(&ball).map(|f| f[0].rate_rad_s);
+        let found = search.rivals(&ball).map(|f| f.count());
         assert!(found.is_err(), "seed {seed}: {found:?}");
         // Nor in the light that is tried where a ball turns too little.
         let evidence = search.evidence(&ball);
-        let found = evidence.and_then(|e| Ok(e.in_smooth_light()?[0].rate_rad_s));
+        let found = evidence.and_then(|e| Ok(e.in_smooth_light()?.count()));
         assert!(found.is_err(), "seed {seed}, smooth light: {found:?}");
     }
 }
@@ -300,9 +310,10 @@ fn a_ball_that_hardly_turns_is_found_beside_one_that_makes_half_a_turn_a_frame()
     let rate = Vector3::new(0.0, 0.0, -24.0);
     for seed in [0, 1, 2, 4] {
         let views = views(Marks::Halves, 14.0, 10, rate, 0.0, seed);
-        let ball = search(14.0).sampled(&views).unwrap();
-        let found = search(14.0).evidence(&ball).unwrap().candidates().unwrap();
-        let rates: Vec<f64> = found.iter().map(|f| f.rate_rad_s.z).collect();
+        let search = search(14.0);
+        let ball = search.sampled(&views).unwrap();
+        let found = search.evidence(&ball).unwrap().candidates(f64::INFINITY).unwrap();
+        let rates: Vec<f64> = found.fits.iter().map(|f| f.rate_rad_s.z).collect();
         assert!(
             rates.iter().any(|z| (z - rate.z).abs() < 5.0),
             "{seed}: {rates:?}"
@@ -340,6 +351,38 @@ fn a_rate_near_half_a_turn_a_frame_has_the_other_way_round_as_rival() {
 }
 
 #[test]
+fn rates_that_no_ball_of_its_speed_has_are_listed_and_no_more_unless_one_stands_alone() {
+    let near = |found: f64, rate: f64| (found - rate).abs() < 0.01 * rate.abs();
+    let up_to = |most_rad_s: f64| RotationSearch {
+        limit: RateLimit {
+            most_rad_s,
+            ..ANY_RATE
+        },
+        ..search(12.0)
+    };
+    let rate = TAU * 115.0;
+    let views_at = |rate: f64| views(Marks::Dots, 12.0, 20, Vector3::new(0.0, 0.0, rate), 0.0, 8);
+    let other = rate - TAU / INTERVAL_S;
+    // (The other way round is faster.)
+    let one = suiting(&up_to(0.5 * (rate - other)), &views_at(rate)).unwrap();
+    assert_eq!(one.count(), 2, "{one:?}");
+    assert!(near(one.possible[0].rate_rad_s.z, rate));
+    assert!(near(one.too_fast_rad_s[0].z, other));
+    let none = suiting(&up_to(0.9 * rate), &views_at(rate)).unwrap();
+    assert!(none.possible.is_empty());
+    for rate in [rate, other] {
+        assert!(
+            none.too_fast_rad_s.iter().any(|found| near(found.z, rate)),
+            "{none:?}"
+        );
+    }
+    let slower = 0.5 * rate;
+    let alone = suiting(&up_to(0.9 * slower), &views_at(slower)).unwrap();
+    assert_eq!(alone.count(), 1, "{alone:?}");
+    assert!(near(alone.possible[0].rate_rad_s.z, slower));
+}
+
+#[test]
 fn a_ball_that_hardly_turns_needs_the_light_of_another_flight() {
     let turning = views(Marks::Dots, 12.0, 20, Vector3::new(10.0, 0.0, 110.0), 0.0, 2);
     let fits = rivals(&search(12.0), &turning).unwrap();
@@ -363,9 +406,17 @@ fn a_longer_flight_makes_the_rate_more_exact() {
     let rate = Vector3::new(0.0, 0.0, 90.0);
     let views = views(Marks::Dots, 9.0, 60, rate, 0.0, 21);
     let search = search(9.0);
-    let few = rivals(&search, &views[10..10 + SEARCH_FRAMES]).unwrap();
+    let few = &views[10..10 + SEARCH_FRAMES];
+    let some = search.sampled(few).unwrap();
+    let candidates = search.evidence(&some).unwrap().candidates(f64::INFINITY).unwrap();
+    let few = rivals(&search, few).unwrap();
     let ball = search.sampled(&views).unwrap();
-    let all = search.evidence(&ball).unwrap().by_all(&few).unwrap();
+    let all = search
+        .evidence(&ball)
+        .unwrap()
+        .by_all(&candidates)
+        .unwrap()
+        .possible;
     let ((off_few, std_few), (off, std)) = (in_plane(&few[0], rate), in_plane(&all[0], rate));
     assert!(off_few.abs() < 4.0 * std_few && off.abs() < 4.0 * std && std < 0.7 * std_few);
 }
