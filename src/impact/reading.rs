@@ -176,4 +176,17 @@ mod tests {
             Preferred::Model(ModelName::MuE)
         );
     }
+
+    #[test]
+    fn a_second_bounce_that_may_have_slid_or_not_says_that_friction_was_enough_for_it_and_no_more() {
+        let vague = |at_least| Bounce {
+            friction_at_least: Quantity::new(at_least, 0.001),
+            ..bounce(at_least, -0.02, 0.18)
+        };
+        assert_eq!(vague(0.01).slip, None);
+        let first = || bounce(0.07, -0.1, 0.01);
+        let preferred = |second| read(&[first(), second], None).unwrap().preferred;
+        assert_eq!(preferred(vague(0.01)), Preferred::Undetermined);
+        assert_eq!(preferred(vague(0.2)), Preferred::Model(ModelName::EE));
+    }
 }

@@ -196,9 +196,9 @@ impl ReboundModel for MuEModel {
             sigmas,
             agrees: match second.slip {
                 Some(Regime::Ordinary) => sigmas.abs() < 2.0,
-                // A second bounce that rolls off needs less friction than sliding would give.
-                Some(Regime::Nonsliding) => sigmas < 2.0,
-                _ => false,
+                // A second bounce that rolls off needs less friction than sliding would give; and of one that may have slid or not no more is known.
+                Some(Regime::Nonsliding) | None => sigmas < 2.0,
+                Some(_) => false,
             },
         })
     }
