@@ -4,8 +4,7 @@
 //! second. Whether two cells show the same spot, of a prior scatter τ over noise σ, is a ratio of likelihoods that is a sum of products
 //! of cells: with the products of all pairs of cells summed over all frames at each lag beforehand, a rotation costs one look-up a cell,
 //! whatever the number of frames. At a lag of one frame a grid over all rotations is scored; the best are followed to twice
-//! the lag at half the step, again and again, to the length of the arc, but for those that independent frames are likelier than. In the end all axes
-//! near the best are scored.
+//! the lag at half the step, again and again, to the length of the arc. In the end all axes near the best are scored.
 //!
 //! Assumed: frames at nearly even times (the fit that follows knows their own), a ball that turns steadily, and an axis that stays.
 
@@ -259,9 +258,7 @@ impl LagProducts {
         loop {
             found = varied(found, 0.9 * step, FOLLOWED, FOLLOWED_OF_PEAK);
             // Of the longest lags there are few pairs of frames, which may say little.
-            if found.first().is_some_and(|(_, score)| *score > 0.0) {
-                found.retain(|(_, score)| *score > 0.0);
-            } else if 2 * lag <= longest {
+            if 2 * lag <= longest && found.first().is_none_or(|(_, score)| *score <= 0.0) {
                 return Vec::new();
             }
             if lag >= longest && step * longest as f64 <= FIRST_STEP {
